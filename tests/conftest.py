@@ -15,10 +15,10 @@ from pneudrive.studies.bracha import FOLDER, reproduction
 ROOT = Path(__file__).resolve().parents[1]
 #: Files whose tests look at the study: on one worker, for each worker makes what a session shares for itself.
 STUDY = (
-    "tests/acceptance/test_demo.py",
+    "tests/acceptance/test_tutorials.py",
     "tests/unit/paper/test_paper_figures.py",
-    "tests/unit/report/test_figures.py",
-    "tests/unit/report/test_reproduction.py",
+    "tests/unit/report/test_report.py",
+    "tests/unit/report/test_campaign_report.py",
 )
 #: Tests that wait for a browser more than they compute: one after the other, while other workers compute.
 PAGE = tuple(f"tests/page/test_{name}.py" for name in ("journeys", "model_journeys", "control", "beside", "explore"))
@@ -28,21 +28,18 @@ DEAREST = (
     *STUDY,
     *PAGE,
     "tests/unit/identify/test_coverage.py",
-    "tests/acceptance/test_rig_to_fit.py",
+    "tests/acceptance/test_chain.py",
     "tests/connect/test_opcua_campaign.py",
     "tests/unit/friction/campaign/test_stops.py",
     "tests/acceptance/test_random_runs.py",
     "tests/campaign/test_killed.py",
     "tests/unit/identify/test_dynamic.py",
-    "tests/acceptance/test_tutorials.py",
     "tests/unit/friction/campaign/test_hidden.py",
     "tests/unit/validate/test_diagnosis.py",
-    "tests/unit/report/test_any_input.py",
-    "tests/unit/friction/campaign/test_band.py",
+    "tests/unit/friction/campaign/test_compare.py",
     "tests/connect/test_opcua_hostile.py",
     "tests/connect/test_opcua_rig.py",
-    "tests/unit/validate/test_sensors.py",
-    "tests/acceptance/test_chain.py",
+    "tests/unit/validate/test_validate.py",
     "tests/acceptance/test_damaged_files.py",
 )
 

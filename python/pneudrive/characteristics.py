@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pneudrive.estimate.estimates import Estimate, FTest
-from pneudrive.friction.campaign.characteristics import campaign_friction, characterise, recorded_characteristics
-from pneudrive.friction.campaign.dependences import fit_campaign
+from pneudrive.friction.campaign.characteristics import (
+    campaign_friction,
+    characterise,
+    fit_campaign,
+    recorded_characteristics,
+)
 from pneudrive.friction.campaign.files import write_characteristics
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
-from pneudrive.friction.conditions import BOTH, Condition, Skipped
+from pneudrive.friction.friction_map import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
 
 __all__ = [

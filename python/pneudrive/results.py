@@ -400,7 +400,7 @@ class ResultComparison(Shown):
 
     @property
     def sentence(self) -> str:
-        """How many values and curves differ, and which value most."""
+        """Number of values and curves that differ, and the value that differs most."""
         count, moved = self.same + len(self.values), sum(bool(pair.difference.any()) for pair in self.curves)
         if not count and not self.curves:
             return f"These two results of the kind {self.kind} have nothing in common to compare."
@@ -427,7 +427,7 @@ class ResultComparison(Shown):
         ]
 
     def figure(self) -> Figure:
-        """Return both curves and beside them the difference with its band, for the first curves that differ.
+        """Return the first curves that differ: both of them, and their difference with its band.
 
         Raises
         ------

@@ -31,7 +31,7 @@ from pneudrive.files.seal import sealed_parquet
 from pneudrive.friction.friction_map import COLUMNS, read_map
 from pneudrive.rig.description import DEFAULT, open_file
 from pneudrive.rig.interface import Hold, Identity, Samples
-from pneudrive.rig.loading import load_rig
+from pneudrive.rig.rig_file import load_rig
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording, read_trajectory
 from pneudrive.signals.proposal import propose_layout

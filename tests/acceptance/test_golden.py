@@ -9,13 +9,20 @@ supply and wall, friction that grows with pressure, another gas, LuGre and exact
 from __future__ import annotations
 
 import json
+import math
+import warnings
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
+import pneudrive as pn
 from oracle.compare import difference, outside_impact, simulated
 from oracle.integrate import COLUMNS
+from pneudrive.cli.main import run
+from pneudrive.describe.tables.friction import friction_laws, has_bristles
+from pneudrive.errors import PneudriveWarning
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 DEFAULT_RTOL = 1e-6
@@ -108,3 +115,124 @@ def test_the_described_reference_drive_moves_as_its_golden_trajectory():
     found = difference(case, np.stack([run[name].to_numpy() for name in names], axis=1), want)
     assert found.meets(case), found
     assert run.time.to_numpy()[-1] == 2.0
+
+
+# --- The reference drive with every law of the core: it moves, its energy is accounted for, at rest it stays there.
+#
+# A new law takes the values of `VALUES` where its parameters have these names; a new name needs a value there.
+
+VALUES = {
+    "coulomb": "30 N",
+    "breakaway": "40 N",
+    "stribeck_velocity": "20 mm/s",
+    "viscous": "60 N s/m",
+    "bristle_stiffness": "1e5 N/m",
+    "bristle_damping": "100 N s/m",
+    "dead_zone": "0.1 mm/s",
+    "memory_time": "20 ms",
+    "recovery_time": "1 s",
+    "attraction": "2000 N/s",
+    "direct_effect": 0.05,
+    "evolution_effect": 0.04,
+    "distance": "50 um",
+    "reference_velocity": "1 mm/s",
+    "film_velocity": "50 mm/s",
+    "film_growth_time": "30 ms",
+    "film_decay_time": "200 ms",
+    "film_rest_time": "20 s",
+    "fluid_lead_time": "5 ms",
+}
+
+
+def with_law(law):
+    """Return the reference drive with a law, its parameters from `VALUES` or its own defaults."""
+    needed = [p for p in friction_laws()[law]["parameters"] if p["default"] is None or p["key"] in VALUES]
+    missing = [p["key"] for p in needed if p["key"] not in VALUES]
+    assert missing == [], f"values for the parameters of law {law!r}"
+    friction = {"law": law} | {p["key"]: VALUES[p["key"]] for p in needed}
+    return pn.Drive.load("catalogue:reference").replace({"friction": friction})
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_it_moves_and_its_energy_is_accounted_for(law):
+    out = pn.simulate(with_law(law), "0 s: 0.3, 0.6 s: -0.2, 1.2 s: 0.02, 1.8 s: 0", "2.5 s", ledger=True)
+    assert float(out.velocity.max()) > 0.1
+    assert float(out.velocity.min()) < -0.1
+    ledger = out.attrs["ledger"]
+    assert abs(ledger["energy_error"]) < 1e-6
+    assert abs(ledger["mass_error"]) < 1e-12
+    assert ledger["least_entropy_production_j_k"] > -1e-9, "friction never cools"
+
+
+EVERYTHING = {
+    "pressure": {"coulomb": {"a": "1 N/bar", "b": "2 N/bar"}, "breakaway": {"a": "2 N/bar", "b": "3 N/bar"}},
+    "dwell": {"growth": "log", "increment": "1.2 N", "time": "1 s", "distance": "20 um"},
+    "relaxation": {"share": 0.3, "time": "5 s", "distance": "0.2 mm"},
+    "position": {"slope": "5 %/m", "harmonics": [{"period": "50 mm", "amplitude": 0.04}]},
+    "direction": {"positive": 1.1, "negative": 0.9},
+    "side_load": {"force": "20 N", "coefficient": 0.1},
+    "temperature": {"reference": "20 degC", "viscous": "0.2 %/K", "resistance": "0.8 K/W", "time": "1 s"},
+    "wear": {"run_in": 0.2, "run_in_distance": "2 km", "rate": "0.5 %/km", "slid": "300 m"},
+}
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_all_that_acts_on_a_law_acts_on_it_from_a_drive_file(law, tmp_path):
+    """The energy is accounted for to the same bound as alone; the contact warms by 0.8 K for each watt."""
+    acting = {key: table for key, table in EVERYTHING.items() if key != "relaxation" or has_bristles(law)}
+    drive = with_law(law)
+    file = tmp_path / "drive.toml"
+    file.write_text(drive.replace({"friction": drive.friction.to_dict() | acting}).to_toml())
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*not passive", category=PneudriveWarning)
+        out = pn.simulate(
+            pn.Drive.load(file), "0 s: 0.5, 0.1 s: -0.5", "0.2 s", initial="contact_age = 60 s", ledger=True
+        )
+    ledger = out.attrs["ledger"]
+    assert abs(ledger["energy_error"]) < 1e-6
+    assert abs(ledger["mass_error"]) < 1e-12
+    # Bristles give way by some tenths of a millimetre before they slide.
+    way = float(abs(out.position.diff("time")).sum())
+    assert math.isclose(float(out.sliding_distance[-1]), way, abs_tol=2e-3)
+    assert way > 0.01
+    power = out.friction_force * out.velocity
+    warming = 0.8 * float(power.integrate("time"))
+    assert 0.8 * warming < float(out.contact_warming[-1]) < 1.05 * warming
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_it_runs_from_a_drive_file(law, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("drive.toml").write_text(with_law(law).to_toml())
+    assert run(["simulate", "drive.toml", "--command", "0 s: 0.5", "--duration", "0.2 s", "--out", "run.parquet"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    table = pl.read_parquet("run.parquet")
+    assert table["position_m"][-1] > table["position_m"][0] + 0.01
+    assert {name for name in table.columns if name in friction_laws()[law]["states"]} == set(
+        friction_laws()[law]["states"]
+    )
+
+
+NOT_SOUND = {
+    "lugre": ({"bristle_damping": "1000 N s/m", "viscous": "0 N s/m"}, "not passive"),
+    "elasto-plastic": ({"bristle_damping": "1000 N s/m", "viscous": "0 N s/m"}, "not passive"),
+    "karnopp": ({"dead_zone": "30 mm/s"}, "stribeck_velocity"),
+}
+
+
+@pytest.mark.parametrize("law", NOT_SOUND)
+def test_a_set_that_is_not_sound_runs_with_a_warning(law, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    changes, expected = NOT_SOUND[law]
+    friction = with_law(law).friction.to_dict() | changes
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": friction})
+    Path("drive.toml").write_text(drive.to_toml())
+    assert run(["simulate", "drive.toml", "--command", "0 s: 0.5", "--duration", "0.01 s"]) == 0
+    assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("law", friction_laws())
+def test_at_rest_it_stays_at_rest(law):
+    out = pn.simulate(with_law(law), "0 s: 0", "20 s", sample_rate="10 Hz")
+    position = out.position.to_numpy()
+    assert math.isclose(position.min(), position.max(), rel_tol=0, abs_tol=1e-12)

@@ -3,12 +3,21 @@
 Two hundred of each kind here; 20,000 by ``python tests/oracle/random_runs.py --count 20000``.
 """
 
+from __future__ import annotations
+
+import importlib
+import json
+import sys
 from collections import Counter
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from oracle.compare import difference, simulated
+from oracle.integrate import run
+from oracle.random_drives import random_case, remembering_case
 from oracle.random_runs import ENERGY_CLOSES, ENERGY_RTOL, MOST_SECONDS, broken, case, outcome
 
 SEED = 20_000
@@ -103,3 +112,80 @@ def test_energy_that_does_not_close_is_told(monkeypatch):
         monkeypatch.setattr(simulate, "ENERGY_RTOL", closes / ENERGY_CLOSES * ENERGY_RTOL)
         warnings = drawn.run().provenance["warnings"]
         assert any("energy closes only to" in warning for warning in warnings) == told
+
+
+# --- The core at its default tolerance against the independent model on random drives (seeded).
+#
+# More of them: ``python tests/oracle/random_drives.py --count 100``.
+
+DEFAULT_RTOL = 1e-6
+# Every kind and both families of laws; 3 reverses without a pause where a switch once was missed by rounding.
+SEEDS = (2, 3, 6, 12, 15, 23)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_random_drive_moves_as_the_independent_model_says(seed):
+    case = random_case(seed)
+    law = case["drive"]["friction"]["law"]
+    want = run(case, "Radau" if law == "lugre" else "DOP853", 1e-9)[1]
+    states, _ = simulated(case, DEFAULT_RTOL)
+    found = difference(case, states, want)
+    assert found.meets(case), found
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_friction_that_remembers_moves_as_the_independent_model_says(seed):
+    """Elasto-plastic and LuGre bristles whose contact ages and which relax while they are held."""
+    case = remembering_case(seed)
+    want = run(case, "Radau", 1e-9)[1]
+    states, _ = simulated(case, DEFAULT_RTOL)
+    found = difference(case, states, want)
+    assert found.meets(case), found
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4, 1e-5, 1e-7, 1e-8, 1e-9])
+def test_exact_sticking_ends_at_every_tolerance(rtol):
+    """As many switches as the motion has, whatever the tolerance: no chatter, and no switch sought for ever."""
+    _, statistics = simulated(random_case(3), rtol)
+    assert 9 <= statistics["events"] <= 14
+
+
+def test_the_seeds_cover_every_kind():
+    drives = [random_case(seed)["drive"] for seed in SEEDS]
+    assert {d["cylinder"]["kind"] for d in drives} == {"rodless", "single-rod", "through-rod"}
+    assert {d["friction"]["law"] for d in drives} == {"lugre", "stribeck"}
+
+
+# --- The solver's work, exactly: a performance test that no busy machine can upset.
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def benches():
+    sys.path.insert(0, str(ROOT))
+    try:
+        yield importlib.import_module("benches.counts")
+    finally:
+        sys.path.remove(str(ROOT))
+
+
+def test_the_solver_takes_exactly_the_steps_that_it_took(benches):
+    """Not a bound but a snapshot: fewer steps are a change of the output as well, and belong in the changelog."""
+    assert benches.counts() == json.loads(benches.SNAPSHOT.read_text()), "python -m benches.counts, and say why"
+
+
+def test_an_open_loop_takes_few_attempts(benches):
+    """A bound beside the snapshot: case A in fewer than 700 attempts at the default tolerance."""
+    found = benches.count("case_a", 1e-6)
+    assert found["steps"] + found["rejected"] < 700
+    assert found["right_hand_sides"] <= 8 * (found["steps"] + found["rejected"])
+
+
+def test_sampled_control_takes_one_step_a_sample(benches):
+    """The step size is kept over the command steps: no start-up at each of 10,000 samples."""
+    found = benches.count("case_c", 1e-4)
+    assert 10_000 <= found["steps"] < 10_100
+    assert found["rejected"] < 100
+    # Two beside the one that comes with the Jacobian, where the method of low order takes the step.
+    assert found["right_hand_sides"] < 2.5 * found["steps"]

@@ -1,5 +1,7 @@
 """The tutorials are true: their files are written, their commands run in order and print the text of the page."""
 
+from __future__ import annotations
+
 import contextlib
 import doctest
 import io
@@ -11,7 +13,12 @@ from pathlib import Path
 import pytest
 
 import pneudrive as pn
+from pneudrive import batching
+from pneudrive.cli.hand_over import AXIS, SHIPPED
 from pneudrive.cli.main import run
+from pneudrive.errors import CampaignError
+from pneudrive.friction.characterisation import characterise_recordings
+from pneudrive.report.recordings import closures
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -76,3 +83,76 @@ def test_every_command_prints_the_text_of_the_page(tutorial, tmp_path, monkeypat
                 printed = [doctest.OutputChecker().check_output(wanted, output, FLAGS) for output in got]
                 assert any(printed), "\n".join((line, *got))
     assert seen >= TUTORIALS[tutorial]
+
+
+# --- `pneudrive demo` and `pneudrive reproduce` from end to end.
+
+
+def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
+    assert demonstration.status == 0
+    lines = demonstration.printed.splitlines()
+    assert [line[:3] for line in lines[:5]] == ["1. ", "2. ", "3. ", "4. ", "5. "]
+    assert "30 recordings, 6 seals" in lines[0]
+    assert "16 of 22 sentences that can be checked hold, 5 hold in part, 1 does not hold" in lines[4]
+    report = Path(lines[-1].removeprefix("Report: "))
+    assert report == demonstration.folder / "report.html"
+    page = report.read_text(encoding="utf-8")
+    for key in (
+        "measured",
+        "pressure",
+        "recovered",
+        "paper",
+        "stick-slip",
+        "chambers",
+        "identified-axis",
+        "provenance",
+    ):
+        assert f'<section id="{key}">' in page
+    for name in ("map.parquet", "map.csv", "fit-PK.toml"):
+        assert (demonstration.folder / name).stat().st_size > 500
+
+
+def test_a_folder_without_recordings_is_told(tmp_path, capsys):
+    assert run(["demo", "--out", str(tmp_path / "out"), "--measurements", str(tmp_path)]) == 2
+    assert f"there are no recordings in {tmp_path}" in capsys.readouterr().err
+
+
+def test_what_the_demo_has_elsewhere_can_be_characterised():
+    files = sorted(SHIPPED.glob("friction/*"))
+    found = characterise_recordings(files)
+    assert [one.recording.name for one in found.results] == ["O-ring_1bar", "O-ring_5bar"]
+    assert len(closures(found.closures).panels) == 1, "a line through two points has no residuals"
+    assert (SHIPPED / "LICENSE").is_file()
+    assert AXIS.is_file()
+
+
+def test_reproduce_says_of_each_sentence_whether_it_holds(reproduced, demonstration):
+    """Cycles that are there are not run again: the folder of the demonstration gives its verdicts."""
+    assert reproduced.status == 0
+    for number in range(1, 10):
+        assert f"figure {number}" in reproduced.printed
+    verdicts = ("holds", "holds in part", "does not hold")
+    assert [reproduced.printed.count(f"  {verdict}: ") for verdict in verdicts] == [16, 5, 1]
+    assert (reproduced.folder / "figures" / "paper-8-pressure.svg").is_file()
+    cycles = sorted(path.relative_to(reproduced.folder) for path in reproduced.folder.glob("campaigns/*/cycles/*"))
+    assert len(cycles) > 200
+    for path in cycles:
+        assert (reproduced.folder / path).read_bytes() == (demonstration.folder / path).read_bytes()
+
+
+def test_the_seed_is_that_of_the_rigs(tmp_path, monkeypatch):
+    seeds = []
+
+    def stop(work, jobs):
+        seeds.extend(job[-1] for job in jobs)
+        raise CampaignError("stopped")
+
+    monkeypatch.setattr(batching, "in_processes", stop)
+    assert run(["reproduce", "--out", str(tmp_path / "out"), "--seed", "7"]) == 2
+    assert seeds == [7, 7, 7, 7]
+
+
+def test_reproduce_into_a_place_that_cannot_be(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert run(["reproduce", "--out", str(tmp_path / "file")]) == 2
+    assert "cannot be written to" in capsys.readouterr().err

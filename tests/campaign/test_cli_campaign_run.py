@@ -15,7 +15,7 @@ import pytest
 
 from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
 from pneudrive.campaign.planning.plan import lay_out
-from pneudrive.campaign.storage.files import FolderLock, holder
+from pneudrive.campaign.storage.control import FolderLock, holder
 from pneudrive.cli.main import run
 
 TESTS = Path(__file__).parents[1]
@@ -117,7 +117,7 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
 
 
 def test_a_lock_ends_with_its_process(tmp_path):
-    code = "import sys, time; from pneudrive.campaign.storage.files import FolderLock; from pathlib import Path\n"
+    code = "import sys, time; from pneudrive.campaign.storage.control import FolderLock; from pathlib import Path\n"
     code += "lock = FolderLock(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
     process = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)],

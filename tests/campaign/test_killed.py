@@ -20,7 +20,7 @@ import pytest
 from campaign import killed_child
 from campaign.fake_rig import QUICK, FakeRig, contents, protocol
 from pneudrive.campaign.run import DONE, resume_campaign, run_campaign
-from pneudrive.campaign.storage.files import holder
+from pneudrive.campaign.storage.control import holder
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import Recording, characterise
 from pneudrive.errors import CampaignError

@@ -10,7 +10,7 @@ import pytest
 from campaign.fake_rig import QUICK, FakeRig, protocol
 from pneudrive.campaign.run import DONE, run_campaign
 from pneudrive.campaign.running.live import COLUMNS, read_live, thinned
-from pneudrive.campaign.storage.files import holder
+from pneudrive.campaign.storage.control import holder
 
 
 def test_another_process_sees_the_cycle_as_it_runs_and_requests_stay_requests(tmp_path):

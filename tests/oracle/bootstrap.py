@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
+from pneudrive.estimate.autocorrelation import SAME_SPEED
 from pneudrive.estimate.estimates import intervals_of_draws
-from pneudrive.estimate.levels import SAME_SPEED
 from pneudrive.identify.base import Intervals
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE
 from pneudrive.identify.static.robust import estimate

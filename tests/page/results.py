@@ -13,7 +13,7 @@ from page.conftest import ROOT
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characterise import write_map
 from web.maps import WIDE, friction_map, stribeck
-from web.test_campaigns import PROTOCOL
+from web.test_lineage import PROTOCOL
 from web.test_sizing import TASK
 
 MEASURED = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"

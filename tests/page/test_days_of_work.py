@@ -9,7 +9,7 @@ from page.test_journeys import Open
 from page.test_nothing_lost import EDITOR, go, type_at_end
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.task import SizingTask
-from web.test_campaigns import PROTOCOL
+from web.test_lineage import PROTOCOL
 from web.test_sizing import TASK
 
 

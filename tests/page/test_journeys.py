@@ -20,7 +20,7 @@ from page.results import RECORDING, make_results
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.campaign.status import status_of
-from pneudrive.campaign.storage.files import holder
+from pneudrive.campaign.storage.control import holder
 from pneudrive.characterise import load_recordings, write_map
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import load_rig

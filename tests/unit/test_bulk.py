@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import threading
+from pathlib import Path
 
 import pytest
 
+from pneudrive import processor
 from pneudrive.batching import in_advance
 
 
@@ -27,3 +30,113 @@ def test_what_is_raised_reaches_who_takes_it():
     assert [next(found), next(found)] == [1, 1]
     with pytest.raises(ZeroDivisionError):
         next(found)
+
+
+# --- An old processor gets one message instead of a crash in the middle of a run.
+
+
+def test_an_old_processor_is_named_by_what_it_lacks() -> None:
+    """An x86-64-v2 processor lacks the fused multiply-add on which the core is built."""
+    assert processor.missing("flags\t\t: fpu sse4_2 avx movbe f16c bmi1 bmi2\n") == ["avx2", "fma"]
+
+
+def test_a_new_one_and_an_unknown_one_pass() -> None:
+    """A list that names all passes; a system without a list is not judged."""
+    assert processor.missing("flags : avx2 fma bmi1 bmi2 f16c movbe\n") == []
+    assert processor.missing("BogoMIPS : 50\n") == []
+
+
+def test_the_message_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Import ends in one ImportError with the remedy."""
+    if not Path("/proc/cpuinfo").exists():
+        pytest.skip("no list of processor flags on this system")
+    monkeypatch.setattr(processor, "NEEDED", ("no-such-instruction",))
+    with pytest.raises(ImportError, match=r"no-such-instruction(?s:.*)make setup"):
+        processor.require()
+
+
+# --- Every source key that the product uses resolves in references.bib, and every entry there is usable.
+#
+# Keys stand in Rust as ``Source: [key].`` in a doc comment or ``source: "key"`` in a table, in the documentation
+# as ``{cite}`` roles, in the data as ``source = "key"``.
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+BIB = (ROOT / "references.bib").read_text()
+ENTRIES = re.findall(r"^@(\w+)\{([^,\s]+),(.*?)^\}", BIB, re.M | re.S)
+KEYS = {key for _, key, _ in ENTRIES}
+ASSUMED = "assumed"  # said where the user sees it; no source
+NEEDED = {
+    "article": {"author", "title", "journal", "year"},
+    "inproceedings": {"author", "title", "booktitle", "year"},
+    "book": {"author", "title", "publisher", "year"},
+    "phdthesis": {"author", "title", "school", "year"},
+    "techreport": {"author", "title", "institution", "year"},
+    "manual": {"title"},
+    "misc": {"author", "title"},
+}
+
+
+def rust_uses(text: str) -> set[str]:
+    """Return the keys in doc comments, from 'Source:' to the end of the comment's paragraph, and in tables."""
+    found = set(re.findall(r'\bsource: "([^"]*)"', text))
+    for paragraph in re.findall(r"Source:(?!:)((?:[^\n]*\n\s*//[/!] ?)*[^\n]*)", text):
+        found.update(re.findall(r"\[([A-Za-z0-9.+_-]+)\]", paragraph.split("\n\n")[0]))
+    return found
+
+
+def markdown_uses(text: str) -> set[str]:
+    """Return the keys in cite roles."""
+    return {key.strip() for role in re.findall(r"\{cite(?::\w+)?\}`([^`]+)`", text) for key in role.split(",")}
+
+
+def toml_uses(text: str) -> set[str]:
+    """Return the keys of values."""
+    return set(re.findall(r'\bsource\s*=\s*"([^"]*)"', text))
+
+
+def used() -> list[tuple[str, str]]:
+    """Return (key, file) for all uses."""
+    places = (("crates", "*.rs", rust_uses), ("docs", "*.md", markdown_uses), ("data/catalogue", "*.toml", toml_uses))
+    found: set[tuple[str, str]] = set()
+    for folder, pattern, uses in places:
+        for path in (ROOT / folder).rglob(pattern):
+            if "_build" not in path.parts:
+                found |= {(key, str(path.relative_to(ROOT))) for key in uses(path.read_text()) if key != ASSUMED}
+    return sorted(found)
+
+
+@pytest.mark.parametrize(("key", "file"), used())
+def test_a_source_key_resolves(key, file):
+    assert key in KEYS, f"{file}: [{key}] is not in references.bib"
+
+
+def test_the_laws_name_their_sources():
+    """The search itself finds what is known to be there, so that an empty list cannot pass for success."""
+    found = {key for key, _ in used()}
+    assert {"canudas1995", "armstrong1994", "iso6358-2013", "steinebach2023", "bracha", "gum2008"} <= found
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("/// F = m a. Source: [newton1687].\n", {"newton1687"}),
+        ("/// Source: [a1]; passivity:\n/// [b-2].\nfn f(x: [f64]) {}\n", {"a1", "b-2"}),
+        ('    source: "hairer1996",\n', {"hairer1996"}),
+    ],
+)
+def test_keys_are_read_from_rust(text, keys):
+    assert rust_uses(text) == keys
+
+
+def test_keys_are_unique():
+    listed = [key for _, key, _ in ENTRIES]
+    assert sorted(listed) == sorted(set(listed))
+    assert len(ENTRIES) == len(re.findall(r"^@", BIB, re.M)), "an entry could not be read"
+
+
+@pytest.mark.parametrize(("kind", "key", "body"), ENTRIES, ids=[key for _, key, _ in ENTRIES])
+def test_an_entry_says_what_a_reader_needs_to_find_it(kind, key, body):
+    fields = set(re.findall(r"^\s*(\w+)\s*=", body, re.M))
+    assert NEEDED[kind] <= fields, f"{key} lacks {sorted(NEEDED[kind] - fields)}"
+    doi = re.search(r"doi\s*=\s*\{([^}]*)\}", body)
+    assert doi is None or re.fullmatch(r"10\.\d{4,9}/\S+", doi[1])

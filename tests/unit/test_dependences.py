@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 import pneudrive as pn
 from pneudrive import _core
-from pneudrive.describe.files.schema import drive_schema
+from pneudrive.describe.files.load import drive_schema
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import DescriptionError, PneudriveWarning
 

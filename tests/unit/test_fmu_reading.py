@@ -1,12 +1,17 @@
 """An archive that is damaged, or is not an FMU, is refused in one sentence, whatever its libraries raise."""
 
+from __future__ import annotations
+
 import random
 import zipfile
 
+import numpy as np
 import pytest
 
-from pneudrive.errors import CommandError
+import pneudrive as pn
+from pneudrive.errors import CommandError, FitError
 from pneudrive.fmu.description import read_fmu
+from pneudrive.simulation.trajectory import meaning
 
 XML = (
     '<?xml version="1.0" encoding="{}"?><fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">'
@@ -46,3 +51,60 @@ def test_damaged_archives(tmp_path):
         except CommandError:
             refused += 1
     assert refused > 200
+
+
+# --- A drive with tubes is identified from a recording: its numbers and those of the tubes, by their names in the
+# file.
+
+
+def with_tubes(length_m: float, **changes: object) -> pn.Drive:
+    tube = {"length": "1.5 m", "diameter": "4 mm"}
+    tubing = {"tubing": {"a": tube | {"length": f"{length_m} m"}, "b": tube}}
+    return pn.Drive.load("catalogue:reference").replace(tubing | changes)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> dict[str, np.ndarray]:
+    """Simulate a drive that the search does not know, with noise."""
+    start = "position = 0.2 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
+    run = pn.simulate(with_tubes(2.0), "0 s: 0.3, 0.2 s: -0.3", "0.4 s", initial=start, sample_rate="500 Hz")
+    noise = np.random.default_rng(7)
+    out = {"time_s": run.time.to_numpy(), "command": run["command"].to_numpy()}
+    for name, sd in (("position_m", 2e-5), ("pressure_a_pa", 300.0), ("pressure_b_pa", 300.0)):
+        out[name] = run[meaning(name)[0]].to_numpy() + sd * noise.standard_normal(run.sizes["time"])
+    return out
+
+
+def test_a_tube_and_the_drive_behind_it_are_found(recorded):
+    truth, start = with_tubes(2.0), with_tubes(1.2, **{"valve.conductance": "1 dm3/(s bar)"})
+    fit = pn.identify(start, recorded, free=["tubing.a.length", "valve.conductance"], segment="0.2 s")
+    known = {"tubing.a.length": 2.0, "valve.conductance": truth.valve.conductance_m3_s_pa}
+    assert fit.converged
+    assert fit.units["tubing.a.length"] == "m"
+    for name, value in known.items():
+        low, high = fit.intervals[name]
+        assert low < value < high, (name, value, fit.intervals[name])
+        assert high - low < 0.02 * value
+    found = fit.apply()
+    assert pn.units.parse(found.tubing["a"]["length"]["value"], "m") == pytest.approx(2.0, rel=0.01)
+    assert "95 % interval" in found.tubing["a"]["length"]["note"]
+    assert found.circuit.core_json() != start.circuit.core_json()
+
+
+def test_what_a_line_has_no_derivative_by_is_refused(recorded):
+    drive = with_tubes(2.0).replace({"tubing.a.kind": "tube/distributed", "tubing.a.cells": 2})
+    with pytest.raises(FitError, match=r"tubing\.a\.cells cannot be free"):
+        pn.identify(drive, recorded, free=["tubing.a.cells"])
+    with pytest.raises(
+        FitError, match=r"tubing\.a\.lengths is not a number of this drive\.\s+Hint: Did you mean 'tubing\.a\.length'"
+    ):
+        pn.identify(drive, recorded, free=["tubing.a.lengths"])
+
+
+def test_a_model_with_another_tube_is_off_where_its_flows_are_and_closes_in_force(recorded):
+    right, wrong = (pn.validate(with_tubes(length), recorded, window_s=0.1) for length in (2.0, 6.0))
+    pressures = [found.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse for found in (right, wrong)]
+    assert pressures[0] < 0.005
+    assert pressures[1] > 0.1
+    assert wrong.diagnosis().is_clean
+    assert "tubes" in str(wrong)

@@ -1,5 +1,7 @@
 """A friction law of one's own: from files and from Python into a drive, with one message for what is wrong."""
 
+from __future__ import annotations
+
 import re
 import shutil
 import warnings
@@ -10,6 +12,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive import _core
+from pneudrive.batching import in_processes
 from pneudrive.describe import FrictionLaw
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
@@ -286,3 +289,13 @@ def test_a_rig_file_takes_it(folder):
     assert rig.law == "own-lugre"
     force = steady_friction_n(core_friction(rig), 0.3)
     np.testing.assert_allclose(force, 30.0 + 0.3 * 200.0, rtol=1e-12)
+
+
+# --- Python runs because the user of this run names it: never because it lies in the folder that one stands in.
+
+
+def test_a_worker_process_imports_nothing_from_the_folder_one_stands_in(tmp_path, monkeypatch):
+    for name in ("numpy", "polars", "pickle", "json", "pneudrive"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('it ran')")
+    monkeypatch.chdir(tmp_path)
+    assert in_processes(sorted, [([2, 1],)]) == [[1, 2]]

@@ -1,9 +1,18 @@
 """A run that leaves the range of the model warns with time, place and limit; a run inside it does not."""
 
+from __future__ import annotations
+
+import math
+import re
+import threading
+import warnings
+
+import numpy as np
 import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
+from pneudrive.errors import Cancelled, CommandError, PneudriveWarning, SimulationError
 from pneudrive.simulation.exhaust import ExhaustAir
 
 REFERENCE = pn.Drive.load("catalogue:reference")
@@ -106,3 +115,227 @@ def test_the_terminal_says_it_without_arrays(tmp_path, capsys):
         == 0
     )
     assert "impacts on the end stops" in capsys.readouterr().err
+
+
+# --- No impossible number without a word: covers, impacts, the budget of work, cancelling.
+
+SOFT = {
+    "cylinder.stroke": "100 mm",
+    "cylinder.moving_mass": "5 kg",
+    "cylinder.dead_volume": {"a": "0.5 cm3", "b": "0.5 cm3"},
+}
+
+
+def soft() -> pn.Drive:
+    """Return a heavy piston before stops that are too soft for its dead length of 1 mm."""
+    return pn.Drive.load("catalogue:reference").replace(SOFT)
+
+
+def own_stops(drive: pn.Drive) -> pn.Drive:
+    """Return the drive with the stops that follow from it."""
+    tables = drive.to_dict()
+    del tables["cylinder"]["end_stop"]
+    return pn.Drive.model_validate(tables)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("ledger", [False, True])
+@pytest.mark.parametrize("rate", ["50 Hz", "20 kHz"])
+def test_a_stop_that_is_pressed_through_ends_at_the_cover(rtol, ledger, rate):
+    """The run goes on and says so: the deepest point is in the last fifth of the dead length, and energy closes."""
+    drive = soft()
+    with pytest.warns(PneudriveWarning, match=r"pressed the end stop through and met the cover .* end of chamber b"):
+        run = pn.simulate(drive, "0 s: 1", "0.5 s", rtol=rtol, ledger=ledger, sample_rate=rate)
+    length = 0.5e-6 / drive.cylinder.area_a_m2
+    through = [impact for impact in run.attrs["impacts"] if impact["met_cover"]]
+    assert through
+    assert all(0.8 * length < impact["depth_m"] < length for impact in through)
+    assert float(run.position.max()) < 0.1 + length
+    # What it says would have held, holds.
+    (said,) = (line for line in run.attrs["warnings"] if "pressed the end stop through" in line)
+    stiffness = re.search(r"cylinder.end_stop.stiffness = (\S+ N/m) holds it", said)
+    stiff = drive.replace({"cylinder.end_stop": {"stiffness": stiffness[1]}})
+    held = simulated_quietly(stiff, "0 s: 1", "0.5 s", rtol=rtol, sample_rate=rate)
+    assert not any(impact["met_cover"] for impact in held.attrs["impacts"])
+    if ledger:
+        assert abs(run.attrs["ledger"]["energy_error"]) < max(1e-3, 300.0 * rtol)
+        assert abs(run.attrs["ledger"]["mass_error"]) < 1e-9
+
+
+def simulated_quietly(*arguments, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        return pn.simulate(*arguments, **options)
+
+
+def test_no_cover_holds_what_no_cylinder_does():
+    with pytest.raises(SimulationError, match=r"t = 0\.\d+ s: the piston .* cover of chamber b") as told:
+        pn.simulate(soft(), "0 s: 1", "0.5 s", initial="position = 99 mm, velocity = 1000 m/s")
+    assert "end_stop.stiffness" in str(told.value)
+
+
+def test_gas_behind_the_end_of_the_stroke_takes_no_heat_from_what_is_warmer():
+    """A soft stop far behind the stroke leaves less wall than none: the second law holds there, too."""
+    tables = {
+        "cylinder.bore": "9 mm",
+        "cylinder.stroke": "100 mm",
+        "cylinder.moving_mass": "20 g",
+        "cylinder.dead_volume": {"a": "6 cm3", "b": "6 cm3"},
+        "cylinder.end_stop": {"stiffness": "3 N/mm", "damping": "6 N s/m", "damping_depth": "1 mm"},
+        "cylinder.heat_transfer": "1000 W/(m2 K)",
+        "load.force": "10 N",
+    }
+    drive = pn.Drive.load("catalogue:reference").replace(tables)
+    run = simulated_quietly(drive, "0 s: 0.2", "2 s", rtol=1e-8, ledger=True, initial="pressure_b = 8 bar abs")
+    assert float(run.position.max()) > 0.105
+    assert float(run.temperature_b.min()) > 150.0
+    assert run.attrs["ledger"]["least_entropy_production_j_k"] > -1e-9
+
+
+def test_a_mass_that_creeps_on_a_stiff_stop_leaves_it():
+    """Rounding on 2e9 N/m is 3e-8 N: the event where it no longer slips came again and again, for 360,000 attempts."""
+    tables = {
+        "name": "creeps",
+        "supply": {"pressure": "9.067460018536224 bar abs", "temperature": "353 K"},
+        "cylinder": {
+            "kind": "rodless",
+            "bore": "250 mm",
+            "stroke": "68.57470987145588 mm",
+            "moving_mass": "15.086581676936477 kg",
+            "dead_volume": {"a": "56.78174939263992 cm3", "b": "95.4928994830391 cm3"},
+            "end_stop": {
+                "stiffness": "2156338565.233538 N/m",
+                "damping": "90182.83912076037 N s/m",
+                "damping_depth": "1.3736396233368318e-05 m",
+            },
+            "heat_transfer": "100 W/(m2 K)",
+        },
+        "valve": {
+            "kind": "proportional-5/3",
+            "conductance": "6.0715114835233654 dm3/(s bar)",
+            "critical_pressure_ratio": 0.16683326141847435,
+        },
+        "friction": {
+            "law": "karnopp",
+            "coulomb": "1076.5888524156906 N",
+            "breakaway": "1373.4622459840741 N",
+            "stribeck_velocity": "8.13714711760107 mm/s",
+            "viscous": "4234.3223806799415 N s/m",
+            "dead_zone": "0.041488994869485256 mm/s",
+        },
+        "load": {"force": "3814.31572986214 N"},
+    }
+    drive = pn.Drive.model_validate(tables)
+    commands = [(0.0, 0.6923791849302829), (0.2982967474687605, 0.11626435845398264)]
+    run = simulated_quietly(drive, commands, "0.4 s", initial="position = 0.03428735493572794 m", budget=2_000)
+    assert run.attrs["statistics"]["steps"] < 1_000
+
+
+def test_shooting_and_measured_records_meet_the_same_covers():
+    core = soft().system.compiled()
+    start = np.array([[0.099, 1000.0, 1.013e5, 293.15, 1.013e5, 293.15, 0.0]])
+    asked = {"times": [0.0], "commands": [1.0], "sample_times": np.linspace(0.0, 0.5, 26), "starts": [0]}
+    shot = core.shoot("command", asked | {"initial": start, "outputs": ["pressure_b_pa"], "rtol": 1e-6})
+    assert "cover of chamber b" in str(shot["failures"][0])
+    given = shot["values"][np.isfinite(shot["values"])]
+    assert 0 < given.size < 26
+    assert given.min() > 0.0
+    still, shut = np.full(3, 1e5), np.zeros((3, 4))
+    with pytest.raises(RuntimeError, match=r"at t = 0\.1 s the piston is at 0\.1020"):
+        core.along(
+            np.array([0.0, 0.1, 0.2]), np.array([0.05, 0.102, 0.05]), np.zeros(3), still, still, shut, [293.0] * 2
+        )
+
+
+def test_stops_that_follow_from_the_drive_keep_the_piston_off_the_cover():
+    drive = own_stops(soft())
+    run = pn.simulate(drive, "0 s: 1, 0.3 s: -1", "0.6 s", sample_rate="20 kHz")
+    beyond = max(float(run.position.max()) - 0.1, -float(run.position.min()))
+    assert 0.0 < beyond < 0.5 * 0.5e-6 / drive.cylinder.area_a_m2  # half of the dead length
+    lines = [line for line in run.attrs["assumed"] if line.startswith("cylinder.end_stop")]
+    assert re.match(r"cylinder.end_stop.stiffness = \S+ N/m, so that 5 kg at ", lines[0])
+
+
+def test_stops_grow_with_mass_and_shrink_with_room_and_what_is_given_stays():
+    base = own_stops(soft())
+    stiffness = base.end_stop["stiffness_n_m"]
+    throttled = base.replace({"valve.conductance": "0.05 dm3/(s bar)"})
+    heavier = throttled.replace({"load.mass": "20 kg"})
+    roomier = base.replace({"cylinder.dead_volume": {"a": "5 cm3", "b": "5 cm3"}})
+    assert heavier.end_stop["stiffness_n_m"] > 3.0 * throttled.end_stop["stiffness_n_m"]
+    assert roomier.end_stop["stiffness_n_m"] < 0.05 * stiffness
+    given = base.replace({"cylinder.end_stop": {"stiffness": "3e6 N/m"}})
+    assert given.end_stop["stiffness_n_m"] == 3e6
+    assert given.end_stop["damping_n_s_m"] == pytest.approx(math.sqrt(3e6 * 5.0))  # 2 zeta sqrt(k M)
+    assert not any("stiffness" in line for line in given.assumed())
+
+
+def test_an_impact_is_told_as_the_spring_took_it():
+    """Energy at first touch; depth and force obey the stop's own law; a piston that leaves has the impact behind it."""
+    drive = own_stops(soft()).replace({"cylinder.end_stop": {"stiffness": "4e7 N/m", "damping": "0 N s/m"}})
+    with pytest.warns(PneudriveWarning, match="harder than a cylinder of this bore usually takes"):
+        run = pn.simulate(drive, "0 s: 1", "0.2 s", sample_rate="50 kHz")
+    first = run.attrs["impacts"][0]
+    touch = int(np.argmax(run.position.to_numpy() > 0.1))
+    assert first["end"] == "b"
+    assert first["time_s"] == pytest.approx(float(run.time[touch]), abs=2e-5)
+    assert first["speed_m_s"] == pytest.approx(float(run.velocity[touch]), rel=1e-3)
+    assert first["energy_j"] == pytest.approx(0.5 * 5.0 * first["speed_m_s"] ** 2)
+    assert first["depth_m"] == pytest.approx(float(run.position.max()) - 0.1, rel=1e-3)
+    assert first["peak_force_n"] == pytest.approx(4e7 * first["depth_m"], rel=1e-9)
+    spring = 0.5 * 4e7 * first["depth_m"] ** 2
+    assert spring == pytest.approx(first["energy_j"], rel=0.1)  # the gas does the rest
+    assert any("harder than" in line for line in run.attrs["warnings"])
+
+
+def test_what_a_friction_table_without_a_law_assumed_is_kept():
+    tables = pn.Drive.load("catalogue:reference").to_dict()
+    tables["friction"] = {"coulomb": "30 N", "breakaway": "45 N"}
+    with pytest.warns(PneudriveWarning, match="names no law"):
+        drive = pn.Drive.model_validate(tables)
+    run = pn.simulate(drive, "0 s: 0.5", "0.05 s")
+    assert "friction.law = elasto-plastic" in run.attrs["assumed"]
+    assert any(line.startswith("friction.bristle_damping = ") for line in run.attrs["assumed"])
+    assert any("names no law" in line for line in run.attrs["warnings"])
+
+
+def test_work_is_bounded_by_a_budget_that_the_message_names():
+    drive = pn.Drive.load("catalogue:reference")
+    with pytest.raises(SimulationError, match=r"budget of 50 attempts .* --budget"):
+        pn.simulate(drive, "0 s: 1", "0.5 s", budget=50)
+    with pytest.raises(CommandError, match="budget = 0"):
+        pn.simulate(drive, "0 s: 1", "0.5 s", budget=0)
+    enough = pn.simulate(drive, "0 s: 1", "0.5 s", budget=10_000)
+    assert enough.identical(pn.simulate(drive, "0 s: 1", "0.5 s"))
+
+
+def test_a_long_run_tells_where_it_is_and_can_be_cancelled():
+    drive = pn.Drive.load("catalogue:reference")
+    said, flag = [], threading.Event()
+
+    def progress(done, total, task):
+        said.append((done, total, task))
+        flag.set()
+
+    # Pulses of the valve keep the solver busy for some 100,000 attempts.
+    pulses = [(0.002 * i, float(1 - 2 * (i % 2))) for i in range(5_000)]
+    with pytest.raises(Cancelled):
+        pn.simulate(drive, pulses, "10 s", rtol=1e-9, sample_rate="10 Hz", progress=progress, cancel=flag)
+    (first,) = said
+    assert 0.0 < first[0] < first[1] == 10.0
+    with pytest.raises(Cancelled):
+        pn.simulate(drive, "0 s: 1", "0.1 s", cancel=flag)
+
+
+def test_exact_friction_never_pushes():
+    """Fault of 31 drives: against a stop, at 1e-13 to 1e-7 m/s, a sample slid backwards in its mode."""
+    tables = pn.Drive.load("catalogue:reference").to_dict()
+    tables["friction"] = {"law": "coulomb", "coulomb": "10 N"}
+    drive = pn.Drive.model_validate(tables)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        for rtol in (1e-4, 1e-5, 1e-6):
+            run = pn.simulate(
+                drive, "0 s: -0.33, 0.7 s: 0.4", "1.6 s", rtol=rtol, sample_rate="5 kHz", initial="position = 4 mm"
+            )
+            assert float((run.friction_force * run.velocity).min()) >= 0.0

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import pneudrive as pn
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import FitError
+from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit, ellipses, with_map
 from web.conftest import Served
 from web.maps import WIDE, coulomb, friction_map, stribeck
@@ -115,3 +117,138 @@ def test_next_points_are_those_of_the_command_and_of_python(
         assert get(fitted, "/api/next", status=400, **({"path": FIT} | wrong))["problems"]
     for wrong in ({"points": 0}, {"points": "3"}, {"name": "a/b"}, {"fit": "missing.toml"}):
         assert post(fitted, "/api/jobs", job | wrong, 400)["problems"]
+
+
+# --- A friction map at one speed, and what another map lies above it.
+
+GAUGES = (0.0, 2e5, 4e5)
+NEW, WORN = "results/new/map.parquet", "results/worn/map.parquet"
+
+
+def wear(speed: np.ndarray) -> np.ndarray:
+    return 4.0 + 16.0 * speed
+
+
+@pytest.fixture
+def maps(served: Served) -> Served:
+    for name, added in ((NEW, 0.0), (WORN, 1.0)):
+        path = served.folder / name
+        path.parent.mkdir(parents=True)
+        noise = 0.1 + 0.1 * added  # another noise in all
+        curves = friction_map(lambda v, g, a=added: stribeck(v, g) + a * wear(v), WIDE, GAUGES, noise)
+        write_map(curves, path)
+        pn.fit_friction(curves, pressure_dependence=True).to_toml(path.with_name("fit.toml"))
+    return served
+
+
+def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = get(maps, "/api/slice", path=NEW, speed="0.0305")
+    assert found["chamber"] == "b"
+    (group,) = found["groups"]
+    assert {round(point["speed"], 9) for point in group["points"]} == {0.03}  # the level beside, and no other
+    assert {round(point["gauge"]) for point in group["points"]} == {0, 200000, 400000}
+    gauge, friction = np.array(group["curve"]["gauge"]), np.array(group["curve"]["friction"])
+    assert np.all(np.abs(friction - stribeck(np.full(len(gauge), 0.0305), gauge)) < 0.3)
+    assert np.ptp(friction) == pytest.approx(3e-5 * 4e5, rel=0.05)
+    assert np.all(group["curve"]["low"] <= friction)
+    monkeypatch.chdir(maps.folder)
+    names: dict = {}
+    exec(found["python"], names)
+    (said,) = names["found"]
+    assert np.array_equal(said.friction_n, friction)
+    for speed in ("0", "-1", "nan", "x", ""):
+        assert get(maps, "/api/slice", status=400, path=NEW, speed=speed)["problems"]
+
+
+def test_what_a_worn_seal_adds_is_found_with_its_band(
+    maps: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    found = get(maps, "/api/map-difference", path=NEW, other=WORN)
+    assert len(found["groups"]) == len(GAUGES)
+    inside = []
+    for group in found["groups"]:
+        speed, friction, low, high = (np.array(group["curve"][key]) for key in ("speed", "friction", "low", "high"))
+        assert np.abs(friction - wear(speed)).max() < 0.3
+        inside.append(np.mean((low <= wear(speed)) & (wear(speed) <= high)))
+        assert len(group["points"]) == 4 * len(WIDE)  # two days, two directions
+        for point in group["points"]:
+            assert point["friction"] == pytest.approx(wear(point["speed"]), abs=1.0)
+            assert point["spread"] == pytest.approx(2.0 * np.hypot(0.1, 0.2), rel=1e-12)
+    assert np.mean(inside) > 0.8
+    back = get(maps, "/api/map-difference", path=WORN, other=NEW)
+    assert np.allclose(back["groups"][0]["curve"]["friction"], -np.array(found["groups"][0]["curve"]["friction"]))
+    assert np.allclose(back["groups"][0]["curve"]["low"], -np.array(found["groups"][0]["curve"]["high"]))
+
+    monkeypatch.chdir(maps.folder)
+    names: dict = {}
+    exec(found["python"], names)
+    for group, said in zip(found["groups"], names["found"], strict=True):
+        assert [one.value for one in said] == group["curve"]["friction"]
+    assert run_command(shlex.split(found["command"])[1:]) == 0
+    printed = capsys.readouterr().out
+    first = found["groups"][0]["curve"]
+    assert f"{first['friction'][0]:+.3g}" in printed
+    assert f"{first['low'][0]:+.3g} .. {first['high'][0]:+.3g}" in printed
+
+
+def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps of which one lacks the first pressure of the other; a map with two pressures of both chambers."""
+    other = maps.folder / "results" / "part" / "map.parquet"
+    other.parent.mkdir()
+    curves = friction_map(lambda v, g: stribeck(v, g) + wear(v), WIDE, GAUGES[1:], 0.2)
+    write_map(curves, other)
+    pn.fit_friction(curves, pressure_dependence=True).to_toml(other.with_name("fit.toml"))
+    many = maps.folder / "results" / "many" / "map.parquet"
+    many.parent.mkdir()
+    both = [friction_map(stribeck, WIDE, GAUGES, 0.2), friction_map(stribeck, WIDE, GAUGES, 0.2)]
+    both[1]["pressure_a_pa"] = both[1]["pressure_a_pa"] + 1e5
+    both[1]["recording"] = both[1]["recording"] + "h"
+    write_map(xr.concat(both, "row", combine_attrs="override"), many)
+    pn.fit_friction(both[0], pressure_dependence=True).to_toml(many.with_name("fit.toml"))
+    monkeypatch.chdir(maps.folder)
+    difference = get(maps, "/api/map-difference", path=NEW, other="results/part/map.parquet")
+    cut = get(maps, "/api/slice", path="results/many/map.parquet", speed="0.03")
+    for shown, values in ((difference, lambda said: [one.value for one in said]), (cut, lambda said: said.friction_n)):
+        assert len(shown["groups"]) == 2
+        names: dict = {}
+        exec(shown["python"], names)
+        for group, said in zip(shown["groups"], names["found"], strict=True):
+            assert list(values(said)) == group["curve"]["friction"]
+
+
+def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
+    maps: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten seals at three pressures are 30 pairs: more than a panel has line styles, but three for each seal."""
+    folder = maps.folder / "results" / "seals"
+    folder.mkdir()
+    each = []
+    for number in range(10):
+        one = friction_map(stribeck, WIDE, GAUGES, 0.2 + 0.1 * number)
+        one["recording"] = one["recording"] + f"-{number}"
+        each.append(one.assign(seal=("row", [f"S{number}"] * one.sizes["row"])))
+        pn.fit_friction(each[-1], pressure_dependence=True).to_toml(folder / fit_file(f"S{number}"))
+    write_map(xr.concat(each, "row", combine_attrs="override"), folder / "map.parquet")
+    shown = get(maps, "/api/map", path="results/seals/map.parquet")["groups"]
+    assert [("curve" in group) for group in shown] == [True] * 10 * len(GAUGES)
+    monkeypatch.chdir(maps.folder)
+    cut = get(maps, "/api/slice", path="results/seals/map.parquet", speed="0.03")
+    names: dict = {}
+    exec(cut["python"], names)
+    assert [group["assembly"] for group in cut["groups"]] == [f"S{number}" for number in range(10)]
+    for group, said in zip(cut["groups"], names["found"], strict=True):
+        assert list(said.friction_n) == group["curve"]["friction"]
+
+
+def test_maps_without_a_common_condition_or_fit_are_answered_in_words(maps: Served) -> None:
+    other = maps.folder / "results" / "other" / "map.parquet"
+    other.parent.mkdir()
+    write_map(friction_map(coulomb(30.0), gauges_b_pa=(1e5,)), other)
+    refused = get(maps, "/api/map-difference", status=400, path=NEW, other="results/other/map.parquet")
+    assert "no pair of chamber pressures in common" in refused["problems"][0]["what"]
+    Path(maps.folder / "results/worn/fit.toml").unlink()
+    found = get(maps, "/api/map-difference", path=NEW, other=WORN)
+    assert "no fit.toml" in found["fit"]
+    assert "curve" not in found["groups"][0]
+    assert not found["python"]
+    assert get(maps, "/api/map-difference", status=400, path=NEW, other="../map.parquet")["problems"]

@@ -6,10 +6,14 @@ import numpy as np
 import polars as pl
 import pytest
 
+import pneudrive as pn
+from pneudrive.characterise import write_map
 from pneudrive.errors import RecordingError
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.web.messages import unpack
 from web.conftest import Served
+from web.maps import WIDE, friction_map, stribeck
+from web.test_sizing import TASK
 
 
 def test_a_sine_in_noise_in_a_view_of_a_recording(served: Served) -> None:
@@ -48,3 +52,22 @@ def test_what_has_no_spectrum_is_refused(served: Served) -> None:
     ):
         with pytest.raises(RecordingError, match=words):
             amplitude_density(times, values)
+
+
+# --- The overview has a line about each file; a damaged file has none and hides no other.
+
+
+def test_each_file_says_what_it_holds(served: Served) -> None:
+    curves = friction_map(stribeck, WIDE, (0.0, 2e5), 0.2)
+    write_map(curves, served.folder / "map.parquet")
+    fit = pn.fit_friction(curves, pressure_dependence=True)
+    fit.to_toml(served.folder / "fit.toml")
+    (served.folder / "push.toml").write_text(TASK)
+    (served.folder / "wrong.toml").write_text("[cylinder]\nbore = 'x'\n[valve]\n[supply]\n")
+    (served.folder / "wrong.fmu").write_text("no archive")
+    found = served.client.get("/api/headlines", headers=served.headers).json()
+    assert found["axis.toml"].endswith("bore 25 mm, stroke 500 mm")
+    assert found["push.toml"] == "push: 2 kg, 100 mm in 0.42 s"
+    assert found["map.parquet"] == f"{curves.sizes['row']} points of friction"
+    assert f"coulomb {fit.values['coulomb']:.3g} N" in found["fit.toml"]
+    assert not {"wrong.toml", "wrong.fmu"} & set(found)

@@ -14,7 +14,7 @@ from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
 from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Terminal
-from pneudrive.campaign.storage.files import FolderLock, make_folder, now
+from pneudrive.campaign.storage.control import FolderLock, make_folder, now
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.repr_tables import Shown
@@ -220,7 +220,7 @@ def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | 
 
     The address is empty for a rig that the caller has made and closes itself.
     """
-    from pneudrive.rig.loading import load_rig, opened
+    from pneudrive.rig.rig_file import load_rig, opened
 
     if not isinstance(rig, str | Path):
         yield rig, ""

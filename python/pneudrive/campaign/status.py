@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.storage.files import Holder, holder
+from pneudrive.campaign.storage.control import Holder, holder
 from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown

@@ -40,8 +40,8 @@ with used_later(__name__):
     from pneudrive.campaign.planning import preflight
     from pneudrive.campaign.planning import protocol as protocols
     from pneudrive.campaign.running import live
-    from pneudrive.campaign.storage import control, files
-    from pneudrive.rig import loading
+    from pneudrive.campaign.storage import control
+    from pneudrive.rig import rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,7 +58,7 @@ def plan(protocol: str, *, rig: str = "default") -> None:
     pneudrive campaign plan quick-look --rig default
     """
     content = protocols.read_protocol(protocol)
-    with loading.opened(loading.load_rig(rig, content.seed)) as bench:
+    with rig_file.opened(rig_file.load_rig(rig, content.seed)) as bench:
         preflight.check_levels(content, bench)
         typer.echo(plans.show(plans.lay_out(content, bench.identity(), bench.limits())))
 
@@ -122,9 +122,9 @@ def resume(
     --------
     pneudrive campaign resume first-look
     """
-    running = files.holder(folder)
+    running = control.holder(folder)
     if running is not None and running.state in ("paused", "operator"):
-        control.ask(folder, control.RESUME, operator or files.user())
+        control.ask(folder, control.RESUME, operator or control.user())
         after = control.wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
         typer.echo("The campaign continues." if after else "The campaign has ended.")
         return
@@ -173,7 +173,7 @@ def pause(folder: Path, *, now: bool = False) -> None:
     --------
     pneudrive campaign pause first-look --now
     """
-    before = control.ask(folder, control.STOP if now else control.PAUSE, files.user())
+    before = control.ask(folder, control.STOP if now else control.PAUSE, control.user())
     after = control.wait_for(folder, ("pausing", "paused", "operator"), 10.0)
     typer.echo(str(after) if after else f"The campaign has ended ({before}).")
 
@@ -185,7 +185,7 @@ def abort(folder: Path) -> None:
     --------
     pneudrive campaign abort first-look
     """
-    control.ask(folder, control.ABORT, files.user())
+    control.ask(folder, control.ABORT, control.user())
     after = control.wait_for(folder, (), 90.0)
     if after is not None:
         raise CampaignError(
@@ -210,7 +210,7 @@ def _display() -> live.Display:
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
     """Return the command to resume; it names the rig if the folder alone is not sufficient."""
-    named = f" --rig {rig}" if loading.must_be_named(rig) else ""
+    named = f" --rig {rig}" if rig_file.must_be_named(rig) else ""
     return f"pneudrive campaign resume {folder}{named}{f' --allow-code {allow_code}' if allow_code else ''}"
 
 

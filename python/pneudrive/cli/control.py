@@ -271,14 +271,14 @@ def benchmark(
         mismatch=mismatch,
         spread=spread,
         members=members,
+        seeds=seeds,
+        named=drive,
+        setup=setup,
         threads=threads,
         out=out,
-        seeds=seeds,
-        setup=setup,
+        watch=terminal.watch(),
         keep_runs=keep_runs,
         allow_code=allow_code,
-        named=drive,
-        watch=terminal.watch(),
     )
     count = len({run.seed for run in found.runs})
     of = f"spread {found.spread}: 50 / 95 / 100 % of {count} stay below" if found.spread else "median of the seeds"

@@ -1,4 +1,4 @@
-"""Section "Describe": catalogue, kinds of components, checks, drawings and schemas."""
+"""Section "Describe": catalogue, kinds of components, checks, drawings and load."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ with used_later(__name__):
     from pneudrive.describe import kinds
     from pneudrive.describe.files import catalogue as parts
     from pneudrive.describe.files import load, toml
-    from pneudrive.describe.files import schema as schemas
     from pneudrive.files import content
-    from pneudrive.report.circuit import drawing
+    from pneudrive.report.circuit import svg
     from pneudrive.sizing import task
 
 if TYPE_CHECKING:
@@ -217,7 +216,7 @@ def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] |
     terminal.check_outputs(None, plot=out)
     circuit = load.load_described(drive).circuit
     try:
-        drawing.draw_circuit(circuit, out)
+        svg.draw_circuit(circuit, out)
     except DescriptionError as error:
         raise toml.located(error, drive, content.read_text(Path(drive), DescriptionError, folder="")) from None
     terminal.show_paths(out)
@@ -238,5 +237,5 @@ def schema(kind: Literal["drive", "circuit", "protocol", "task"] = "drive") -> N
     pneudrive schema drive
     """
     schema_of = {"protocol": protocol.protocol_schema, "task": task.task_schema}
-    schema_of |= {"drive": schemas.drive_schema, "circuit": schemas.circuit_schema}
+    schema_of |= {"drive": load.drive_schema, "circuit": load.circuit_schema}
     typer.echo(json.dumps(schema_of[kind](), indent=2, ensure_ascii=False))

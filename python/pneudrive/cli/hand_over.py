@@ -22,7 +22,8 @@ with used_later(__name__):
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import friction_curve
-    from pneudrive.report import speed, study
+    from pneudrive.report import fit as fit_pages
+    from pneudrive.report import speed
     from pneudrive.studies import bracha, identified_axis
     from pneudrive.studies.bracha import reproduction
 
@@ -165,7 +166,7 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
     made = reproduction.reproduce(folder / bracha.FOLDER)
     sections = (identified_axis.identify_axis(pn.Circuit.load(AXIS)).section(),)
-    page = report.write_report(found, fits, folder, study.WithSections(made, sections))
+    page = report.write_report(found, fits, folder, fit_pages.WithSections(made, sections))
     for number, line in enumerate(speed.verdict(found, fits, made), 1):
         typer.echo(f"{number}. {line}")
     typer.echo(f"\nReport: {page.resolve()}")

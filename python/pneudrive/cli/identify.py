@@ -25,7 +25,7 @@ with used_later(__name__):
     from pneudrive.campaign.running import live
     from pneudrive.describe.files import toml
     from pneudrive.friction import characterisation, friction_map
-    from pneudrive.friction.campaign import dependences
+    from pneudrive.friction.campaign import characteristics
     from pneudrive.friction.campaign.stops import dwell_models
     from pneudrive.identify import base, files, volume
     from pneudrive.identify.dynamic import result as drive_fits
@@ -35,9 +35,9 @@ with used_later(__name__):
     from pneudrive.identify.static import model, survey
     from pneudrive.identify.static import result as static_fits
     from pneudrive.report import validation as validation_page
-    from pneudrive.rig import loading
+    from pneudrive.rig import rig_file
     from pneudrive.simulation import trajectory
-    from pneudrive.validate import regulator as regulator_check
+    from pneudrive.validate import motion as regulator_check
     from pneudrive.validate import static as friction_check
 
 if TYPE_CHECKING:
@@ -115,13 +115,13 @@ def fit(
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
     options: dict[str, Any] = {"direction": DIRECTIONS[direction], "ambient_pressure_pa": _ambient(curves, ambient)}
-    left_out = () if campaign is None else dependences.NO_POINTS  # as characterise does
+    left_out = () if campaign is None else characteristics.NO_POINTS  # as characterise does
     choices = {"pressure": pressure, "hold_out": hold_out, "loss": loss}
     fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
     for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
-        result = curve_fit if campaign is None else dependences.with_dependences(curve_fit, campaign, part)
+        result = curve_fit if campaign is None else characteristics.with_dependences(curve_fit, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
         slug = terminal.file_name(group)
@@ -533,7 +533,7 @@ def design(
         raise CommandError(f"--out {out}: a protocol cannot be written there", rule=rule)
     if points and time:
         raise CommandError("--points and --time cannot be given together")
-    found, machine = static_fits.FrictionFit.from_toml(fit), loading.load_rig(rig)
+    found, machine = static_fits.FrictionFit.from_toml(fit), rig_file.load_rig(rig)
     identity, envelope = machine.identity(), machine.limits()
 
     def seconds_of(text: str) -> float:

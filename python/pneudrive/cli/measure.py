@@ -21,9 +21,9 @@ from pneudrive.lazy_names import used_later
 with used_later(__name__):
     from pneudrive import report
     from pneudrive.campaign.storage import folder as folders
-    from pneudrive.friction import characterisation, conditions, friction_map
+    from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction import motion as motions
-    from pneudrive.friction.campaign import characteristics, dependences, files
+    from pneudrive.friction.campaign import characteristics, files
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
@@ -133,7 +133,7 @@ def characterise(
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=terminal.watch().tell)
         written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
         fits, problems = static_fits.fit_characterisation(found)
-        written += _write_fits(fits, law, folder, whole=conditions.ALL_RECORDINGS)
+        written += _write_fits(fits, law, folder, whole=friction_map.ALL_RECORDINGS)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
@@ -160,8 +160,8 @@ def _characterise_campaign(
     with _output(out) as folder:
         found = characteristics.campaign_friction(recordings[0], choice, progress=terminal.watch().tell)
         written = files.write_characteristics(found, folder)
-        fits, problems = dependences.fit_campaign(found)
-        written += _write_fits(fits, law, folder, whole=dependences.ALL if len(fits) != 1 else next(iter(fits)))
+        fits, problems = characteristics.fit_campaign(found)
+        written += _write_fits(fits, law, folder, whole=characteristics.ALL if len(fits) != 1 else next(iter(fits)))
         written.append(campaign_page.write_campaign_report(found, folder))
     _show_problems(problems)
     terminal.show_view(found.view())

@@ -16,7 +16,7 @@ from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
-    from pneudrive.rig import loading
+    from pneudrive.rig import rig_file
     from pneudrive.rig.opcua import access, nodes, server
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -82,7 +82,7 @@ def serve(
     heartbeat_s = quantity("--heartbeat", heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:
         raise CommandError(f"--heartbeat {heartbeat} is out of bounds", rule="greater than zero")
-    bench = loading.load_rig(rig, seed, speed or None)
+    bench = rig_file.load_rig(rig, seed, speed or None)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     with server.RigServer(bench, nodes.load_map(map), bind, port, protection, heartbeat_s) as running:

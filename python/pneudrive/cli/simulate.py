@@ -23,8 +23,8 @@ with used_later(__name__):
     from pneudrive import platforms, report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
+    from pneudrive.ensemble import engine as samples
     from pneudrive.ensemble import many, store, variation
-    from pneudrive.ensemble import rows as samples
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
@@ -117,9 +117,9 @@ def simulate(
         duration,
         initial=initial,
         sample_rate=sample_rate,
+        watch=terminal.watch(),
         rtol=rtol,
         budget=budget,
-        watch=terminal.watch(),
         arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
     _show_run(described.name, result.columns, result.provenance)

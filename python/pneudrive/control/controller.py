@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
-from pneudrive.control.supervision import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
+from pneudrive.control.setup import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Length, Quantity, Reads

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pneudrive import _core, units
 from pneudrive.control.controller import AFTER_S, BAND_M, USUAL_FACTORS, Factors, HoldBand, gain_quantity
 from pneudrive.control.own_law import OWN, OwnLaw
-from pneudrive.control.supervision import USUAL, Supervision
+from pneudrive.control.setup import USUAL, Supervision
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.own_code import split

@@ -13,8 +13,7 @@ from pneudrive import _core
 from pneudrive.control.axis import check_axis, check_valves, limitations, unknown_numbers
 from pneudrive.control.controller import Controller, gain_quantity
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
-from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.supervision import law_remedy
+from pneudrive.control.setup import Setup, law_remedy, read_setup
 from pneudrive.control.tuned import LawModel, Plant, TunedGain, Tuning, core_form, factors_form, is_code_file
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.distributions import Triangular as Triangular
     from pneudrive.ensemble.distributions import Uniform as Uniform
     from pneudrive.ensemble.distributions import grid as grid
-    from pneudrive.ensemble.executors import DaskExecutor as DaskExecutor
-    from pneudrive.ensemble.executors import Executor as Executor
-    from pneudrive.ensemble.executors import InProcess as InProcess
     from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.outputs import Output as Output
     from pneudrive.ensemble.outputs import final as final
@@ -28,13 +25,16 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.outputs import smallest as smallest
     from pneudrive.ensemble.outputs import time_when as time_when
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
+    from pneudrive.ensemble.store import DaskExecutor as DaskExecutor
+    from pneudrive.ensemble.store import Executor as Executor
+    from pneudrive.ensemble.store import InProcess as InProcess
 
 __getattr__ = lazy(
     __name__,
     {
         "design": ["EnsembleDesign"],
         "distributions": ["Lognormal", "Normal", "Triangular", "Uniform", "grid"],
-        "executors": ["DaskExecutor", "Executor", "InProcess"],
+        "store": ["DaskExecutor", "Executor", "InProcess"],
         "many": ["simulate_many"],
         "outputs": [
             "Output",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.ensemble.distributions import Distribution, GridAxis, read_text
-from pneudrive.ensemble.rows import SAMPLERS, Marginals, NormalCoordinates, Rows
+from pneudrive.ensemble.engine import SAMPLERS, Marginals, NormalCoordinates, Rows
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output
     from pneudrive.ensemble.plans import MemberPlans
+    from pneudrive.ensemble.store import Executor
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.ensemble.design import design_of
+from pneudrive.ensemble.engine import Rows
 from pneudrive.ensemble.many import study_of
-from pneudrive.ensemble.rows import Rows
 from pneudrive.ensemble.store import results
 from pneudrive.ensemble.study import Members
 from pneudrive.errors import CommandError, nearest, warn
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output
+    from pneudrive.ensemble.store import Executor
     from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.progress import Flag
     from pneudrive.simulation import command as commands

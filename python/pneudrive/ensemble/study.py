@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.ensemble.engine import Rows
     from pneudrive.ensemble.outputs import Reduction
     from pneudrive.ensemble.plans import MemberPlans
-    from pneudrive.ensemble.rows import Rows
     from pneudrive.ensemble.variation import Variation
 
     Array = NDArray[np.float64]

@@ -9,6 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Array = NDArray[np.float64]
+
+
 #: Number of values above which the autocorrelation is computed from means of neighbours, with fewer lags.
 MOST_VALUES = 400
 
@@ -51,3 +54,164 @@ def stderrs_of_means(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     found = np.zeros(rows.shape[0])
     found[moves] = np.sqrt(power / (n - factor) * factor / n)
     return found
+
+
+# --- Distinct levels among measured values.
+
+#: Relative difference below which two speeds count as one level.
+SAME_SPEED = 0.05
+
+
+def distinct(values: Array, share: float = SAME_SPEED) -> int:
+    """Return the number of levels among `values`."""
+    return len(distinct_levels(values, share))
+
+
+def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
+    """Return the lowest and highest value of each level; values closer than `share` of the larger form one level."""
+    levels: list[tuple[float, float]] = []
+    for value in np.sort(np.abs(values)).tolist():
+        if not levels or value - levels[-1][0] > share * value:
+            levels.append((value, value))
+        levels[-1] = (levels[-1][0], value)
+    return levels
+
+
+# --- Groups of values that are equal except for noise.
+
+
+def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
+    """Return the level number of each value. A level contains the values within `reach` of its smallest value.
+
+    Examples
+    --------
+    >>> levels(np.array([3.0, 1.0, 1.1, 2.9]), 0.2).tolist()
+    [1, 0, 0, 1]
+    """
+    level = np.zeros(values.size, dtype=np.int64)
+    least, number = -np.inf, -1
+    for i in np.argsort(values):
+        if values[i] - least > reach:
+            least, number = values[i], number + 1
+        level[i] = number
+    return level
+
+
+def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the mean of each column over each group; every group has members.
+
+    Examples
+    --------
+    >>> [one.tolist() for one in means(np.array([0, 0, 1]), np.array([1.0, 3.0, 5.0]))]
+    [[2.0, 5.0]]
+    """
+    count = np.bincount(group)
+    return [np.bincount(group, column) / count for column in columns]
+
+
+def cells(*columns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of each row's combination of values, from columns of shape (n,).
+
+    Examples
+    --------
+    >>> cells(np.array([0, 0, 1, 0]), np.array([2, 5, 2, 2])).tolist()
+    [0, 1, 2, 0]
+    """
+    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel()
+
+
+# --- Covariances of smooth functions for random effects of mixed models, shape (m, n) for m and n points.
+
+
+def integrated_wiener(s: Array, t: Array) -> Array:
+    """Return the covariance of an integrated Wiener process with variance 1 at 1.
+
+    Its estimate is the cubic spline [wahba1983].
+
+    Examples
+    --------
+    >>> integrated_wiener(np.array([1.0]), np.array([0.5, 1.0])).tolist()
+    [[0.3125, 1.0]]
+    """
+    low = np.minimum(s[:, None], t[None, :])
+    high = np.maximum(s[:, None], t[None, :])
+    return low**2 * (3.0 * high - low) / 2.0
+
+
+def matern(s: Array, t: Array, reach: float) -> Array:
+    """Return the covariance of a function that is smooth over `reach` and uncorrelated far beyond (Matern 3/2).
+
+    Examples
+    --------
+    >>> matern(np.array([0.0]), np.array([0.0, 1.0]), 1.0).round(4).tolist()
+    [[1.0, 0.4834]]
+    """
+    away = np.sqrt(3.0) * np.abs(s[:, None] - t[None, :]) / reach
+    return (1.0 + away) * np.exp(-away)
+
+
+def gaussian(s: Array, t: Array, reach: float) -> Array:
+    """Return the squared-exponential covariance, of a very smooth function with correlation length `reach`."""
+    away = (s[:, None] - t[None, :]) / reach
+    return np.exp(-0.5 * away * away)
+
+
+def centred_walk(order: Array) -> Array:
+    """Return the covariance of a random walk over the observations' order, minus its mean, shape (n, n)."""
+    walk = np.minimum(order[:, None], order[None, :])
+    walk = walk - walk.mean(axis=0, keepdims=True)
+    return walk - walk.mean(axis=1, keepdims=True)
+
+
+# --- Information of least-squares problems: covariance, and directions without information [bates1988].
+
+#: Share of the largest singular value of the scaled Jacobian below which a direction has no information.
+SINGULAR_SHARE = 1e-4
+#: Component of such a direction from which a coordinate counts as part of it.
+TAKES_PART = 0.3
+
+
+def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
+    """Return the covariance of the coordinates of a least-squares problem, without directions without information.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (n, p)
+        Derivatives of the residuals.
+    variance : float
+        Variance of one residual.
+
+    Examples
+    --------
+    >>> covariance_of(np.array([[2.0, 0.0], [0.0, 0.5]]))
+    array([[0.25, 0.  ],
+           [0.  , 4.  ]])
+    """
+    size = _sizes(jacobian)
+    scaled = jacobian / size
+    inner = np.linalg.pinv(scaled.T @ scaled, rcond=SINGULAR_SHARE**2, hermitian=True)
+    return variance * (inner / np.outer(size, size))
+
+
+def shift_of(jacobian: Array, residual: Array) -> Array:
+    """Return the change of the coordinates with the residuals, shape (p,), along directions with information."""
+    size = _sizes(jacobian)
+    return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
+
+
+def weak_coordinates(jacobian: Array) -> NDArray[np.bool_]:
+    """Return a mask of coordinates without effect, or with a part in a direction without information.
+
+    Examples
+    --------
+    >>> weak_coordinates(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [2.0, 2.0, 0.0]]))
+    array([ True,  True, False])
+    """
+    _, singular, vt = np.linalg.svd(jacobian / _sizes(jacobian), full_matrices=False)
+    weak = vt[singular < SINGULAR_SHARE * singular[0]]
+    return (np.linalg.norm(jacobian, axis=0) == 0.0) | (np.abs(weak) > TAKES_PART).any(axis=0)
+
+
+def _sizes(jacobian: Array) -> Array:
+    size = np.linalg.norm(jacobian, axis=0)
+    return np.where(size > 0.0, size, 1.0)

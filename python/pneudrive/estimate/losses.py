@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.levels import distinct
+from pneudrive.estimate.autocorrelation import distinct
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -114,7 +114,7 @@ class Table:
 
 @contextlib.contextmanager
 def clear_errors(path: Path, kind: type[PneudriveError]) -> Iterator[None]:
-    """Raise errors of polars about a Parquet file as errors of `kind`; its panics are no ordinary exceptions."""
+    """Raise errors of polars about a Parquet file as errors of `kind`. Its panics are not ordinary exceptions."""
     import polars as pl
 
     try:

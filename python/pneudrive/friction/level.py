@@ -29,7 +29,7 @@ from pneudrive.friction.budget import (
     systematic_budget,
     window_entry,
 )
-from pneudrive.friction.conditions import group_of
+from pneudrive.friction.friction_map import group_of
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
@@ -46,9 +46,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.bins import Profile
-    from pneudrive.friction.breakaway import ReversalPeak
     from pneudrive.friction.motion import SampleChoice
-    from pneudrive.friction.stick_slip import StickSlip
+    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
     from pneudrive.friction.strokes import Side, Strokes, StrokeUse
     from pneudrive.progress import Watch
     from pneudrive.signals.load import LongFile

@@ -12,9 +12,8 @@ import numpy as np
 import polars as pl
 
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
-from pneudrive.friction.breakaway import find_reversal_peaks, median
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import sliding_of, stroke_slip
+from pneudrive.friction.stick_slip import find_reversal_peaks, median, sliding_of, stroke_slip
 from pneudrive.signals.motion import thinned
 
 if TYPE_CHECKING:
@@ -22,9 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.breakaway import ReversalPeak
     from pneudrive.friction.motion import RecordedMotion
-    from pneudrive.friction.stick_slip import StickSlip
+    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
     from pneudrive.signals.motion import Stroke
 
     Array = NDArray[np.float64]

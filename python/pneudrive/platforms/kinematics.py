@@ -104,7 +104,7 @@ class Platform(Shown):
         Pose with every leg at half of its stroke.
     """
 
-    picture_home: ClassVar[str] = "pneudrive.report.platform.svg:platform_svg"
+    picture_home: ClassVar[str] = "pneudrive.report.platform.scene:platform_svg"
 
     def __init__(self, core: CorePlatform, circuit: Circuit) -> None:
         self.core = core

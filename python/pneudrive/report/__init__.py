@@ -8,7 +8,7 @@ from pneudrive.lazy_names import lazy, upper
 
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
-    from pneudrive.report.circuit.drawing import draw_circuit as draw_circuit
+    from pneudrive.report.circuit.svg import draw_circuit as draw_circuit
     from pneudrive.report.control import plot_control as plot_control
     from pneudrive.report.control import plot_reference as plot_reference
     from pneudrive.report.control import write_control_report as write_control_report
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Module -> its names.
 _HOMES = {
     "campaign": ["write_campaign_report"],
-    "circuit.drawing": ["draw_circuit"],
+    "circuit.svg": ["draw_circuit"],
     "control": ["plot_control", "plot_reference", "write_control_report"],
     "datasheet": ["plot_characteristic"],
     "layout_figure": ["write_layout_figure"],

@@ -14,15 +14,15 @@ from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
-from pneudrive.friction.conditions import PA_PER_BAR
+from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import stops
+from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Paragraph, Report
 from pneudrive.report.provenance import references, software
-from pneudrive.report.sketch import rig_diagram
+from pneudrive.report.tables import CHAMBERS, MM, condition_names, plural, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import CHAMBERS, MM, condition_names, plural, spread_evenly
 from pneudrive.rig.interface import Envelope
 from pneudrive.units import readable
 

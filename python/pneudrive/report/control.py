@@ -11,8 +11,8 @@ from pneudrive.control.results.measures import written
 from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look, stack, thin
 from pneudrive.report.page import Items, PageTable, Picture, Report
 from pneudrive.report.render import box_marks, draw_figure
+from pneudrive.report.tables import plural
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import plural
 from pneudrive.simulation.trajectory import check_si
 
 if TYPE_CHECKING:

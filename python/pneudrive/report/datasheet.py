@@ -12,7 +12,7 @@ from pneudrive.datasheet.sheet import in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look, ramp, thin
 from pneudrive.numbers import plain
-from pneudrive.report.circuit.drawing import draw_circuit
+from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, Paragraph, Report
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from pneudrive.figures import RESIDUAL, SPEED, Figure, Line, Markers, Panel, Rule, thin
 from pneudrive.report.page import Report
-from pneudrive.report.tables import quantity
+from pneudrive.report.tables import quantity, sentence, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import sentence, spread_evenly
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Fit, FittedData
-    from pneudrive.report.page import Section
+    from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.report.page import Block, Section
+
+    Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
+
 
 MOST_PANELS = 12
 #: Number of points from which residuals are a line.
@@ -75,3 +81,59 @@ def _panel(name: str, data: FittedData) -> Panel:
     x = SPEED if data.x == "speed_m_s" else f"time / {x_unit}" if x_unit else data.x
     y_label = f"residual / {y_unit if '/' not in y_unit else f'({y_unit})'}" if y_unit else "residual"
     return Panel([mark, Rule(y=0.0)], name, x, y_label)
+
+
+# --- Additions of a study to the report of recordings.
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The addition of a study to a report.
+
+    Attributes
+    ----------
+    title : str
+        Title of a report that contains only the study.
+    verdict : tuple of str
+        Lines of the verdict.
+    sections : tuple of Section
+        They follow those of the recordings. A section with an existing key continues that section.
+    validity : str
+        Text on validation with real data, and its limits.
+    settings : tuple
+        Rows of the table of software: name, value.
+    sources : tuple
+        Sources of its values.
+    cited, laws : tuple of str
+        Keys of references.bib, and friction laws whose sources are named.
+    """
+
+    title: str
+    verdict: tuple[str, ...]
+    sections: tuple[Section, ...]
+    validity: str
+    settings: tuple[tuple[str, str], ...] = ()
+    sources: tuple[Block, ...] = ()
+    cited: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
+
+
+class Study(Protocol):
+    """An object that adds to the report of recordings."""
+
+    def addition(self, found: Characterisation | None) -> Addition:
+        """Return the sections that this study adds to a report, with or without recordings."""
+        ...
+
+
+@dataclass(frozen=True)
+class WithSections:
+    """A study followed by the sections of further studies."""
+
+    study: Study
+    sections: tuple[Section, ...]
+
+    def addition(self, found: Characterisation | None) -> Addition:
+        """Return the sections that this study adds to a report, with or without recordings."""
+        own = self.study.addition(found)
+        return replace(own, sections=(*own.sections, *self.sections))

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pneudrive.errors import CommandError
-from pneudrive.figures import Axis, Figure, Line, Look, Panel, Rule, stack
+from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack
 from pneudrive.report.render import draw_figure
+from pneudrive.report.topics import texts_of
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from pneudrive.rig.interface import Envelope, Identity
     from pneudrive.signals.proposal import Proposal
+    from pneudrive.signals.recording import Recording
+
 
 SHOWN_STROKES = 6
 FIRST_SAMPLES = 4000
@@ -93,3 +102,73 @@ def _recording(proposal: Proposal) -> Figure:
     more = {"tall": tall, "widths": (2, 1), "width_in": WIDTH_IN, "text_scale": 0.85}
     title = f"{proposal.path.name}: as understood, {len(strokes)} strokes found"
     return stack(panels, 5.4, x="time / s (dark: towards +x)", title=title, **more)
+
+
+# --- Sketches of rigs, from strokes in a table.
+
+SKETCHES = Path(__file__).with_name("sketches.toml")
+
+
+def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
+    """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
+    table = texts_of(SKETCHES)[name]
+    strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
+    drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
+    return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0)
+
+
+def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
+    color, text = table.get("color", "black").lower(), table.get("text", "")
+    if "box" in table:
+        x, y, width, height = table["box"]
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
+        return PenStroke(corners, fill="paper" if color == "white" else color, width=table["lw"])
+    look = {"color": color, "width": table.get("lw", 1.0), "cap": table.get("cap", "round")}
+    if "line" in table:
+        return PenStroke(table["line"], **look)
+    if "arrow" in table:
+        return PenStroke(table["arrow"], text, head=table["head"], **look)
+    align = f"{table.get('align', 'center')} center"
+    return PenStroke([table["at"]], text.format(**values), size=table["size"], align=align, bold="weight" in table)
+
+
+def is_open(recording: Recording, side: str) -> bool:
+    """Return whether a chamber was open to ambient: its pressure equals ambient exactly."""
+    values = getattr(recording, f"pressure_{side}_pa")
+    return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
+
+
+def recorded_rig(recording: Recording) -> Figure:
+    """Draw cylinder, piston, force sensor and servo or hand, with signs."""
+    incline = recording.incline_rad
+    states = {}
+    for side in "ab":
+        stated = "stated" if np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0 else "measured"
+        states[side] = "open to ambient" if is_open(recording, side) else f"p_{side} {stated}"
+    return sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
+
+
+def rig_diagram(identity: Identity, envelope: Envelope) -> Figure:
+    """Draw a rig with its stated values."""
+    sensor = []
+    if "force_n" in identity.limits:
+        sensor.append(f"±{max(abs(v) for v in identity.limits['force_n']):.0f} N")
+    if "force_n" in identity.accuracy:
+        sensor.append(f"u = {identity.accuracy['force_n']:.2g} N")
+    if identity.stiffness_n_m is not None:
+        sensor.append(f"{1e-6 * identity.stiffness_n_m:.3g} N/µm")
+    low, high = (1e-5 * (p - identity.ambient_pressure_pa) for p in envelope.pressure_pa)
+    return sketch(
+        "rig",
+        [identity.chambers if identity.chambers in ("open", "common") else "separate"],
+        low_mm=1e3 * envelope.position_m[0],
+        high_mm=1e3 * envelope.position_m[1],
+        speed_mm_s=1e3 * envelope.speed_m_s,
+        acceleration=envelope.acceleration_m_s2,
+        jerk=envelope.jerk_m_s3,
+        sensor=", ".join(sensor),
+        bore_mm=2e3 * math.sqrt(identity.area_a_m2 / math.pi),
+        mass=identity.mass_beyond_sensor_kg,
+        held="pressures held" if identity.chambers == "held" else "a regulator for each chamber",
+        served=f"{max(low, 0.0):.2g} to {high:.3g} bar gauge",
+    )

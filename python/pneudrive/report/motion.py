@@ -9,8 +9,8 @@ import numpy as np
 from pneudrive.figures import MODEL, RESIDUAL, Figure, Line, Look, Markers, Panel, stack
 from pneudrive.numbers import plain
 from pneudrive.report.page import Picture, Report
+from pneudrive.report.tables import sentence
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import sentence
 
 if TYPE_CHECKING:
     from pathlib import Path

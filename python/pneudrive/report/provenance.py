@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.report.fit import Addition
     from pneudrive.report.page import Block
-    from pneudrive.report.study import Addition
 
 SOURCE_NOTE = "SOURCE.md"
 METHODS = ("gum2008", "paule1982", "huber2009", "bates1988", "smyth2004", "armstrong1994")

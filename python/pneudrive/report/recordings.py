@@ -28,11 +28,10 @@ from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import fixed, plain, with_u
 from pneudrive.report import campaign, provenance, speed, strokes
+from pneudrive.report.layout_figure import is_open, recorded_rig
 from pneudrive.report.page import Items, Paragraph, Picture, Report
 from pneudrive.report.render import draw_figure
-from pneudrive.report.sketch import is_open, recorded_rig
-from pneudrive.report.topics import Topic
-from pneudrive.report.words import (
+from pneudrive.report.tables import (
     MOST_SHOWN,
     broken,
     by_seal,
@@ -43,6 +42,7 @@ from pneudrive.report.words import (
     speed_mm_s,
     spread_evenly,
 )
+from pneudrive.report.topics import Topic
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
+    from pneudrive.report.fit import Addition, Fits, Study
     from pneudrive.report.page import Section
-    from pneudrive.report.study import Addition, Fits, Study
     from pneudrive.signals.recording import Recording
 
 #: Sections that recordings share with campaigns; a section without data is None.

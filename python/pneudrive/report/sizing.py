@@ -11,12 +11,12 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
-from pneudrive.report.circuit.drawing import draw_circuit
+from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, PageTable, Paragraph, Report
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
+from pneudrive.report.tables import plural
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import plural
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import HEAD, PARTS, READ, WRITTEN, row_of, sentences, set_to
 from pneudrive.sizing.search import MOST, is_of_command

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp
-from pneudrive.friction.conditions import ALL_RECORDINGS
+from pneudrive.friction.friction_map import ALL_RECORDINGS
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import fixed, with_u
+from pneudrive.report.tables import by_seal, gauge_bar, plural, sentence, speed_mm_s, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import by_seal, gauge_bar, plural, sentence, speed_mm_s, spread_evenly
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.pressure import LevelPoint
     from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.report.fit import Fits, Study
     from pneudrive.report.page import Block, Section
-    from pneudrive.report.study import Fits, Study
 
 MOST_LABELS = 40  # points labelled with their pressure
 MOST_CURVES = 8

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
-from pneudrive.friction.conditions import PA_PER_BAR
+from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.numbers import with_interval
+from pneudrive.report.tables import CHAMBERS, MM, condition_names, plural, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import CHAMBERS, MM, condition_names, plural, spread_evenly
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

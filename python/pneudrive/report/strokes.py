@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.figures import THIN, Axis, Figure, Line, Look, Markers, Panel, Rule
-from pneudrive.friction.breakaway import NEEDED_RISE_SAMPLES, offset_line
+from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.numbers import fixed
 from pneudrive.report.page import Paragraph
+from pneudrive.report.tables import by_seal, gauge_bar, plural, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.friction.breakaway import ReversalPeak
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.friction.stick_slip import StickSlip
+    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
     from pneudrive.report.page import Section
 
 MOST_PANELS, MOST_ROWS, MOST_NAMED = 6, 12, 10

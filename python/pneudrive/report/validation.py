@@ -26,9 +26,8 @@ from pneudrive.figures import (
     thin,
 )
 from pneudrive.report.page import Paragraph, Picture, Report
-from pneudrive.report.tables import quantity
+from pneudrive.report.tables import MOST_SHOWN, plural, quantity, sentence, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import MOST_SHOWN, plural, sentence, spread_evenly
 from pneudrive.validate.balance import BALANCES, moving_mass
 from pneudrive.validate.validation import CHANNELS
 

@@ -14,7 +14,7 @@ Times of samples are those of `pneudrive.rig.motion.schedule`::
 Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
 another).
 
-A new kind of rig needs a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`. The kind
+A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The kind
 is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
 
 Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed.
@@ -42,8 +42,8 @@ from pneudrive.rig.interface import (
 
 if TYPE_CHECKING:
     from pneudrive.rig.description import AnalogSensor, Encoder, EncoderClock, TimeClock
-    from pneudrive.rig.loading import load_rig, shipped_rigs
     from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, schedule, uniform_in_position
+    from pneudrive.rig.rig_file import load_rig, shipped_rigs
     from pneudrive.rig.simulated import RigSession, SimulatedRig, Trace, sweep
 
 __all__ = [
@@ -79,7 +79,7 @@ __all__ = [
 __getattr__ = lazy(
     __name__,
     {
-        "loading": ["load_rig", "shipped_rigs"],
+        "rig_file": ["load_rig", "shipped_rigs"],
         "motion": ["Limits", "Motion", "cycles", "dwell", "move", "schedule", "uniform_in_position"],
         "description": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
         "simulated": ["RigSession", "SimulatedRig", "Trace", "sweep"],

@@ -341,7 +341,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     base = content.pop("extends", None)
     if base is None:
         return content
-    from pneudrive.rig.loading import shipped_rigs
+    from pneudrive.rig.rig_file import shipped_rigs
 
     below = _open(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
     law, old = (_table(one, "friction").get("law") for one in (content, below))

@@ -21,12 +21,20 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.diagnosis import diagnose
-from pneudrive.validate.held_out import HELD_OUT, badge_of, held_out_notes, sources_of
-from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
-from pneudrive.validate.motion import MotionValidation, validate_motion
-from pneudrive.validate.regulator import RegulatorValidation, validate_regulator
-from pneudrive.validate.sensors import corrected
-from pneudrive.validate.signals import Signals
+from pneudrive.validate.metrics import (
+    HELD_OUT,
+    CrossCorrelation,
+    Metrics,
+    Whiteness,
+    badge_of,
+    cross_correlations,
+    held_out_notes,
+    metrics,
+    sources_of,
+    whiteness,
+)
+from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
+from pneudrive.validate.signals import Signals, corrected
 from pneudrive.validate.simulation import ModelRun, RecordedBreakaway, breakaways, run_model
 
 if TYPE_CHECKING:

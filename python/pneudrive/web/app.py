@@ -47,7 +47,7 @@ ANSWERS = {
     "PUT /api/file": "drive.description:written_file",
     "GET /api/lineage": "lineage:shown_lineage",
     "GET /api/stale": "lineage:stale_results",
-    "GET /api/headlines": "headlines:headlines",
+    "GET /api/headlines": "results:headlines",
     "GET /api/report": "results:report_address",
     "POST /api/rename": "drop:rename",
     "POST /api/own-layout": "drop:with_own_layout",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.estimate.threads import one_thread
+from pneudrive.estimate.profile import one_thread
 
 GROUPS, REPEATS = 12, 6
 

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import pneudrive as pn
 from pneudrive import _core
-from pneudrive.errors import FitError
+from pneudrive.errors import FitError, PneudriveWarning
 from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.fit import fit_any_law
 from pneudrive.identify.static.result import LawFit
 
@@ -162,3 +165,67 @@ def test_messages(make_map, friction_of):
         fit_any_law(curves, guess, free=["columb"])
     with pytest.raises(FitError, match="too few values"):
         fit_any_law(curves, guess)
+
+
+# --- Whatever a map holds, a fit ends in a result whose parts fit together, or in one clear message.
+
+FRICTION = st.one_of(st.floats(-100.0, 100.0), st.floats(1e-9, 1e6), st.just(0.0), st.just(float("nan")))
+STDERR = st.one_of(st.floats(1e-9, 1e3), st.just(0.0), st.just(float("nan")))
+ROW = st.tuples(st.floats(1e-4, 1.0), FRICTION, STDERR, st.sampled_from((0.0, 1e5, 3e5)), st.sampled_from((0.0, 1e5)))
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    rows=st.lists(ROW, min_size=1, max_size=14),
+    law=st.sampled_from(("coulomb", "stribeck")),
+    pressure=st.booleans(),
+    robust=st.booleans(),
+    strokes=st.integers(1, 20),
+)
+def test_fit_or_message(make_map, rows, law, pressure, robust, strokes):
+    speed, friction, stderr, gauge_a, gauge_b = (np.array(column) for column in zip(*rows, strict=True))
+    data = make_map(speed, friction, stderr, gauge_a=gauge_a, gauge_b=gauge_b, strokes=strokes)
+    try:
+        fit = fit_friction(data, law, pressure_dependence=pressure, robust=robust)
+    except FitError:
+        return
+    assert np.isfinite(fit.covariance).all()
+    np.testing.assert_array_equal(fit.covariance, fit.covariance.T)
+    for name, (low, high) in fit.intervals.items():
+        assert low <= high
+        if name in fit.parameters and np.isfinite(fit.parameters[name]):
+            assert low <= fit.parameters[name] <= high
+    assert set(fit.determined) <= set(fit.parameters)
+    assert not set(fit.determined) & {statement.parameter for statement in fit.undetermined}
+    assert np.isfinite(fit.predict([0.01, 0.1], 1e5, 1e5).friction_n).all()
+    assert str(fit)
+
+
+# --- What is applied beside start values: the fit says how far off a run of that mixture is, as a new run finds it
+# too.
+
+pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
+COMMAND, DURATION, START = "0 s: 0.3, 0.15 s: -0.4", "0.3 s", "position = 200 mm, pressure_a = 3 bar abs"
+
+
+def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mixture(tmp_path):
+    truth = pn.Drive.load("catalogue:reference").replace({"load.mass": "5 kg"})
+    run = pn.simulate(truth, COMMAND, DURATION, initial=START)
+    start = truth.replace({"load.mass": "8 kg", "cylinder.moving_mass": "3 kg", "valve.conductance": "2.5 dm3/(s bar)"})
+    fit = pn.identify(start, run, ["load.mass", "cylinder.moving_mass", "valve.conductance"])
+    assert {u.parameter for u in fit.undetermined} == {"load.mass", "cylinder.moving_mass"}
+    assert fit.values["valve.conductance"] == pytest.approx(truth.valve.conductance_m3_s_pa, rel=1e-4)
+    words = "apply keeps the start value of load.mass, cylinder.moving_mass in addition to the fitted values"
+    with pytest.warns(PneudriveWarning, match=words) as said:
+        mixed = fit.apply()
+    again = pn.simulate(mixed, COMMAND, DURATION, initial=START)
+    (note,) = [str(w.message) for w in said if str(w.message).startswith(words)]
+    off_m = float(np.sqrt(np.mean((again.position - run.position).to_numpy() ** 2)))
+    stated_mm, fitted_mm = map(float, re.findall(r"([0-9.e-]+) mm", note))
+    assert stated_mm == pytest.approx(1e3 * off_m, rel=0.02)
+    assert stated_mm > 1.0 > 100.0 * fitted_mm
+    fit.to_toml(tmp_path / "fit.toml")
+    with pytest.warns(PneudriveWarning, match=words):
+        read_fit(tmp_path / "fit.toml").apply()
+    with pytest.warns(PneudriveWarning, match="combined with values outside the fit: run `pneudrive validate`"):
+        read_fit(tmp_path / "fit.toml").apply(start.replace({"load.mass": "4 kg"}))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.levels import distinct
+from pneudrive.estimate.autocorrelation import distinct
 from pneudrive.estimate.losses import moderate
 from pneudrive.identify import fit_directions, fit_friction
 

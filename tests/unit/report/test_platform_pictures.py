@@ -25,8 +25,7 @@ from pneudrive.report.platform.page import (
     platform_section,
     read_platform_run,
 )
-from pneudrive.report.platform.scene import INKS, platform_lines, platform_scene
-from pneudrive.report.platform.svg import platform_svg
+from pneudrive.report.platform.scene import INKS, platform_lines, platform_scene, platform_svg
 from pneudrive.simulation.trajectory import save
 
 KINDS = ["platform/3-rps", "platform/3-upu", "platform/6-ups", "platform/linear-delta"]

@@ -1,11 +1,21 @@
 """A trajectory as a picture, by the suffix of the file; wrong names are one message."""
 
+from __future__ import annotations
+
+import inspect
+import re
 from pathlib import Path
 
 import pytest
 
 import pneudrive as pn
+from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
+from pneudrive.friction import level
+from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
+from pneudrive.friction.sentences import flag_sentences, flag_table
+from pneudrive.report.recordings import pressure_panel
+from pneudrive.signals import recording, text_table
 
 STARTS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
 
@@ -51,3 +61,54 @@ def test_the_position_of_a_valve_is_no_distance():
     lines = {axis.get_ylabel(): [line.get_label() for line in axis.get_lines()] for axis in axes}
     assert len(lines["position / mm"]) == 1
     assert lines["valve position"] == ["in_a", "out_a", "in_b", "out_b"]
+
+
+# --- A figure says what the text says: the band of a line over pressure holds a further run only where one was seen.
+
+
+@pytest.mark.parametrize("runs", [("1",), ("1", "2")])
+def test_the_legend_promises_no_further_run_where_nothing_was_run_twice(runs):
+    points = [
+        LevelPoint(f"{run} at {bar} bar", "seal", run, 1e5 * bar, 0.1, 10.0 + 2.0 * bar + off, 0.1)
+        for run, more in zip(runs, (0.0, 0.8), strict=False)
+        for bar, off in zip((1, 2, 4, 6), (more, more + 0.1, more - 0.1, more), strict=True)
+    ]
+    (line,) = fit_pressure_lines(points)
+    label = pressure_panel(points, line, runs).marks[0].label
+    assert ("for a further run" in label) == (len(runs) > 1)
+    assert ('two values of the label "run"' in line.statement) == (len(runs) == 1)
+    assert "+-0.00" not in line.statement
+
+
+# --- Every flag that a map can carry has a meaning and a remedy, which terminal, report, page and guide take.
+
+FLAGS = flag_table()
+GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"
+
+
+def test_the_guide_has_the_meanings_and_remedies_of_the_table():
+    table = GUIDE.read_text(encoding="utf-8").partition("| --- | --- | --- |\n")[2].partition("\n\n")[0]
+    rows = [re.findall(r"[^|]+", line) for line in table.splitlines()]
+    assert len(rows) >= 26
+    for name, means, do in rows:
+        assert FLAGS[name.strip(" `")] == {"means": means.strip(), "do": do.strip()}
+
+
+def test_terminal_and_notebook_explain_the_raised_flags(make):
+    found = characterise_recordings(make(friction=-4.0))
+    assert flag_sentences(["negative_friction"])[0] in found.view().notes
+    assert not any("unpaired:" in note for note in found.view().notes)
+
+
+def test_what_the_code_raises_is_explained():
+    of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(level.level_flags)))
+    of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(level.doubts_of)))
+    of_samples = set(re.findall(r'count\("(\w+)"', inspect.getsource(recording.clean)))
+    of_samples |= set(
+        re.findall(r'"(\w+)"', inspect.getsource(recording._bad_samples).split("masks = ")[1].split("}")[0])
+    )
+    of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table.read_text)))
+    assert len(of_levels) >= 14
+    assert len(of_samples) >= 6
+    assert of_rows == {"unreadable_row"}
+    assert of_levels | of_samples | of_rows <= set(FLAGS)

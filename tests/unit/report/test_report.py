@@ -1,11 +1,28 @@
 """The report of real recordings: sections in their order, figures as files, nothing loaded from elsewhere."""
 
+from __future__ import annotations
+
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from pneudrive.report import write_report
+from pneudrive.characterise import characterise_recordings, load_recordings
+from pneudrive.figures import LOOKS, Drawing
+from pneudrive.friction.pressure import LevelPoint
+from pneudrive.identify.static.fit import fit_characterisation
+from pneudrive.report import style, write_report
+from pneudrive.report.circuit.blocks import text_width
+from pneudrive.report.page import Picture, Report, svg_text
+from pneudrive.report.recordings import closures, pressure_panel, sections
+from pneudrive.report.render import render
+from pneudrive.report.speed import verdict
+from pneudrive.rig import SimulatedRig, sweep
+from pneudrive.signals.load import from_run
+from pneudrive.studies.bracha.stick_slip import creep
 
 ORDER = [
     "measured",
@@ -94,3 +111,140 @@ def test_what_is_real_and_what_cannot_be_determined_is_said(page):
     assert "Real: the recordings" in page
     assert "Values that these data cannot determine" in page
     assert "CC0" in page  # the note of the source beside the recordings
+
+
+# --- Whatever the recordings hold, there is a report: sections that have no data are left out.
+
+DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
+
+
+def recording():
+    return load_recordings([DATA / "friction" / "NAPN_5bar.csv.xz"])[0]
+
+
+def part_of(whole, stop):
+    channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+    return replace(whole, **{name: getattr(whole, name)[:stop] for name in channels})
+
+
+def unpressurised(whole):
+    return replace(whole, pressure_b_pa=np.full(len(whole), whole.ambient_pressure_pa), accuracy={}, labels={})
+
+
+INPUTS = {
+    "one recording": lambda: [recording()],
+    "one stroke": lambda: [part_of(recording(), 700)],
+    "no pressure, no labels": lambda: [unpressurised(recording())],
+    "both chambers": lambda: sweep(SimulatedRig.default(), [0.01, 0.1], ((1e5, 0.0), (0.0, 1e5), (2e5, 1e5))),
+    "one simulated cycle": lambda: [SimulatedRig.default().measure(0.05)],
+}
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_there_is_a_report(name, tmp_path):
+    found = characterise_recordings(INPUTS[name]())
+    fits, _ = fit_characterisation(found)
+    page = write_report(found, fits, tmp_path).read_text(encoding="utf-8")
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()
+    assert 3 <= len(verdict(found, fits, None)) <= 5
+    assert ("synthetic" in page.split("</nav>")[0].split("<nav")[1]) == found.synthetic
+
+
+def test_no_fit_and_no_stick_slip_are_said(tmp_path):
+    found = characterise_recordings([recording()])
+    page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
+    assert "No law could be fitted" in page
+    assert "shows stick-slip. Sampling" in page
+
+
+def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
+    found = characterise_recordings([from_run(creep("stribeck"))])
+    page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
+    assert "1 of 1 stroke stick and slip" in page
+    assert (tmp_path / "figures" / "stick-slip-recordings-phase.png").is_file()
+
+
+def test_text_from_files_cannot_become_markup():
+    name = "<script>alert(1)</script>"
+    assert name not in Report(name, [name], []).html()
+
+
+def test_signs_that_turn_a_text_are_shown_and_the_page_runs_nothing():
+    name = f"seal {chr(0x202E)}raB 5{chr(0x202C)}{chr(7)}"
+    page = Report(name, [name], []).html()
+    assert "seal \\u202eraB 5\\u202c\\x07" in page
+    assert not set(page) & {chr(0x202E), chr(0x202C), chr(7)}
+    policy = page.partition("Content-Security-Policy")[2].partition(">")[0]
+    assert "default-src &#39;none&#39;" in policy
+    assert "script-src" not in policy
+
+
+# --- Figures can be read: every axis says its quantity and unit, curves differ in grey, equal data give equal files.
+
+UNITLESS = {"samples on the rise", "stroke in its direction"}
+
+
+@pytest.fixture(scope="module")
+def pictures(real, made):
+    found, fits = real
+    parts = Report("", [], sections(found, fits, made.addition(found))).sections
+    return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
+
+
+def test_every_axis_says_its_quantity_and_unit(pictures):
+    assert len(pictures) >= 18
+    for picture in pictures:
+        for panel in filter(None, picture.figure.panels):
+            if isinstance(panel.marks[0], Drawing):
+                continue
+            x, y = picture.figure.axes_of(panel)
+            assert x.unit or x.label in UNITLESS, picture.name
+            assert y.unit or y.names or picture.figure.share_y or picture.name == "paper-9-stop", picture.name
+
+
+def test_captions_are_sentences_and_synthetic_ones_are_marked(pictures):
+    for picture in pictures:
+        assert picture.caption.endswith((".", "²."))
+        assert picture.synthetic == picture.name.startswith(("recovered", "paper", "stick-slip", "chamber"))
+
+
+def test_text_of_a_user_is_never_a_formula(tmp_path):
+    """Dollars around an unknown command end matplotlib with a traceback; around a known one they vanish."""
+    name = r"a $\x$ b"
+    width = [text_width(text, 10.0) for text in ("x$_1$", "x$_1$ ")]
+    assert width[0] > text_width("x_1", 10.0)  # a subscript is narrower
+    figure = style.new_figure(2.0)
+    axis = figure.subplots()
+    axis.plot([20.0, 50.0], [0.0, 1.0], label=name)
+    axis.set_yticks([0.0, 1.0], [name, name])
+    axis.set_title(name)
+    style.logarithmic(axis)
+    axis.legend()
+    with style.applied():
+        figure.savefig(tmp_path / "a.svg")  # labels of ticks are made here
+    figure.savefig(tmp_path / "b.svg", metadata={"Date": None})
+    assert not any("$" in text.get_text() for text in axis.get_xticklabels(which="both"))
+
+
+def test_looks_differ_without_colour():
+    assert len({(str(look.dash), look.marker) for look in LOOKS}) == len(LOOKS)
+
+
+def test_equal_data_give_equal_files(real):
+    with style.applied():
+        once, again = (svg_text(render(closures(list(real[0].closures)))) for _ in range(2))
+    assert once == again
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_run_keeps_its_marker_in_all_panels(order):
+    points = [
+        LevelPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
+        for run in ("1", "second")
+        for bar in (1, 4, 7)
+    ]
+    marks = pressure_panel(points[::order], None, ["0", "1", "second"]).marks
+    assert [(mark.label.partition(",")[0], mark.look) for mark in marks] == [
+        ("run 1", LOOKS[1]),
+        ("run second", LOOKS[2]),
+    ]

@@ -2,10 +2,28 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from pneudrive.errors import DescriptionError
-from pneudrive.rig import SimulatedRig, shipped_rigs
+from oracle.rig_faults import KINDS, Fault, FaultyRig
+from pneudrive.errors import CommandError, DescriptionError, RigError
+from pneudrive.rig import (
+    Limits,
+    Move,
+    Reproducible,
+    Rig,
+    Samples,
+    Sampling,
+    SimulatedRig,
+    cycles,
+    dwell,
+    load_rig,
+    move,
+    shipped_rigs,
+    uniform_in_position,
+)
 from pneudrive.rig.description import DEFAULT, bare, read_description
 
 ASSUMED = 'source = "assumed", reason = "for this test"'
@@ -82,3 +100,185 @@ def extending(table, key, value):
 def test_files_that_do_not_fit_together(tmp_path, text, message):
     with pytest.raises(DescriptionError, match=message):
         read_description(written(tmp_path, text))
+
+
+# --- Each fault does to the samples what it says, in its cycle and interval, and nothing else.
+
+STEPS = [Move(0.2, 0.1)]
+SAMPLING = Sampling(samples_per_stroke=400, burst_rate_hz=0.0)
+
+
+def run(*faults):
+    """Run three cycles, the second of them struck; give what came and what would have come without faults."""
+    out = []
+    for told in (faults, ()):
+        rig = FaultyRig(load_rig(seed=1), told)
+        for key in ("1", "2", "3"):
+            rig.move(0.02, 0.2)
+            rig.begin_cycle(key)
+            out.append(Samples.join(list(rig.acquire(STEPS, SAMPLING))))
+    return out[:3], out[3:]
+
+
+def window(samples):
+    return (samples.time_s >= 0.5) & (samples.time_s < 1.0)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("lost", "state")])
+def test_it_strikes_its_interval_alone(kind):
+    value = {"offset": 3.0, "clock": 0.7}.get(kind)
+    spoiled, clean = run(Fault(kind, cycles=(2,), begin_s=0.5, end_s=1.0, value=value))
+    for i in (0, 2):
+        np.testing.assert_array_equal(spoiled[i].force_n, clean[i].force_n)
+        np.testing.assert_array_equal(spoiled[i].time_s, clean[i].time_s)
+    inside, got, had = window(clean[1]), spoiled[1], clean[1]
+    changed = {
+        "stuck": lambda: np.all(got.force_n[inside] == had.force_n[inside][0]),
+        "nan": lambda: np.all(np.isnan(got.force_n[inside])),
+        "saturated": lambda: np.all(got.force_n[inside] == 200.0),
+        "offset": lambda: np.allclose(got.force_n[inside], had.force_n[inside] + 3.0),
+        "dropped": lambda: len(got) == len(had) - inside.sum() and not window(got).any(),
+        "duplicated": lambda: np.sum(np.diff(got.time_s) == 0.0) == inside.sum() == len(got) - len(had),
+        "clock": lambda: np.allclose(got.time_s[inside], had.time_s[inside] - 0.7),
+    }
+    assert changed[kind]()
+    if len(got) == len(had):
+        np.testing.assert_array_equal(got.force_n[~inside], had.force_n[~inside])
+
+
+def test_a_lost_connection_leaves_the_axis_at_rest():
+    rig = FaultyRig(load_rig(seed=1), [Fault("lost", begin_s=0.5)])
+    assert isinstance(rig, Rig)
+    assert isinstance(rig, Reproducible)
+    with pytest.raises(RigError, match="connection to the rig is lost"):
+        list(rig.acquire(STEPS, SAMPLING))
+    assert not rig.state().moving
+    rig.home()
+
+
+def test_the_state_shows_it_for_some_looks():
+    faults = [Fault("state", cycles=(1,), channel="supply_pressure_pa", value=2e5, looks=2)]
+    rig = FaultyRig(load_rig(), [*faults, Fault("state", cycles=(2,), text="drive fault 7", looks=1)])
+    assert [rig.state().supply_pressure_pa for _ in range(3)] == [2e5, 2e5, 7e5]
+    list(rig.acquire(STEPS, SAMPLING))
+    assert [rig.state().fault for _ in range(2)] == ["drive fault 7", None]
+
+
+def test_unknown_faults_are_refused():
+    with pytest.raises(RigError, match=r"(?s)'stck' is unknown.*Did you mean 'stuck'"):
+        Fault("stck")
+    with pytest.raises(RigError, match="'force' is unknown"):
+        Fault("nan", channel="force")
+
+
+# --- Servo motion keeps its limits, is continuous, and ends exactly where it should.
+
+DISTANCE = st.floats(1e-4, 3.0)
+SPEED = st.floats(1e-4, 4.0)
+LIMITS = st.builds(Limits, st.floats(0.05, 50.0), st.floats(0.5, 5e4))
+CASE = {"distance": DISTANCE, "speed": SPEED, "limits": LIMITS, "sign": st.sampled_from((1.0, -1.0))}
+
+
+@settings(max_examples=300, deadline=None)
+@given(**CASE)
+def test_limits_and_end_state(distance, speed, limits, sign):
+    motion = move(sign * distance, speed, limits, start_m=0.25)
+    _, position, velocity, acceleration = motion.knots()
+    tiny = 1e-12
+    assert np.all(motion.durations_s > 0.0)
+    assert abs(position[-1] - 0.25 - sign * distance) <= tiny * max(distance, 0.25)
+    assert abs(velocity[-1]) <= tiny * speed
+    assert abs(acceleration[-1]) <= tiny * limits.acceleration_m_s2
+    assert np.max(np.abs(motion.jerks_m_s3)) <= limits.jerk_m_s3 * (1.0 + tiny)
+    # acceleration is linear between knots, and velocity extreme where it vanishes: at knots only
+    assert np.max(np.abs(acceleration)) <= limits.acceleration_m_s2 * (1.0 + tiny)
+    assert np.max(np.abs(velocity)) <= speed * (1.0 + tiny)
+    assert np.all(sign * velocity >= -tiny * speed)
+
+
+@settings(max_examples=100, deadline=None)
+@given(**CASE)
+def test_continuity(distance, speed, limits, sign):
+    motion = move(sign * distance, speed, limits)
+    knots = motion.knots()
+    inner = knots[0, 1:-1]
+    before, after = motion.at(inner * (1.0 - 1e-12)), motion.at(inner * (1.0 + 1e-12))
+    reach = 4e-12 * motion.duration_s  # what each may change by over the gap between both times
+    slopes = (speed, limits.acceleration_m_s2, limits.jerk_m_s3)
+    scales = (distance, speed, limits.acceleration_m_s2)
+    for low, high, slope, scale in zip(before, after, slopes, scales, strict=True):
+        np.testing.assert_allclose(low, high, rtol=0.0, atol=reach * slope + 1e-12 * scale)
+
+
+@settings(max_examples=100, deadline=None)
+@given(**CASE)
+def test_time_reversal_mirrors_the_move(distance, speed, limits, sign):
+    motion = move(sign * distance, speed, limits)
+    time = np.linspace(0.0, motion.duration_s, 41)
+    position, velocity, _ = motion.at(time)
+    back, velocity_back, _ = motion.at(motion.duration_s - time)
+    np.testing.assert_allclose(position + back, sign * distance, atol=1e-9 * distance)
+    np.testing.assert_allclose(velocity, velocity_back, atol=1e-7 * speed)
+
+
+@settings(max_examples=100, deadline=None)
+@given(distance=DISTANCE, limits=LIMITS)
+def test_top_speed_is_just_reached(distance, limits):
+    top = limits.top_speed_m_s(distance)
+    assert 2.0 * limits.ramp_distance_m(top) == pytest.approx(distance, rel=1e-9)
+    _, _, velocity, _ = move(distance, 10.0 * top, limits).knots()
+    assert velocity.max() == pytest.approx(top, rel=1e-9)
+
+
+def test_known_move():
+    # 5 m/s2 and 50 m/s3: 0.1 s up and down with jerk; 0.5 m/s takes 0.2 s and 0.05 m
+    limits = Limits(5.0, 50.0)
+    assert limits.ramp_time_s(0.5) == pytest.approx(0.2)
+    assert limits.ramp_distance_m(0.5) == pytest.approx(0.05)
+    motion = move(0.6, 0.5, limits)
+    assert motion.duration_s == pytest.approx(0.2 + 1.0 + 0.2)
+    assert motion.at(0.7)[0] == pytest.approx(0.3)
+    assert motion.at(0.7)[1] == pytest.approx(0.5)
+
+
+def test_cycles_return_and_count():
+    motion = cycles(0.01, 0.29, 0.1, Limits(5.0, 200.0), count=3, dwell_s=0.5)
+    assert motion.at(motion.duration_s)[0] == pytest.approx(0.01, abs=1e-12)
+    position = motion.at(np.linspace(0.0, motion.duration_s, 20001))[0]
+    assert position.max() == pytest.approx(0.29, abs=1e-12)
+    assert position.min() == pytest.approx(0.01, abs=1e-12)
+    still = cycles(0.01, 0.29, 0.1, Limits(5.0, 200.0), count=3)
+    assert motion.duration_s == pytest.approx(still.duration_s + 6 * 0.5)
+
+
+@pytest.mark.parametrize("dwell_s", [0.0, 1.0])
+def test_encoder_clock_is_even_along_the_path(dwell_s):
+    motion = cycles(0.005, 0.295, 0.45, Limits(5.0, 200.0), count=2, dwell_s=dwell_s)
+    time = uniform_in_position(motion, 10001)
+    assert np.all(np.diff(time) > 0.0)
+    position = motion.at(time)[0]
+    np.testing.assert_allclose(np.abs(np.diff(position)), 4 * 0.29 / 10000, rtol=1e-6)
+
+
+def test_speed_that_is_not_reached_says_what_is():
+    with pytest.raises(CommandError, match=r"(?s)450 mm/s is not reached within 30 mm.*51\.75 mm.*at most 329\.8 mm/s"):
+        cycles(0.0, 0.03, 0.45, Limits(5.0, 200.0))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: move(0.0, 0.1, Limits(1.0, 1.0)),
+        lambda: move(np.nan, 0.1, Limits(1.0, 1.0)),
+        lambda: move(0.1, -0.1, Limits(1.0, 1.0)),
+        lambda: dwell(-1.0),
+        lambda: Limits(0.0, 1.0),
+        lambda: Limits(1.0, np.inf),
+        lambda: cycles(0.2, 0.1, 0.1, Limits(1.0, 1.0)),
+        lambda: cycles(0.1, 0.2, 0.1, Limits(1.0, 1.0), count=0),
+        lambda: cycles(0.1, 0.2, np.nan, Limits(1.0, 1.0)),
+    ],
+)
+def test_motions_that_make_no_sense(call):
+    with pytest.raises(CommandError):
+        call()

@@ -666,7 +666,7 @@ class Protocol(ProtocolTable):
     """of earlier versions; not applied"""
     conditions: Conditions = Conditions()
     limits: Tightened = Tightened()
-    position: Range = Range()
+    position: Range = Range()  # pyright: ignore[reportCallIssue] - its validator gives the range
     design: dict[str, Any] | None = None
     """of earlier versions; not applied"""
     fraction: Fraction | None = None

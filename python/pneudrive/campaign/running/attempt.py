@@ -8,7 +8,7 @@ from concurrent.futures import Future, wait
 from typing import TYPE_CHECKING, Any, cast
 
 from pneudrive.campaign.cycle import Head
-from pneudrive.campaign.storage.files import now
+from pneudrive.campaign.storage.control import now
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs, plain
 from pneudrive.rig.job_thread import JobThread

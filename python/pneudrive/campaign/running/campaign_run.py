@@ -17,8 +17,19 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.running.attempt import Attempts, GivenUpError, as_own_error
 from pneudrive.campaign.running.checks import FAULT, NO_ANSWER, MeasuringBounds, arrival_flags, look, serious
 from pneudrive.campaign.running.live import Display, LiveFiles, guarded
-from pneudrive.campaign.storage.control import ABORT, CTRL_C, LOOK_S, PAUSE, RESUME, STOP, Requests
-from pneudrive.campaign.storage.files import REMEDIES, Journal, now, user
+from pneudrive.campaign.storage.control import (
+    ABORT,
+    CTRL_C,
+    LOOK_S,
+    PAUSE,
+    REMEDIES,
+    RESUME,
+    STOP,
+    Journal,
+    Requests,
+    now,
+    user,
+)
 from pneudrive.campaign.storage.folder import CYCLES, LOG, tidy, write_cycle, write_truth
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 
@@ -29,7 +40,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle, Head
     from pneudrive.campaign.planning.points import Plan
-    from pneudrive.campaign.storage.files import FolderLock
+    from pneudrive.campaign.storage.control import FolderLock
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples

@@ -12,8 +12,7 @@ from zlib import crc32
 
 import numpy as np
 
-from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS
-from pneudrive.campaign.storage.files import write_whole
+from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes, read_json
 
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.points import Plan
-    from pneudrive.campaign.storage.files import Journal
+    from pneudrive.campaign.storage.control import Journal
     from pneudrive.rig.interface import Samples
 
     Points = NDArray[np.float32]

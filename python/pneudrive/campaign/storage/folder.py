@@ -26,7 +26,7 @@ from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Head, check_schema
 from pneudrive.campaign.cycle import read_head as parse_head
 from pneudrive.campaign.storage.control import FOLDER as CONTROL
-from pneudrive.campaign.storage.files import PART, clear_errors, make_folder, write_whole
+from pneudrive.campaign.storage.control import PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet

@@ -15,8 +15,7 @@ from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.pose.legs import check_path, demands, leg_reference, leg_tunings
 from pneudrive.control.pose.path import PoseScore, Tracked, pose_path
 from pneudrive.control.results.measures import LAST_S, air_of
-from pneudrive.control.setup import read_setup, ready_setups
-from pneudrive.control.supervision import told
+from pneudrive.control.setup import read_setup, ready_setups, told
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.platforms import platform as platform_of

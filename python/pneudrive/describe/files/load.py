@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.components import component_class
+from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
+from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.short import TABLES, TUBES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-    from typing import Any
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
 
 #: Tables that make a file a circuit.
 OF_A_CIRCUIT = ("components", "connections")
@@ -60,3 +62,106 @@ def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object
     from pneudrive.describe.drive import Drive
 
     return Drive.from_tables(tables, text, path)
+
+
+# --- JSON schemas of the drive file and of the circuit file.
+
+_COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+
+
+def drive_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a drive file.
+
+    No table is required in a file with ``drive = "catalogue:NAME"``.
+    """
+    schema = Drive.model_json_schema(by_alias=True)
+    required = schema.pop("required")
+    schema["properties"]["drive"] = {
+        "type": "string",
+        "pattern": "^catalogue:.+$",
+        "description": "Drive of the catalogue to start from; values of the file replace its values.",
+    }
+    model = {"enum": list(TUBES), "default": "steady", "description": "Model of the tube; alternative to kind"}
+    for table, kind in (("tubing", "tube"), ("flow_control", "flow-control")):
+        schema["properties"][table] = _for_each_chamber(kind, {"model": model} if kind == "tube" else {})
+    whole = {"required": required, "properties": {"drive": False}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "anyOf": [whole, {"required": ["drive"]}],
+    }
+
+
+def circuit_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a circuit file."""
+    schema = Circuit.model_json_schema(by_alias=True)
+    definitions = schema.setdefault("$defs", {})
+    definitions.pop("Component", None)
+    alternatives = []
+    for kind, entry in component_kinds().items():
+        made = component_class(kind)
+        one = made.model_json_schema(by_alias=True)
+        one["properties"] |= {old: one["properties"][key] | {"deprecated": True} for old, key in made.renamed.items()}
+        definitions |= one.pop("$defs", {})
+        if entry["formula"]:  # parameters of the formula are keys, too
+            one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
+            one["additionalProperties"] = {"type": ["string", "number", "object"]}
+        whole = _with_tables(one)
+        whole["properties"] = {key: _with_origin(form) for key, form in whole["properties"].items()} | {
+            "copies": _COPIES
+        }
+        alternatives.append(whole)
+    use = {"type": "string", "pattern": "^catalogue:.+$", "description": "Part of the catalogue; other keys override"}
+    alternatives.append({"type": "object", "properties": {"use": use, "copies": _COPIES}, "required": ["use"]})
+    schema["properties"]["components"] = {
+        "type": "object",
+        "additionalProperties": {"oneOf": alternatives},
+        "minProperties": 1,
+    }
+    for table in TABLES:
+        schema["properties"][table] = {"type": "object", "description": f"Same as [{table}] of a drive file"}
+    required = [key for key in schema.pop("required", []) if key != "components"]
+    schema |= {"required": required} if required else {}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a table of lines for each chamber.
+
+    In a flow control, a size without prefix is that of the needle.
+    """
+    own = component_class(kind).model_json_schema(by_alias=True)["properties"]
+    keys = {key: form for key, form in own.items() if key != "kind"}
+    keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
+    one = {"type": "object", "properties": keys | more, "additionalProperties": False}
+    return {"type": "object", "properties": {"a": one, "b": one}, "additionalProperties": False}
+
+
+def _with_origin(form: dict[str, Any]) -> dict[str, Any]:
+    """Allow a value with its origin; choices and tables stay unchanged."""
+    if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
+        return form
+    said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
+    table = {
+        "type": "object",
+        "properties": {"value": form} | said,
+        "required": ["value"],
+        "additionalProperties": False,
+    }
+    return {"anyOf": [form, table]}
+
+
+def _with_tables(component: dict[str, Any]) -> dict[str, Any]:
+    """Allow ``end_stop_stiffness`` and similar keys in a table ``end_stop``, too."""
+    properties, required = dict(component["properties"]), component.get("required", [])
+    parted: dict[tuple[str, ...], str] = {}  # keys of a possible inner table -> its longest name
+    for key in component["properties"]:
+        for end, sign in enumerate(key):
+            same = tuple(other for other in component["properties"] if other.startswith(key[: end + 1]))
+            if sign == "_" and len(same) > 1:
+                parted[same] = key[:end]
+    for keys, head in parted.items():
+        inner = {key.removeprefix(f"{head}_"): properties[key] for key in keys}
+        properties[head] = {"type": "object", "properties": inner, "additionalProperties": False}
+        required = [key for key in required if key not in keys]
+    return component | {"properties": properties, "required": required}

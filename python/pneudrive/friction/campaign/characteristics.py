@@ -11,7 +11,8 @@ import numpy as np
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.estimate.threads import one_thread
+from pneudrive.estimate.estimates import Estimate, mean_estimate
+from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.curves import (
     air_shares,
     asymmetries,
@@ -30,7 +31,13 @@ from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements
-from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
+from pneudrive.friction.campaign.stops.dwell_law import (
+    ASSUMED_DISTANCE_M,
+    FEWEST_STOPS,
+    ContactAge,
+    fit_contact_age,
+    fit_dwell,
+)
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.trends import (
     causes,
@@ -40,20 +47,32 @@ from pneudrive.friction.campaign.trends import (
     pure_scatter,
     repeatability,
 )
+from pneudrive.friction.friction_map import BOTH
 from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
+from pneudrive.identify.identified import Dependences
+from pneudrive.identify.static.fit import LAWS, fit_groups
 from pneudrive.progress import Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import xarray as xr
+    from numpy.typing import NDArray
 
+    from pneudrive.friction.campaign.result import Asymmetry
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.motion import SampleChoice
+    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
+
+    Array = NDArray[np.float64]
+
 
 STEPS = 3  # cycles, models, stops
 MEANS = ("friction_n", "offset_n", "stderr_n")
@@ -273,3 +292,294 @@ def _ranges(reading: CampaignData) -> Ranges:
         gauge_b_pa=span(cycles["pressure_b_pa"] - ambient),
         temperature_k=span(cycles["temperature_k"]),
     )
+
+
+# --- Measured effects of direction, position, stops and temperature, as tables of a drive's friction.
+#
+#   F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
+#
+# The factors of direction s and of position act on the levels, Coulomb and breakaway force. The curves are means
+# of both directions over the common range and also contain the viscous part. The age of the contact is that of
+# the drive's law. A stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the
+# age falls as exp(-travel/L).
+#
+# Friction laws are fitted to the map of a campaign with these effects: one fit for each set of mounting, seal and
+# drive.
+
+#: Largest share of the friction at the start of a hold that a drive's bristles may lose.
+MOST_RELAXED = 0.99
+
+Part = tuple[str, dict[str, object], dict[str, Estimate]]
+"""Key in [friction], its table, and the estimates in it by their names there."""
+
+
+def dependences_of(
+    found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str] = ("", "", "")
+) -> Dependences:
+    """Return the friction modifiers other than speed and pressure, in the form of a drive file.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    viscous_n_s_m : float
+        Viscous coefficient of the fit that uses it.
+    levels : tuple of str
+        Its mounting, seal and drive.
+
+    Returns
+    -------
+    Dependences
+        Only effects that exceed chance; notes on the others and on those that a drive file cannot describe.
+    """
+    notes: list[str] = []
+    held = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
+    series = max(held, key=lambda one: len(one.stops), default=None)
+    age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
+    slow, fast = found.ranges.speed_m_s
+    parts = [
+        *_direction(found, viscous_n_s_m, levels, notes),
+        *_position(found, viscous_n_s_m, levels),
+        *(() if age is None else _dwell(age, notes)),
+        *(() if series is None else _relaxation(series.stops, notes)),
+        *_temperature(found, viscous_n_s_m),
+    ]
+    notes += _run_in(found)
+    estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
+    tables = {key: table for key, table, _ in parts}
+    return Dependences(
+        tables=tables,
+        values={name: one.value for name, one in estimates.items()},
+        intervals={name: (one.low, one.high) for name, one in estimates.items()},
+        sliding={} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)},
+        notes=tuple(notes),
+        source=f"campaign {found.name}",
+    )
+
+
+def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
+    return condition is not None and condition.levels == levels
+
+
+def _weighted(estimates: Iterable[Estimate]) -> Estimate:
+    """Return the mean of estimates, each weighted by its variance."""
+    every = list(estimates)
+    weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in every])
+    value = float(weights @ [one.value for one in every] / weights.sum())
+    freedom = max((one.degrees_of_freedom for one in every), default=1.0)
+    return Estimate.of(value, float(weights.sum() ** -0.5), freedom, every[0].unit)
+
+
+# --- direction and position ----------------------------------------------------------------------------------------
+
+
+def _direction(
+    found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
+) -> Iterator[Part]:
+    """Return the factors on the levels in +x and -x: half the difference of both directions over the mean level."""
+    own = [one for one in found.asymmetry if _is_of(one.condition, levels)]
+    shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
+    if own and not shares:
+        notes.append("direction: without tare cycles the difference contains the zero of the force sensor; not applied")
+    if not shares or not (mean := _weighted(shares)).differs:
+        return
+    factors = {
+        "positive": Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1"),
+        "negative": Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1"),
+    }
+    yield "direction", {name: round(one.value, 6) for name, one in factors.items()}, factors
+
+
+def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float) -> Estimate | None:
+    curve = found.curve(one.condition, BOTH)
+    if curve is None:
+        return None
+    friction = np.interp(np.log(one.speed_m_s), np.log(curve.speed_m_s), curve.friction_n)
+    level = float(np.mean(friction - viscous_n_s_m * one.speed_m_s))
+    return one.mean.scaled(1.0 / level, "1") if level > 0.0 else None
+
+
+def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
+    """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
+    title = ", ".join(level for level in levels if level)
+    own = [one for one in found.position if one.levels == title]
+    curves = [curve for curve in found.curves if curve.direction == BOTH and _is_of(curve.condition, levels)]
+    if not own or not curves:
+        return
+    pattern = max(own, key=lambda one: (one.condition is None, one.cycles))
+    viscous = [viscous_n_s_m * curve.speed_m_s / curve.friction_n for curve in curves]
+    level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
+    away = pattern.position_m - (middle := float(pattern.position_m.mean()))
+    waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
+    shape = sum(
+        (c * np.cos(2.0 * np.pi * away / length) + s * np.sin(2.0 * np.pi * away / length) for length, c, s in waves),
+        np.zeros(away.size),
+    )
+    scale = 1.0 / (level - float(shape.mean()))  # the constant of the drive's factor is one
+    # a trend is not the mean over speeds but that of the most informative cycles: their fraction is arbitrary
+    spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
+    slope = pattern.trend_per_m.scaled(scale).widened(spread)
+    if not waves and not slope.differs:
+        return
+    table: dict[str, object] = {"reference": f"{middle:.6g} m"}
+    if slope.differs:
+        table["slope"] = f"{slope.value:.6g} 1/m"
+    if waves:
+        table["harmonics"] = [
+            {
+                "period": f"{length:.6g} m",
+                "amplitude": round(scale * float(np.hypot(c, s)), 6),
+                "phase": f"{-float(np.arctan2(s, c)):.6g} rad",
+            }
+            for length, c, s in waves
+        ]
+    yield "position", table, {"slope": slope} if slope.differs else {}
+
+
+# --- stops ---------------------------------------------------------------------------------------------------------
+
+
+def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]) -> ContactAge | None:
+    """Fit the age of the contact with the growth of the best law of breakaway that a drive file supports."""
+    if series is None:
+        return None
+    if not series.laws or series.slope is None:
+        notes.append("stops: too few durations for a law of breakaway over duration; not applied")
+        return None
+    law = next((law for law in series.laws if law.form.growth), None)
+    if law is None or not series.slope.differs:
+        return None
+    return fit_contact_age(series.stops, law.form, law.shape.get("m", law.form.exponent), ambient_pa)
+
+
+def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
+    if age.distance is None:
+        notes.append("stops: no return to sliding was recorded; the renewal distance of the contact is assumed, 0.1 mm")
+    if age.together:
+        notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
+    table: dict[str, object] = {
+        "growth": age.growth,
+        "increment": f"{age.increment.value:.6g} N",
+        "time": f"{age.time.value:.6g} s",
+        "distance": f"{age.distance_m:.6g} m",
+    }
+    if age.growth == "saturating":
+        table["exponent"] = age.exponent
+    if age.share_a_pa or age.share_b_pa:
+        table["pressure"] = {"a": f"{age.share_a_pa:.6g} 1/Pa", "b": f"{age.share_b_pa:.6g} 1/Pa"}
+    estimates = {"increment": age.increment, "time": age.time}
+    yield "dwell", table, estimates | ({} if age.distance is None else {"distance": age.distance})
+
+
+def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
+    """Return the fraction and time of the fall of a held force, if it has one time constant."""
+    held = [stop.relaxation for stop in stops if stop.relaxation is not None and stop.relaxation.amount.differs]
+    if len(held) < FEWEST_STOPS:
+        return
+    of_one_time = [one for one in held if one.form == "exponential"]
+    if len(of_one_time) <= len(held) / 2:
+        notes.append("relaxation: the force does not fall with one time constant as in a drive file; not applied")
+        return
+    shares = np.array([one.amplitudes_n[0] / (one.held_n + one.amplitudes_n[0]) for one in of_one_time])
+    shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
+    if shares.size < FEWEST_STOPS:
+        return
+    share = mean_estimate(shares, "1")
+    time = mean_estimate(np.log([one.times_s[0] for one in of_one_time]), "1")
+    middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
+    seconds = Estimate(middle, low, high, float("nan"), "s")
+    notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
+    table: dict[str, object] = {
+        "share": round(share.value, 6),
+        "time": f"{seconds.value:.6g} s",
+        "distance": f"{ASSUMED_DISTANCE_M:.6g} m",
+    }
+    yield "relaxation", table, {"share": share, "time": seconds}
+
+
+def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
+    """Change of friction with temperature, over the mean level."""
+    per_kelvin = None if found.drift is None else found.drift.per_kelvin
+    if per_kelvin is None or not per_kelvin.differs:
+        return
+    sliding = [cycle for cycle in found.cycles if np.isfinite(cycle.friction_n) and np.isfinite(cycle.temperature_k)]
+    level = float(np.mean([one.friction_n - viscous_n_s_m * one.speed_m_s for one in sliding]))
+    kelvin = float(np.mean([one.temperature_k for one in sliding]))
+    if level <= 0.0:
+        return
+    share = per_kelvin.scaled(1.0 / level, "1/K")
+    yield "temperature", {"reference": f"{kelvin:.6g} K", "levels": f"{share.value:.6g} 1/K"}, {"levels": share}
+
+
+def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
+    """Return the reason why a change of friction with the sliding distance is not applied.
+
+    The change is measured per decade of distance and does not converge. ``[friction.wear]`` falls exponentially to the
+    friction of a seal after run-in, to which the law's parameters belong. A logarithmic change determines neither this
+    friction nor the distance.
+    """
+    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
+    if per_decade is not None and per_decade.differs:
+        yield (
+            f"run-in: friction changes by {per_decade.value:.3g} N per decade of distance slid, and the data show no "
+            "end of it, which [friction.wear] of a drive file needs; not applied: the curve is that of the mean state "
+            "of the campaign"
+        )
+
+
+ALL = "all cycles"  # the group of a campaign without levels
+#: Note of a fit of rows that have no friction modifiers in common.
+AVERAGED = (
+    "direction, position, stops and temperature: the fit averages over several mountings, seals or drives; not applied"
+)
+NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
+
+
+def fit_campaign(
+    found: CampaignCharacteristics, laws: Sequence[str] = LAWS
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to the map of a campaign.
+
+    Parameters
+    ----------
+    found : CampaignCharacteristics
+    laws : sequence of str
+
+    Returns
+    -------
+    dict of dict of FrictionFit, list of str
+        Group -> law -> fit, and the failures. A group is a set of mounting, seal and drive, or
+        ``all cycles`` in a campaign without levels. Friction may depend on pressure if there were several.
+    """
+    with one_thread():
+        table = found.friction_map
+        names = np.array([", ".join(level for level in row if level) or ALL for row in _levels(table)])
+        groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
+        fits, problems = fit_groups(groups, laws, NO_POINTS)
+        for group, by_law in fits.items():
+            own = _levels(groups[group])[0]
+            fits[group] = {law: _with_dependences(fit, found, own) for law, fit in by_law.items()}
+        return fits, problems
+
+
+def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
+    """Return a fit of rows of a campaign's map with the friction modifiers that the campaign measured.
+
+    Rows of several sets of mounting, seal and drive do not have a common set. A note then reports this.
+    """
+    sets = set(_levels(part))
+    if len(sets) > 1:
+        return replace(fit, dependences=Dependences(notes=(AVERAGED,), source=f"campaign {found.name}"))
+    with one_thread():
+        return _with_dependences(fit, found, sets.pop())
+
+
+def _with_dependences(fit: FrictionFit, found: CampaignCharacteristics, levels: tuple[str, str, str]) -> FrictionFit:
+    viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
+    measured = dependences_of(found, viscous, levels)
+    is_of_both = fit.provenance["direction"] == "both"
+    return replace(fit, dependences=measured if is_of_both else measured.without("direction"))
+
+
+def _levels(table: xr.Dataset) -> list[tuple[str, str, str]]:
+    columns = [table[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
+    return list(zip(*columns, strict=True))

@@ -23,13 +23,13 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.describe.files.toml import read
 from pneudrive.errors import CampaignError
+from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
-from pneudrive.estimate.levels import cells, centred_walk, levels
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.estimate.threads import one_thread
+from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.campaign.sensors import stated_gain
-from pneudrive.friction.conditions import PA_PER_BAR
+from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.friction.sentences import capitalised, say
 from pneudrive.repr_tables import Card, Shown
 

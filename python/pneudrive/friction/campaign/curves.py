@@ -48,7 +48,7 @@ from pneudrive.friction.campaign.smooth import (
     wild_cycles,
     with_doubt,
 )
-from pneudrive.friction.conditions import BOTH
+from pneudrive.friction.friction_map import BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.cycles import CycleTable
     from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.sensors import Gain
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.signals.force_calibration import ForceCalibration
 
     Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.levels import levels
+from pneudrive.estimate.autocorrelation import levels
 from pneudrive.friction.bins import Grid, bin_means, grid_of, mean_profile
 from pneudrive.friction.budget import stated_shares
 from pneudrive.friction.motion import balance_of
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.motion import RecordedMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording

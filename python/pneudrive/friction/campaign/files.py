@@ -12,8 +12,7 @@ from pneudrive.describe.files.toml import key_text, value_text
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import Stop
-from pneudrive.friction.conditions import LEVELS
-from pneudrive.friction.friction_map import AMBIENT, columns_to_dataset, write_map
+from pneudrive.friction.friction_map import AMBIENT, LEVELS, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.simulation.trajectory import check_target, whole, write_frame
 

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import stderrs_of_means
-from pneudrive.estimate.levels import cells, levels
+from pneudrive.estimate.autocorrelation import cells, levels, stderrs_of_means
 from pneudrive.estimate.losses import moderate
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import CycleTable, mean_of_sides
 from pneudrive.friction.campaign.result import ExcludedPoint
-from pneudrive.friction.conditions import PA_PER_BAR
+from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.friction.level import BELOW_AMBIENT
 from pneudrive.friction.sentences import Said, named
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
 
     Array = NDArray[np.float64]
     Whole = NDArray[np.int64]
@@ -108,8 +107,8 @@ SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
     """Return sentences on cycles whose speeds or pressures differ from those of their plan.
 
-    The mean of the pressures of both directions is compared with the set ones in the headers, because the moving air
-    raises the pressure in one direction and lowers it in the other.
+    The moving air raises the pressure in one direction and lowers it in the other. Their mean is therefore compared
+    with the set pressures in the headers.
 
     Parameters
     ----------

@@ -22,12 +22,11 @@ import numpy as np
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
-from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.estimate.levels import levels
+from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
 from pneudrive.friction.campaign.cycles import CycleTable, Loop, chosen_loops, cycle_row, reduce_cycle, reversal_loop
 from pneudrive.friction.campaign.sensors import Gain, corrected, pressure_zeros, sensor_gain, without_zeros
-from pneudrive.friction.conditions import LEVELS, Condition, Skipped
+from pneudrive.friction.friction_map import LEVELS, Condition, Skipped
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move

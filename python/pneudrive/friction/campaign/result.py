@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.conditions import BOTH, PA_PER_BAR
+from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import ShownCurve, ShownValue, View
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.conditions import Condition, Skipped
+    from pneudrive.friction.friction_map import Condition, Skipped
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.autocorrelation import centred_walk, integrated_wiener, matern
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.levels import centred_walk, integrated_wiener, matern
 from pneudrive.estimate.mixed import (
     MOST_FOR_SEARCH,
     Functionals,

@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER
 from pneudrive.friction.campaign.smooth import CARRIED
-from pneudrive.friction.conditions import BOTH, PA_PER_BAR
+from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, named, say_all
 from pneudrive.signals.motion import straight_line
 

@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.estimate.autocorrelation import cells, centred_walk, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
-from pneudrive.estimate.levels import cells, centred_walk
 from pneudrive.estimate.losses import moderate
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
-from pneudrive.friction.conditions import PA_PER_BAR, TOLD, Condition, classify_pressures
+from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, Condition, classify_pressures
 from pneudrive.friction.sentences import say_all
 
 if TYPE_CHECKING:
@@ -565,7 +564,7 @@ def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> F
 def _sentences(
     design: _Design, found: PressureEffects, means: list[Estimate], with_time: list[bool], u: float
 ) -> Iterator[Said]:
-    """Say which slopes the pairs of pressures show, whether both effects add, and what is undetermined.
+    """Report the slopes that the pairs of pressures show, the test of their sum, and undetermined values.
 
     An interaction within the accuracy of the sensors does not count.
     """

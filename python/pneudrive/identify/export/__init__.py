@@ -1,11 +1,11 @@
 """Conversions: parameters of the other tool, and deviation of its curve from that of pneudrive.
 
-Simscape, Translational Friction [mathworks-friction]:
+Simscape, Translational Friction [mathworks-friction]::
 
   F = sqrt(2 e) (F_brk - F_C) exp(-(v/v_St)^2) v/v_St + F_C tanh(v/v_C) + f v
   v_St = sqrt(2) v_brk,  v_C = v_brk/10
 
-Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-and-friction]:
+Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-and-friction]::
 
   F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
 
@@ -15,7 +15,7 @@ least squares. The best scale is refined between its neighbours.
 The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
 
 Between the lowest and the highest speed, the curve is a cubic spline over u = ln v with evenly spaced knots. The
-interval is then found without a search:
+interval is then found without a search::
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
+from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.levels import distinct_levels, weak_coordinates
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.sentences import sentences
 from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter

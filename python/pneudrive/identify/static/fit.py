@@ -17,12 +17,12 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.autocorrelation import weak_coordinates
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.levels import weak_coordinates
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals
-from pneudrive.friction.conditions import ALL_RECORDINGS, group_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.static.diagnose import (
     Support,

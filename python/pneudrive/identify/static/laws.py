@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.levels import distinct_levels
+from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
 from pneudrive.identify.static.fit import assembled, fit_values

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.levels import integrated_wiener
+from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
 from pneudrive.identify.static.model import FrictionModel, at_conditions

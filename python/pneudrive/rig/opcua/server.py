@@ -144,7 +144,7 @@ class RigServer:
         gc.unfreeze()
 
     async def _start(self) -> None:
-        from pneudrive.rig.opcua.session import BUFFER, LARGEST_MESSAGE, ServedSession, ServerLimits
+        from pneudrive.rig.opcua.link import BUFFER, LARGEST_MESSAGE, ServedSession, ServerLimits
 
         self._server = server = opcua().Server()
         with many_objects():  # otherwise half of the time of the start

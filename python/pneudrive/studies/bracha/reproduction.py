@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.characterise import characterise_recordings
 from pneudrive.identify.static.fit import fit_characterisation
+from pneudrive.report.fit import Addition
 from pneudrive.report.speed import recovered_section
-from pneudrive.report.study import Addition
 from pneudrive.report.topics import Topic
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import pages
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.characterise import Characterisation
-    from pneudrive.report.study import Fits
+    from pneudrive.report.fit import Fits
     from pneudrive.rig.description import RigDescription
     from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure

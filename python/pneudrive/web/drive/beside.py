@@ -137,9 +137,8 @@ class ExtrasRequest(RunRequest):
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.design import design_of
-        from pneudrive.ensemble.engine import DONE
+        from pneudrive.ensemble.engine import DONE, Rows
         from pneudrive.ensemble.many import study_of
-        from pneudrive.ensemble.rows import Rows
         from pneudrive.ensemble.store import results
         from pneudrive.ensemble.study import Members
 

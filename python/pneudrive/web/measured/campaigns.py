@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Finished, Status, finished_of, status_of
-from pneudrive.campaign.storage.control import WORDS, ask
-from pneudrive.campaign.storage.files import holder
+from pneudrive.campaign.storage.control import WORDS, ask, holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
@@ -42,7 +41,7 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
     from pneudrive.campaign.planning.plan import lay_out, show
     from pneudrive.campaign.planning.preflight import check_levels
     from pneudrive.campaign.planning.protocol import read_protocol
-    from pneudrive.rig.loading import load_rig, opened
+    from pneudrive.rig.rig_file import load_rig, opened
 
     name = protocol_named(given, workspace)
     asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))

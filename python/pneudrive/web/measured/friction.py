@@ -12,8 +12,7 @@ import numpy as np
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.friction.conditions import ALL_RECORDINGS, LEVELS, group_of
-from pneudrive.friction.friction_map import AMBIENT, read_map
+from pneudrive.friction.friction_map import ALL_RECORDINGS, AMBIENT, LEVELS, group_of, read_map
 from pneudrive.friction.sentences import flag_sentences
 from pneudrive.identify.base import shown_in
 from pneudrive.identify.design import next_measurements
@@ -28,7 +27,7 @@ from pneudrive.identify.static.result import (
     profiles,
     with_map,
 )
-from pneudrive.rig.loading import load_rig
+from pneudrive.rig.rig_file import load_rig
 from pneudrive.views import ShownCurve, View
 from pneudrive.web.jobs import RIG, design_python
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map

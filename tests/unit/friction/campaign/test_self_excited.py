@@ -5,12 +5,18 @@ The axis runs evenly, its encoder shows nothing, samples are too far apart to sh
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Head, create, write_cycle
 from pneudrive.characteristics import campaign_friction
+from pneudrive.errors import FitError
+from pneudrive.friction.campaign.stops.dwell_law import fit_contact_age
+from pneudrive.friction.campaign.stops.dwell_models import FORMS, design_stops
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 
 SWINGING = (3e-3, 5e-3, 8e-3)  # inside the self-excited range of the rig "soft", from 2 to 13 mm/s
@@ -60,3 +66,100 @@ def test_what_is_counted_is_the_friction_of_steady_sliding(found):
     inside = (curve.low_n[curve.measured] <= true) & (true <= curve.high_n[curve.measured])
     assert inside.mean() >= 0.75
     assert curve.friction_n[curve.measured] == pytest.approx(true, rel=0.02)
+
+
+# --- Stops for a dwell law: at the known support, spread by what is not known, with intervals that come true.
+
+
+def test_hyperbolic_law_of_a_known_time_has_its_known_support():
+    """The law a + B t/(t + c): at both ends and, in u = t/(t + c), in their middle."""
+    c, low, high = 5.0, 0.1, 1000.0
+    plan = design_stops("hyperbolic", c, stops=12, range_s=(low, high), factor=1.0)
+    share = np.array([low, high]) / (np.array([low, high]) + c)
+    middle = share.mean()
+    assert plan.durations_s[0] == low
+    assert plan.durations_s[-1] == high
+    assert np.median(plan.durations_s[1:-1]) == pytest.approx(c * middle / (1 - middle), rel=0.1)
+    assert plan.repeats[0] == plan.repeats[-1] == 4
+
+
+def test_a_time_that_is_not_known_spreads_the_stops():
+    sure = design_stops("exponential", 5.0, stops=16, factor=1.0)
+    unsure = design_stops("exponential", 5.0, stops=16, factor=10.0)
+    assert len(unsure.durations_s) > len(sure.durations_s)
+
+
+def test_expected_intervals_come_true():
+    plan = design_stops("log", 1.0, stops=24, factor=1.0, increment_n=1.5, noise_n=0.2)
+    t = np.repeat(plan.durations_s, plan.repeats)
+    found = []
+    for seed in range(200):
+        y = 10.0 + 1.5 * np.log1p(t) + 0.2 * np.random.default_rng([3, seed]).standard_normal(t.size)
+        fit = least_squares(lambda x, y=y: x[0] + x[1] * np.log1p(t / np.exp(x[2])) - y, [10.0, 1.5, 0.0])
+        found.append(fit.x)
+    spread = np.std(found, axis=0)
+    t_quantile = 2.08  # 21 degrees of freedom
+    assert t_quantile * spread[0] == pytest.approx(plan.half_widths["a_n"], rel=0.15)
+    assert t_quantile * spread[1] == pytest.approx(plan.half_widths["increment_n"], rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("form", "options", "said"), [("logarithm", {}, "no dwell law"), ("log", {"range_s": (0.0, 10.0)}, "be positive")]
+)
+def test_messages(form, options, said):
+    with pytest.raises(FitError, match=said):
+        design_stops(form, 1.0, **options)
+
+
+# --- The age of a contact from peaks after stops: what its equations make is found again.
+
+AMBIENT_PA = 101325.0
+PSI = {
+    "log": lambda ratio, _: np.log(1.0 + ratio),
+    "hyperbolic": lambda ratio, _: ratio / (1.0 + ratio),
+    "saturating": lambda ratio, m: 1.0 - np.exp(-(ratio**m)),
+}
+
+
+def stops(growth: str, exponent: float, increment_n: float, time_s: float, distance_m: float, share_a_pa: float):
+    """Make stops at a speed of 1 mm/s; the way back is found on a fine grid of travel."""
+    made = []
+    travel, speed = np.geomspace(1e-7, 1e-1, 200_001), 1e-3
+    for dwell in (0.3, 1.0, 4.0, 15.0, 60.0):
+        for gauge in (0.0, 1e5, 3e5):
+            steady = distance_m / speed
+
+            def psi(age):
+                return PSI[growth](np.asarray(age) / time_s, exponent)
+
+            excess = psi(steady + (dwell - steady) * np.exp(-travel / distance_m)) - psi(steady)
+            back = travel[np.argmax(excess < 0.05 * (psi(dwell) - psi(steady)))]
+            condition = SimpleNamespace(pressure_a_pa=AMBIENT_PA + gauge, pressure_b_pa=AMBIENT_PA)
+            peak = increment_n * (1.0 + share_a_pa * gauge) * float(psi(dwell) - psi(steady))
+            recovery = SimpleNamespace(complete=True, distance=SimpleNamespace(value=float(back)))
+            made.append(
+                SimpleNamespace(
+                    condition=condition, dwell_s=dwell, speed_m_s=speed, increment_n=peak, recovery=recovery
+                )
+            )
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "exponent", "time_s"), [("log", 1.0, 0.3), ("hyperbolic", 1.0, 8.0), ("kato", 0.4, 20.0)]
+)
+def test_its_equations_are_found_again(name, exponent, time_s):
+    form = next(form for form in FORMS if form.name == name)
+    age = fit_contact_age(stops(form.growth, exponent, 0.8, time_s, 1.5e-4, 2e-6), form, exponent, AMBIENT_PA)
+    assert age is not None
+    assert age.time.value == pytest.approx(time_s, rel=0.02)
+    assert age.increment.value == pytest.approx(0.8, rel=0.01)
+    assert age.distance_m == pytest.approx(1.5e-4, rel=0.02)
+    assert (age.share_a_pa, age.share_b_pa) == (pytest.approx(2e-6, rel=0.02), 0.0)
+    steady = 0.8 * PSI[form.growth](np.array([1.5e-4 / 2e-3 / time_s]), exponent)[0]
+    assert age.sliding_n(2e-3) == pytest.approx(steady, rel=0.03)
+
+
+def test_friction_that_falls_with_the_stop_has_no_age():
+    form = next(form for form in FORMS if form.name == "log")
+    assert fit_contact_age(stops("log", 1.0, -0.8, 0.3, 1.5e-4, 0.0), form, 1.0, AMBIENT_PA) is None

@@ -1,11 +1,18 @@
 """Half the sum of both directions against pressure gives effective area and force zero."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pneudrive.characterise import characterise_recordings
+from oracle.recordings import AMBIENT
+from pneudrive.characterise import characterise_recordings, write_map
+from pneudrive.friction.campaign.characteristics import recorded_characteristics
+from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines, run_spread
+from pneudrive.identify.static.fit import fit_characterisation, fit_file
+from pneudrive.web.measured.friction import drawn_map
 
 
 def test_area_error_and_force_zero_are_found(make):
@@ -116,3 +123,164 @@ def test_noise_that_is_small_against_the_change_takes_nothing_away(make):
     for side in ("a", "b"):
         assert fit.areas_m2[side].value == pytest.approx(1.02 * fit.nominal_m2[side], rel=0.03)
         assert fit.areas_m2[side].low <= 1.02 * fit.nominal_m2[side] <= fit.areas_m2[side].high
+
+
+# --- Friction against pressure per seal; the prediction interval knows the spread between runs.
+
+
+def points(seal: str, runs: int, spread: float, rng: np.random.Generator, speed: float = 0.01) -> list[LevelPoint]:
+    def at(bar: int) -> float:
+        return (3 + bar) * (1 + spread * rng.normal())
+
+    return [
+        LevelPoint(f"{seal}-{run}-{bar}", seal, str(run), bar * 1e5, speed, at(bar), 0.1)
+        for run in range(runs)
+        for bar in (1, 3, 5, 7)
+    ]
+
+
+def test_pooled_relative_spread_is_recovered():
+    spread = run_spread([p for s in "abcdefgh" for p in points(s, 3, 0.2, np.random.default_rng(ord(s)))])
+    assert spread.relative == pytest.approx(0.2, rel=0.2)
+    assert spread.degrees_of_freedom == 8 * 4 * 2
+
+
+def test_nothing_run_twice_is_said():
+    rng = np.random.default_rng(1)
+    assert run_spread(points("a", 1, 0.2, rng)) is None
+    (line,) = fit_pressure_lines(points("a", 1, 0.02, rng))
+    assert line.basis == "unknown"
+    assert "too narrow" in line.statement
+
+
+def test_a_further_run_falls_into_the_band_in_about_95_of_100():
+    inside = total = 0
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        (line,) = fit_pressure_lines(points("a", 2, 0.2, rng))
+        assert line.basis == "own"
+        for new in points("a", 1, 0.2, rng):
+            low = np.interp(new.pressure_pa, line.band_pressure_pa, line.band_low_n)
+            top = np.interp(new.pressure_pa, line.band_pressure_pa, line.band_high_n)
+            inside += low <= new.friction_n <= top
+            total += 1
+    assert 0.90 <= inside / total <= 0.995
+
+
+def test_a_seal_with_one_run_borrows_the_spread_of_the_others():
+    rng = np.random.default_rng(5)
+    lines = {line.seal: line for line in fit_pressure_lines([*points("a", 4, 0.2, rng), *points("b", 1, 0.0, rng)])}
+    half = (lines["b"].band_high_n - lines["b"].band_low_n) / 2
+    assert lines["b"].basis == "pooled"
+    assert (half >= 1.9 * 0.12 * lines["b"].band_mean_n).all()
+    assert lines["b"].intercept_n == pytest.approx(3.0)
+    assert lines["b"].slope_n_pa * 1e5 == pytest.approx(1.0)
+
+
+def test_confounded_speed_is_said():
+    rng = np.random.default_rng(2)
+    fast = [
+        LevelPoint(p.recording, p.seal, p.run, p.pressure_pa, 0.015 - p.pressure_pa * 1e-8, p.friction_n, 0.1)
+        for p in points("a", 2, 0.1, rng)
+    ]
+    (line,) = fit_pressure_lines(fast)
+    assert line.speed_pressure_correlation < -0.9
+    assert "speed falls with pressure" in line.statement
+
+
+def test_crossed_speeds_get_a_line_each():
+    rng = np.random.default_rng(2)
+    lines = fit_pressure_lines([*points("a", 1, 0.0, rng, 0.01), *points("a", 1, 0.0, rng, 0.1)])
+    assert [line.seal for line in lines] == ["a at 10 mm/s", "a at 100 mm/s"]
+
+
+def test_a_speed_that_was_held_neither_falls_nor_rises_with_pressure(make):
+    from pneudrive.characterise import characterise_recordings
+    from pneudrive.identify import fit_friction
+
+    held = zip((149.9995e-3, 149.9954e-3, 150.0031e-3), (0.0, 2e5, 1e5), strict=True)
+    recordings = [
+        make(name=f"{p:g}", friction=5 + p * 1e-5, gauge_b=p, speed=v, travel=0.3, rate=1000.0, seed=int(p) + 1)
+        for v, p in held
+    ]
+    found = characterise_recordings(recordings)
+    said = [*found.notes, found.pressure_lines[0].statement, *fit_friction(found.friction_map, "coulomb").notes]
+    assert not [note for note in said if "speed" in note.lower() and "pressure" in note]
+    assert found.pressure_lines[0].speed_pressure_correlation == 0.0
+    assert found.pressure_lines[0].slope_n_pa * 1e5 == pytest.approx(1.0, abs=0.05)
+
+
+# --- Recordings are a campaign without a plan: curves, effects and sentences, and two seals never share a curve.
+
+COULOMB_N = {"lip": 5.0, "cup": 9.0}
+RISE_N_BAR = {"lip": 1.0, "cup": 2.0}
+SPEEDS_M_S = (0.005, 0.015, 0.04, 0.1)
+
+
+def friction_n(seal: str, speed_m_s, bar: float):
+    return COULOMB_N[seal] * (1.0 + 0.5 * np.exp(-((speed_m_s / 0.02) ** 2))) + RISE_N_BAR[seal] * bar + 30 * speed_m_s
+
+
+@pytest.fixture(scope="module")
+def found():
+    from oracle.recordings import make_recording
+
+    cases = [(s, run, p, v) for s in COULOMB_N for run in "12" for p in (1.0, 3.0) for v in SPEEDS_M_S]
+    recordings = [
+        make_recording(
+            friction=friction_n(seal, v, bar),
+            gauge_b=bar * 1e5,
+            speed=v,
+            rate=v * 2.5e5,
+            strokes=4,
+            seed=i,
+            name=f"{seal}{run}-{bar:g}-{v:g}",
+            labels={"seal": seal, "run": run},
+            window_m=(0.012, 0.028),
+        )
+        for i, (seal, run, bar, v) in enumerate(cases)
+    ]
+    return characterise_recordings(recordings)
+
+
+def test_each_seal_has_its_own_curves_with_the_truth_in_their_bands(found):
+    curves = [c for c in recorded_characteristics(found).curves if c.direction == 0]
+    assert sorted({c.condition.seal for c in curves}) == ["cup", "lip"]
+    assert len(curves) == 4
+    for c in curves:
+        truth = friction_n(c.condition.seal, c.speed_m_s, (c.condition.pressure_b_pa - AMBIENT) / 1e5)
+        assert np.mean((c.low_n <= truth) & (truth <= c.high_n)) >= 0.9
+        assert c.friction_n == pytest.approx(truth, rel=0.06)
+        assert c.cycles.sum() == 8
+
+
+def test_effects_and_sentences_are_those_of_a_campaign(found):
+    result = recorded_characteristics(found)
+    rise = {effect.levels: effect.mean_b.value * 1e5 for effect in result.pressure}
+    assert rise == pytest.approx(RISE_N_BAR, abs=0.1)
+    assert {pattern.levels for pattern in result.position} == set(RISE_N_BAR)  # each seal has its own pattern
+    said = [statement.text for statement in result.statements]
+    assert any(text.startswith("The order of the recordings in time is not known") for text in said)
+    assert any(text.startswith("A cycle repeats within") for text in said)
+    assert result.friction_map is found.friction_map
+
+
+def test_no_fit_is_over_both_seals_and_the_page_draws_each_by_its_own(found, tmp_path):
+    fits, problems = fit_characterisation(found)
+    assert not problems
+    assert sorted(fits) == ["cup", "lip"]
+    for seal, by_law in fits.items():
+        by_law["stribeck"].to_toml(tmp_path / fit_file(seal))
+    path = write_map(found.friction_map, tmp_path / "map.parquet")
+    groups = drawn_map(path)["groups"]
+    assert [group["label"].partition(":")[0] for group in groups] == ["lip", "lip", "cup", "cup"]
+    for group in groups:
+        bar = group["gauges"][1] / 1e5
+        speed = np.array(group["curve"]["speed"])
+        truth = friction_n(group["assembly"], speed, bar)
+        assert group["curve"]["friction"] == pytest.approx(truth, rel=0.06)
+    one = drawn_map(path, "fit-cup.toml")["groups"]
+    assert ["curve" in group for group in one] == [False, False, True, True]
+    mixed = drawn_map(path, "own.toml")
+    assert not any("curve" in group for group in mixed["groups"])
+    assert "several seals" in mixed["fit"]

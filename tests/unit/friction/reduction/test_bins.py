@@ -1,10 +1,14 @@
 """Means over bins of position."""
 
+from __future__ import annotations
+
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from pneudrive.characterise import characterise_recordings
 from pneudrive.friction.bins import bin_means
 
 
@@ -30,3 +34,70 @@ def test_a_bin_has_the_mean_of_the_chosen_samples_of_all_parts_within_it() -> No
 def test_parts_lie_within_the_samples() -> None:
     with pytest.raises(ValueError, match="lie within"):
         bin_means(np.zeros(3), np.zeros(3), np.linspace(0.0, 1.0, 3), [slice(1, 4)])
+
+
+# --- Breakaway peaks after a reversal, and what spoils them.
+
+PEAK = 3.0  # N above sliding friction
+DECAY = 1e-3  # m
+
+
+def with_peaks(make, rate: float, swing: float = 0.0, **options):
+    """Friction 5 N that starts at 8 N after each reversal and settles over 1 mm; the rise takes 0.2 mm."""
+    recording = make(rate=rate, presliding=1e-4, swing=swing, noise=0.02, dwell=0.5, position_noise=1e-8, **options)
+    velocity = np.gradient(recording.position_m, recording.time_s)
+    direction = np.sign(np.where(np.abs(velocity) > 1e-3, velocity, 0.0))
+    for i in range(1, direction.size):
+        direction[i] = direction[i] or direction[i - 1]
+    away = np.where(direction > 0, recording.position_m, 0.04 - recording.position_m)
+    extra = direction * PEAK * np.exp(-np.maximum(away, 0) / DECAY) * (1 - np.exp(-np.maximum(away, 0) / 1e-4))
+    return replace(recording, force_n=recording.force_n + extra)
+
+
+def bent(x):
+    """Offset that rises by 5 N towards the middle of the stroke: a straight line through it misses the turns by 3 N."""
+    return 5.0 * np.sin(np.pi * x / 0.04)
+
+
+@pytest.mark.parametrize("offset", [0.0, bent])
+def test_a_well_sampled_peak_is_measured(make, offset):
+    level = characterise_recordings(with_peaks(make, rate=1000.0, offset=offset)).levels[0]
+    good = [p for p in level.peaks if not p.flags]
+    assert len(good) >= 8
+    assert all(p.significant for p in good)
+    a = np.linspace(0.0, 2e-3, 2001)
+    truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
+    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
+    assert all(p.dwell_s == pytest.approx(0.5, abs=0.05) for p in good)
+    assert all(p.loading_rate_n_s > 100 for p in good)
+    for row in level.rows:
+        assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
+        assert "breakaway_spoiled" not in row["flags"]
+
+
+def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
+    level = characterise_recordings(with_peaks(make, rate=60.0)).levels[0]
+    assert all("undersampled" in p.flags for p in level.peaks)
+    assert all(np.isnan(row["breakaway_n"]) and "breakaway_spoiled" in row["flags"] for row in level.rows)
+
+
+def test_a_pressure_transient_spoils_it(make):
+    level = characterise_recordings(with_peaks(make, rate=1000.0, swing=0.1e5)).levels[0]
+    assert all("pressure_transient" in p.flags for p in level.peaks)
+
+
+def test_noise_of_the_pressure_is_no_transient(make):
+    recording = with_peaks(make, rate=1000.0)
+    noise = np.random.default_rng(1).normal(0.0, 500.0, len(recording))
+    # Real noise of the pressure acts on the piston: the force carries it too, and the balance is free of it.
+    noisy = replace(
+        recording,
+        pressure_b_pa=recording.pressure_b_pa + noise,
+        force_n=recording.force_n + noise * recording.area_b_m2,
+    )
+    assert not any("pressure_transient" in p.flags for p in characterise_recordings(noisy).levels[0].peaks)
+
+
+def test_without_a_peak_nothing_is_significant(make):
+    level = characterise_recordings(make(rate=1000.0, noise=0.05)).levels[0]
+    assert np.mean([p.significant for p in level.peaks]) < 0.3

@@ -27,12 +27,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
-from pneudrive.estimate.levels import cells, means
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
-from pneudrive.friction.conditions import Skipped
+from pneudrive.friction.friction_map import Skipped
 from pneudrive.rig.interface import Hold, Move
 from pneudrive.signals.motion import middle, noise_level
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 

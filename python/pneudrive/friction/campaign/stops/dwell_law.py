@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
-from pneudrive.estimate.levels import levels
 from pneudrive.estimate.separable import Scan, refined, scan
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.dwell_models import (
@@ -39,7 +39,7 @@ from pneudrive.friction.campaign.stops.dwell_models import (
     fit_forms,
 )
 from pneudrive.friction.campaign.stops.stop import SPOILING
-from pneudrive.friction.conditions import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say
 from pneudrive.repr_tables import Shown
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.stops.dwell_models import DwellForm, DwellLawFit
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]

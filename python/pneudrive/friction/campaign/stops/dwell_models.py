@@ -27,9 +27,9 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.autocorrelation import cells, gaussian, levels
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
-from pneudrive.estimate.levels import cells, gaussian, levels
 from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
 from pneudrive.repr_tables import Shown
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
 
     Array = NDArray[np.float64]
 

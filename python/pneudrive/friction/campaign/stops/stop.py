@@ -35,7 +35,7 @@ from pneudrive.friction.campaign.stops.course import (
     strokes_of,
 )
 from pneudrive.friction.campaign.stops.peak import BreakawayPeak, find_breakaway
-from pneudrive.friction.conditions import Skipped
+from pneudrive.friction.friction_map import Skipped
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
 from pneudrive.signals.motion import noise_level
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 
