@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 
 from pneudrive import units
-from pneudrive.constants import ANR_LITRES_PER_KG
-from pneudrive.datasheet.strokes import stroke_of
+from pneudrive.datasheet.strokes import litres_anr, stroke_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
 from pneudrive.simulation.exhaust import exhaust_air
@@ -121,8 +120,13 @@ class Pneu:
         """
         return upper("plot")(self._run, path, circuit)
 
-    def info(self) -> View:
-        """Return impacts with stroke times, air into the chambers, and peak pressures.
+    def info(self, drive: Drive | Circuit | None = None) -> View:
+        """Return impacts with stroke times, gas into the chambers, and peak pressures.
+
+        Parameters
+        ----------
+        drive : Drive or Circuit, optional
+            The one of the run: its gas, for the volume at the reference atmosphere (ANR). Default: air.
 
         Returns
         -------
@@ -137,6 +141,8 @@ class Pneu:
         >>> [(row.key, row.text, row.usual_unit) for row in run.pneu.info().rows if row.key == "impact 1.stroke time"]
         [('impact 1.stroke time', '0.136', 's')]
         """
+        from scipy.integrate import trapezoid
+
         rows, attrs = [], self._run.attrs
         steps = [float(at) for at, _ in attrs.get("command_steps", ())]
         for count, impact in enumerate(attrs.get("impacts", ()), start=1):
@@ -147,13 +153,14 @@ class Pneu:
             values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
             values |= {"peak force": (impact["peak_force_n"], "N")}
             rows += [ShownValue(f"{label}.{name}", label, name, *value) for name, value in values.items()]
-        time, air_kg = self._run["time"].to_numpy(), 0.0
+        time, gas_kg = self._run["time"].to_numpy(), 0.0
         for name, column in self._run.items():
             if _CHAMBER_FLOW.fullmatch(str(name)):
-                air_kg += float(np.trapezoid(np.maximum(column.to_numpy(), 0.0), time))
+                gas_kg += float(trapezoid(np.maximum(column.to_numpy(), 0.0), time))
             elif column.attrs.get("units") == "Pa" and column.dims == ("time",):
-                rows.append(ShownValue(f"{name}.peak", str(name), "peak pressure", float(column.max()), "Pa"))
-        rows.append(ShownValue("air", "all chambers", "air in, l ANR", air_kg * ANR_LITRES_PER_KG))
+                rows.append(ShownValue(f"{name}.peak", str(name), "peak pressure, absolute", float(column.max()), "Pa"))
+        litres = litres_anr(gas_kg) if drive is None else litres_anr(gas_kg, drive.gas.anr_density_kg_m3)
+        rows.append(ShownValue("air", "all chambers", f"{'air' if drive is None else 'gas'} in, l ANR", litres))
         return View(f"{attrs.get('title', 'run')}, {time[-1]:g} s", tuple(rows))
 
     def strokes(self, drive: Drive) -> list[StrokeNumbers]:

@@ -128,7 +128,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Markers:
-    """Points with intervals from `low` to `high`; `joined` draws lines between them, `names` stand beside them."""
+    """Points with intervals from `low` to `high`. `joined` draws lines between them, `names` are their labels."""
 
     x: Any
     y: Any

@@ -17,7 +17,7 @@ import polars as pl
 import xarray as xr
 
 from pneudrive.campaign.storage.folder import RIG
-from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_ATMOSPHERE_PA
 from pneudrive.control.results.card import ABOUT as BENCHMARK
 from pneudrive.control.results.card import read_comparison
 from pneudrive.describe.all_values import values_of
@@ -56,14 +56,14 @@ if TYPE_CHECKING:
 
 #: Column -> kind of a table that has it.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
-#: Quantities of a sized drive in result.json -> words, unit.
+#: Quantities of a sized drive in result.json -> words, factor from the stored number (SI, air in kg), unit.
 _SIZED = {
-    "time_out": ("time out", "s"),
-    "time_back": ("time back", "s"),
-    "end_speed": ("end speed", "m/s"),
-    "energy": ("impact", "J"),
-    "peak_pressure": ("peak pressure", "Pa"),
-    "air": ("air", "m^3"),
+    "time_out": ("time out", 1.0, "s"),
+    "time_back": ("time back", 1.0, "s"),
+    "end_speed": ("end speed", 1.0, "m/s"),
+    "energy": ("impact", 1.0, "J"),
+    "peak_pressure": ("peak pressure, absolute", 1.0, "Pa"),
+    "air": ("air of a cycle, l ANR", ANR_LITRES_PER_KG, ""),
 }
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 SHOWN_PLACES = 5  # of a curve in a table
@@ -202,9 +202,9 @@ def _sizing_view(content: Mapping[str, Any]) -> View:
     for rank, drive in enumerate(content["ranked"][:WRITTEN], start=1):
         label = f"rank {rank}"
         rows.append(ShownValue(f"{label}.parts", label, "parts", in_words(drive["parts"])))
-        for key, (words, unit) in _SIZED.items():
+        for key, (words, factor, unit) in _SIZED.items():
             if drive.get(key) is not None:
-                rows.append(ShownValue(f"{label}.{words}", label, words, float(drive[key]), unit))
+                rows.append(ShownValue(f"{label}.{words}", label, words, factor * float(drive[key]), unit))
     ready = "" if content.get("ready") or not content["feasible"] else ", but a check is open"
     answer = f"{'feasible' if content['feasible'] else 'not feasible'}{ready}"
     return View(f"Sizing of {content['task']['name']}: {answer}", tuple(rows))
@@ -300,11 +300,10 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
 def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
     """Return the kind of a result in words."""
     if isinstance(result, xr.Dataset):
-        return next(
-            kind
-            for name, kind in (("member", "ensemble"), ("time", "run"), ("row", "friction map"))
-            if name in result.dims
-        )
+        kinds = {"member": "ensemble", "time": "run", "row": "friction map"}
+        if kinds.keys().isdisjoint(result.dims):
+            raise CommandError("this data set is not a result", rule="a run, a friction map or an ensemble")
+        return next(kind for name, kind in kinds.items() if name in result.dims)
     return str(getattr(result, "TITLE", "") or getattr(result, "kind", "") or type(result).__name__.lower())
 
 
@@ -343,7 +342,8 @@ class ValuePair(NamedTuple):
     interval_before, interval_after : str
         95 % intervals. Empty without an interval.
     change : float or None
-        (after - before) / |before|, from the numbers in SI; None where one is not known, or `before` is 0.
+        (after - before) / |before|, from the numbers in SI. None where one is not known, `before` is 0, or one pressure
+        is absolute and the other a gauge pressure.
     """
 
     key: str
@@ -414,17 +414,9 @@ class ResultComparison(Shown):
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
-        return [
-            (
-                v.key,
-                v.before,
-                v.interval_before,
-                v.after,
-                v.interval_after,
-                "" if v.change is None else f"{100 * v.change:+.3g}",
-            )
-            for v in self.values
-        ]
+        changes = ("" if v.change is None else f"{100 * v.change:+.3g}" for v in self.values)
+        texts = ((v.key, v.before, v.interval_before, v.after, v.interval_after) for v in self.values)
+        return [(*each, change) for each, change in zip(texts, changes, strict=True)]
 
     def figure(self) -> Figure:
         """Return the first curves that differ: both of them, and their difference with its band.
@@ -499,7 +491,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
         )
     old, new = (_sides(each) for each in results)
     pairs = [_pair(key, old.get(key, ComparedValue()), new.get(key, ComparedValue())) for key in {**old, **new}]
-    different = tuple(p for p in pairs if p[1::2][:2] != p[2::2][:2])
+    different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
     if all(isinstance(each, FrictionFit) for each in results):
         curves = list(_fit_pairs(*results))
     else:
@@ -521,11 +513,9 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
     if isinstance(result, Fit):
         sides = {}
         for name, number, unit, state, *_ in result.rows():
-            value, has_ends = result.values.get(name, math.nan), name in result.intervals
-            text, ends = (
-                f"{number} {unit}".strip() if number else state,
-                state.replace(" .. ", " … ") if has_ends else "",
-            )
+            value = result.values.get(name, math.nan)
+            text = f"{number} {unit}".strip() if number else state
+            ends = state.replace(" .. ", " … ") if name in result.intervals else ""
             sides[name] = ComparedValue(text, ends, value if math.isfinite(value) else None)
         return sides
     rows = _values(result) if isinstance(result, RegulatorFit | FollowFit) else view_of(result).rows
@@ -559,7 +549,8 @@ def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
     if unit and old.si is not None and new.si is not None and not text.endswith(f" {unit}"):
         with suppress(DescriptionError):  # of another quantity, or words
             text = in_unit(text, unit)
-    is_known = old.si is not None and new.si is not None and old.si != 0.0
+    are_alike = old.text.endswith(" abs") == new.text.endswith(" abs")
+    is_known = old.si is not None and new.si is not None and old.si != 0.0 and are_alike
     change = (new.si - old.si) / abs(old.si) if is_known else None  # type: ignore[operator]
     return ValuePair(key, old.text, text, old.interval, new.interval, change)
 

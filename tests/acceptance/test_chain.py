@@ -185,8 +185,8 @@ def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
 
 # --- From the simulated rig to parameters: recordings with noise, characterised and fitted, give the truth back.
 #
-# Each of Fc, Fs, vs and Fv lies inside its 95 % interval in 180 to 198 of 200 seeded runs, and the median half-
-# width is at most 1.5 times the Cramer-Rao bound, which is computed here from the sensors' noise alone.
+# Each of Fc, Fs, vs and Fv lies inside its 95 % interval in 180 to 198 of 200 seeded runs, and the median half-width
+# is at most 1.5 times the Cramer-Rao bound, which is computed here from the sensors' noise alone.
 
 RUNS = 200
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")

@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
+from acceptance.test_cli_simulate import DRIVE
 from pneudrive.cli.main import run
 
 LONG = """\
@@ -118,23 +119,6 @@ def test_a_level_that_the_simulated_rig_does_not_have_is_refused(capsys, tmp_pat
 
 # --- What somebody types first: the bare command, a completion, a plain number; notes are words, not lines of source.
 
-DRIVE = """
-[supply]
-pressure = "6 bar gauge"
-[cylinder]
-kind = "rodless"
-bore = "32 mm"
-stroke = "100 mm"
-dead_volume = { a = "8 cm3", b = "8 cm3" }
-moving_mass = "1 kg"
-[valve]
-kind = "proportional-5/3"
-nominal_flow = "350 l/min ANR"
-critical_pressure_ratio = 0.3
-[friction]
-coulomb = "20 N"
-breakaway = "30 N"
-"""
 #: Says at the end which heavy libraries were imported.
 WATCHED = """
 import sys, atexit
@@ -181,8 +165,8 @@ def test_a_run_goes_to_a_file_without_what_other_commands_need(tmp_path):
 
 def test_a_note_is_one_plain_line(tmp_path, capsys):
     path = tmp_path / "drive.toml"
-    path.write_text(DRIVE)
-    assert run(["simulate", str(path), "--command", "0.5", "--duration", "0.1 s"]) == 0
+    path.write_text(DRIVE.partition("law =")[0] + 'coulomb = "20 N"\nbreakaway = "30 N"\n')
+    assert run(["simulate", str(path), "--command", "0.5", "--duration", "0.02 s"]) == 0
     notes = capsys.readouterr().err.splitlines()
     assert len(notes) == 1
     assert notes[0].startswith('Note: the friction table names no law, so law = "elasto-plastic" is used with assumed')

@@ -99,9 +99,8 @@ def test_help_fits_one_screen_and_ends_with_examples(path, capsys, monkeypatch):
 # --- A component that the core lists is in schema, file, trajectory, drawing, session and tables without a line of
 # Python.
 #
-# Its table is one that the core writes, for a formula, under a name that nothing in Python knows. What runs is
-# that formula: the name is turned back where the core takes the circuit, as a core with this component would know
-# it itself.
+# Its table is one that the core writes, for a formula, under a name that nothing in Python knows. What runs is that
+# formula: the name is turned back where the core takes the circuit, as a core with this component would know it itself.
 
 KIND = "toy/gap"
 FORMULA = {

@@ -114,8 +114,7 @@ def test_tune_says_which_controller_suits_a_light_sticky_piston():
     assert not by_law["pid"].suits
 
 
-# --- Several and switching valves under a law, and the choice of an observer: from files to runs, and what is
-# refused.
+# --- Several and switching valves under a law, and the choice of an observer: from files to runs, and what is refused.
 
 AXES = Path(__file__).parents[2] / "examples"
 SWITCHING = AXES / "axes/switching.toml"

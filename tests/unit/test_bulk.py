@@ -57,8 +57,8 @@ def test_the_message_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
 
 # --- Every source key that the product uses resolves in references.bib, and every entry there is usable.
 #
-# Keys stand in Rust as ``Source: [key].`` in a doc comment or ``source: "key"`` in a table, in the documentation
-# as ``{cite}`` roles, in the data as ``source = "key"``.
+# Keys stand in Rust as ``Source: [key].`` in a doc comment or ``source: "key"`` in a table, in the documentation as
+# ``{cite}`` roles, in the data as ``source = "key"``.
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 BIB = (ROOT / "references.bib").read_text()

@@ -508,9 +508,9 @@ def test_what_is_assumed_of_end_stops_follows_from_the_start():
 # --- Reference numbers of the reference drive, by linearisation and sessions; each to the digits that it is printed
 # with.
 #
-# The drive: rodless, bore 25 mm, stroke 500 mm, dead volumes 10 cm3, 2 kg, 5/3 valve of C = 2 dm3/(s bar) and b =
-# 0.3 between 7 and 1.013 bar abs, 293.15 K, friction of 30 N and 40 N s/m. The numbers were computed by root
-# finding on the printed equations, independently of the product, before it could give them.
+# The drive: rodless, bore 25 mm, stroke 500 mm, dead volumes 10 cm3, 2 kg, 5/3 valve of C = 2 dm3/(s bar) and b = 0.3
+# between 7 and 1.013 bar abs, 293.15 K, friction of 30 N and 40 N s/m. The numbers were computed by root finding on the
+# printed equations, independently of the product, before it could give them.
 
 DRIVE = pn.Drive.load("catalogue:reference")
 SLIDING = DRIVE.replace({

@@ -77,8 +77,8 @@ def test_what_does_not_fit_is_refused(friction, message):
 
 # --- Friction of the law of Karnopp at rest is at most the breakaway force, in each sample.
 #
-# A mass that stops in its band loses its velocity at once, and with it the damping force of an end stop. If the
-# other forces exceed breakaway then, it moves on.
+# A mass that stops in its band loses its velocity at once, and with it the damping force of an end stop. If the other
+# forces exceed breakaway then, it moves on.
 
 DRIVE = {
     "ambient": {"pressure": "0.52318996368563164 bar abs"},

@@ -53,8 +53,7 @@ def test_damaged_archives(tmp_path):
     assert refused > 200
 
 
-# --- A drive with tubes is identified from a recording: its numbers and those of the tubes, by their names in the
-# file.
+# --- A drive with tubes is identified from a recording: its numbers and those of the tubes, by their names in the file.
 
 
 def with_tubes(length_m: float, **changes: object) -> pn.Drive:

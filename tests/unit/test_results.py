@@ -43,7 +43,8 @@ def test_a_run_is_read_from_each_of_its_forms(folder):
         assert np.array_equal(each["pressure_a"], runs[0]["pressure_a"])
         assert each["pressure_a"].attrs["units"] == "Pa"
     assert runs[0].pneu.info().rows == runs[2].pneu.info().rows
-    assert {row.quantity for row in runs[0].pneu.info().rows} >= {"stroke time", "peak pressure", "air in, l ANR"}
+    quantities = {row.quantity for row in runs[0].pneu.info().rows}
+    assert quantities >= {"stroke time", "peak pressure, absolute", "air in, l ANR"}
     assert len(runs[2].pneu.plot().axes) == len(runs[0].pneu.plot().axes)
 
 
@@ -102,6 +103,12 @@ def test_two_circuits_are_compared_in_one_unit(tmp_path):
     assert compared.sentence.endswith("components.tank.volume +20 %.")
 
 
+def test_gauge_and_absolute_pressure_have_no_relative_change():
+    drive = pn.Drive.load("catalogue:reference")
+    both = (drive.replace({"supply.pressure": text}) for text in ("6 bar gauge", "7.013 bar abs"))
+    assert [pair.change for pair in pn.compare_results(*both).values] == [None]
+
+
 def test_two_runs_are_compared_by_values_and_curves(folder, tmp_path, capsys):
     picture, files = tmp_path / "both.svg", [str(folder / f"{name}.parquet") for name in ("light", "heavy")]
     assert command(["compare", *files, "--plot", str(picture)]) == 0
@@ -135,5 +142,7 @@ def test_two_sizings_are_compared(tmp_path):
         (tmp_path / name).mkdir()
         content = {"task": {"name": "lift"}, "feasible": True, "ready": True, "ranked": [drive | {"time_out": time}]}
         (tmp_path / name / "result.json").write_text(json.dumps(content))
+    air = next(row for row in pn.load(tmp_path / "a").view().rows if row.quantity == "air of a cycle, l ANR")
+    assert air.value == pytest.approx(1e-3 / 1.185 * 1e3)  # stored in kg
     (pair,) = pn.compare_results(tmp_path / "a", tmp_path / "b").values
     assert (pair.key, pair.before, pair.after) == ("rank 1.time out", "0.200 s", "0.250 s")

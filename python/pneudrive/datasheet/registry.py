@@ -91,11 +91,12 @@ def with_intervals(
 ) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    If a value is moved to an end of its interval, the result changes by an amount d. For several values
-    with
-    correlations r, d^2 = sum r_ij d_i d_j. d_i is the amount for the end that moves the result in the same direction as
-    value i. This is exact for results that are
-    linear in the values. A drive without identified values is returned unchanged.
+    A value at the end of its interval changes the result by d_i. Each d_i is that of the end which moves the result in
+    the direction sought. Values with correlations r give together d:
+
+        d^2 = sum r_ij d_i d_j
+
+    This is exact for results that are linear in the values. A drive without identified values is returned unchanged.
     """
     ends, left_out = ends_of(drive)
     if left_out:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 # --- Execution of chunks: in this process by default, or on the workers of a Dask cluster.
 #
-# Any object that maps a function over items is an executor. Results may come in any order, each exactly once. An
-# item that is lost with its worker is run again.
+# Any object that maps a function over items is an executor. Results may come in any order, each exactly once. An item
+# that is lost with its worker is run again.
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -112,8 +112,8 @@ def _end(
 
 # --- Linear algebra on one thread.
 #
-# The matrices of a campaign are small. Threads that wait for each other on a busy machine cost more than they
-# save. On two busy processors, a computation took 47 s instead of 3 s.
+# The matrices of a campaign are small. Threads that wait for each other on a busy machine cost more than they save. On
+# two busy processors, a computation took 47 s instead of 3 s.
 
 #: Names of OpenBLAS in NumPy and SciPy, and by itself.
 FORMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads")

@@ -152,8 +152,7 @@ def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
 
 # --- Positive definite and triangular systems with LAPACK only.
 #
-# Arguments are not checked, because small systems are solved very often and the checks would take most of the
-# time.
+# Arguments are not checked, because small systems are solved very often and the checks would take most of the time.
 
 
 def factorise(matrix: Array) -> Array:

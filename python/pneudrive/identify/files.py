@@ -89,7 +89,7 @@ def curve_differences(
 def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
     """Return the range of a condition that both fits have measured.
 
-    If there is no common range, the lower end is above the upper end.
+    Without a common range, the lower end is above the upper end.
 
     Parameters
     ----------

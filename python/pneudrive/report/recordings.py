@@ -271,10 +271,14 @@ def loops(found: Characterisation) -> Section:
     return topic.section(topic.text(), *topic.listed(large[:MOST_LARGE]), *pictures)
 
 
+MOST_STROKES = 100  # of each direction: more thin lines cannot be told apart
+
+
 def _loop(level: Level) -> Panel:
-    """Draw both directions, half their difference and half their sum, with all strokes."""
+    """Draw both directions, half their difference and half their sum, with strokes of each direction."""
     p = level.profile
-    every = [Line(p.position_m, values, look=THIN, width=0.3) for values in (*p.up_strokes_n, *p.down_strokes_n)]
+    drawn = (*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES))
+    every = [Line(p.position_m, values, look=THIN, width=0.3) for values in drawn]
     means = (
         ("towards +x", p.up_n, Look("blue"), None),
         ("towards −x", p.down_n, Look("blue", "--"), None),

@@ -523,9 +523,9 @@ class Proposal:
     """A proposed layout, and the data as read, for a picture.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
-    every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty if it is not
-    a recording of a rig, or not readable, with the reason in ``problem``. ``unused`` has the columns of numbers that
-    the layout does not use.
+    every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty for
+    other kinds and for a file that cannot be read; ``problem`` has the reason. ``unused`` has the columns of numbers
+    that the layout does not use.
     """
 
     path: Path

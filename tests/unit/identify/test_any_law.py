@@ -201,8 +201,7 @@ def test_fit_or_message(make_map, rows, law, pressure, robust, strokes):
     assert str(fit)
 
 
-# --- What is applied beside start values: the fit says how far off a run of that mixture is, as a new run finds it
-# too.
+# --- What is applied beside start values: the fit says how far off a run of that mixture is, as a new run finds it too.
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 COMMAND, DURATION, START = "0 s: 0.3, 0.15 s: -0.4", "0.3 s", "position = 200 mm, pressure_a = 3 bar abs"

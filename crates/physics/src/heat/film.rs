@@ -59,9 +59,9 @@ crate::parameters! {
     /// m_in = sum of (m + sqrt(m^2 + m_0^2) - m_0)/2 with m_0 at Re 10, l = sqrt(D^2 + (V/A_piston)^2).
     ///
     /// h_cond is the slow limit of conduction, h_rate its limit for fast changes. Sources: natural convection
-    /// [geankoplis1993], jet [woodfield2007]. The powers 1/3 and 0.335 are approximated by square roots and rational
-    /// functions: h_free within 3 % from 1 to 20 bar and from 5 to 150 K, h_jet within 5 % from Re 300 to 3e5. The law
-    /// itself is uncertain by a factor of 2.
+    /// [geankoplis1993], jet [woodfield2007]. Square roots and rational functions approximate the powers 1/3 and 0.335.
+    /// h_free is within 3 % from 1 to 20 bar and from 5 to 150 K. h_jet is within 5 % from Re 300 to 3e5. The law itself
+    /// is uncertain by a factor of 2.
     pub struct Film {
         /// Derived: 1.45 c k
         conduction: "W/(m K)", crate::any();

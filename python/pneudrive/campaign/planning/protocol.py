@@ -411,7 +411,7 @@ class Stops(ProtocolTable):
     durations_s: Annotated[tuple[float, ...], ListOf(Quantity("s", "s", MAY_LAST), "log")]
     """duration, a list or { from, to, count, spacing }; 0 s: not interrupted"""
     axis: Literal["held", "released", "both"] = "held"
-    """held: the axis keeps its position; released: it moves until the force is zero; both: a factor"""
+    """held (the axis keeps its position), released (it moves until the force is zero), or both as a factor"""
     restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED, "log")] = (0.01,)
     """speed after the stop; a value or a list"""
     approach_speed_m_s: MaybeSpeed = None

@@ -310,9 +310,9 @@ class Journal:
 
 # --- Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
 #
-# A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks
-# for a request five times a second, takes it and removes it. This works on any file system, also over the
-# network, and costs one system call each time.
+# A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks for a
+# request five times a second, takes it and removes it. This works on any file system, also over the network, and costs
+# one system call each time.
 
 FOLDER = "control"
 #: Files there that are no requests: what the campaign does now, written by itself.

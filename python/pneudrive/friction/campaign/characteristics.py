@@ -298,10 +298,10 @@ def _ranges(reading: CampaignData) -> Ranges:
 #
 #   F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
 #
-# The factors of direction s and of position act on the levels, Coulomb and breakaway force. The curves are means
-# of both directions over the common range and also contain the viscous part. The age of the contact is that of
-# the drive's law. A stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the
-# age falls as exp(-travel/L).
+# The factors of direction s and of position act on the levels, Coulomb and breakaway force. The curves are means of
+# both directions over the common range and also contain the viscous part. The age of the contact is that of the drive's
+# law. A stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the age falls as
+# exp(-travel/L).
 #
 # Friction laws are fitted to the map of a campaign with these effects: one fit for each set of mounting, seal and
 # drive.

@@ -309,12 +309,16 @@ MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring b
 class CurvePoints(CycleTable):
     """Cycles with both directions, and the selection of points of F(v).
 
-    Further columns: ``speed_m_s`` (mean of both directions); ``friction_n``, ``offset_n`` and ``air_n`` (half the
-    difference and half the sum of the balance, half the difference of the chambers' force, positive against the
-    motion); ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n`` (from the cycle alone:
-    scatter of its strokes, at least the noise within them); ``relative_n`` (friction of each cycle over its mean in the
-    bins, NaN if nothing has settled); ``curve`` and ``level`` (number of the condition and of the speed level, which
-    ascend); ``reason`` (why a cycle is not a point of F(v); "" if it is one).
+    Further columns:
+
+    - ``speed_m_s``: mean of both directions.
+    - ``friction_n``, ``offset_n``: half the difference and half the sum of the balances of both directions.
+    - ``air_n``: half the difference of the chambers' force, positive against the motion.
+    - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: from the cycle alone. They are
+      the scatter of its strokes, at least the noise within them.
+    - ``relative_n``: friction of each cycle over its mean in the bins; NaN if nothing has settled.
+    - ``curve``, ``level``: numbers of the condition and of the speed level; levels ascend.
+    - ``reason``: cause that excludes a cycle from F(v); empty for a point of F(v).
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
 """Result of a dynamic identification: values of a drive with their uncertainty, notes, statistics, model error.
 
 An interval covers only the noise of the sensors and becomes smaller with every sample, while the model is never exact.
-For the lower limit of the model error, each held number of the description (bore, supply pressure, conductance, ...)
-has an error of `MODEL_SHARE`, the fraction of the balances' terms that the diagnosis ignores. The free values respond
-by least squares on the balances along the recordings (force in sliding, both pressure rates):
+The lower limit of the model error gives each held number (bore, supply pressure, conductance, ...) an error of
+`MODEL_SHARE`. The diagnosis ignores this fraction of the balances' terms. The free values respond by least squares on
+the balances along the recordings (force in sliding, both pressure rates):
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 

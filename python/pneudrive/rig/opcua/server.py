@@ -255,7 +255,7 @@ class RigServer:
 
     @property
     def is_free(self) -> bool:
-        """Whether a client may enter: there is none, or one without a heartbeat."""
+        """Whether a client may enter: the place is free, or its client has no heartbeat."""
         return self.session is None or self._beat_at is None
 
     def enter(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession

@@ -194,8 +194,7 @@ def test_way_is_told_by_samples_where_no_steps_are_written(measured, quick):
     assert (np.diff(ways[1]) > 0).all()
 
 
-# --- A campaign of 20,000 cycles: work is counted, so that nothing is done once a cycle that can be done once for
-# many.
+# --- A campaign of 20,000 cycles: work is counted, so that nothing is done once a cycle that can be done once for many.
 
 FILES = 5  # of a message
 SPEEDS = (0.005, 0.01, 0.02, 0.05)
@@ -240,8 +239,7 @@ def test_work_grows_by_two_looks_a_cycle(quick, tmp_path, monkeypatch):
     assert more_looks - looks == 2 * (many - few)
 
 
-# --- Tares show the zeros of the pressure sensors: they are taken off, and what is left to say of a sensor is its
-# gain.
+# --- Tares show the zeros of the pressure sensors: they are taken off, and what is left to say of a sensor is its gain.
 
 ACCURACY_PA = 400.0
 RANGE_PA = 2.5 * BAR  # the usual one that holds 2 bar
