@@ -277,7 +277,7 @@ MOST_STROKES = 100  # of each direction: more thin lines cannot be told apart
 def _loop(level: Level) -> Panel:
     """Draw both directions, half their difference and half their sum, with strokes of each direction."""
     p = level.profile
-    drawn = (*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES))
+    drawn = [*spread_evenly([*p.up_strokes_n], MOST_STROKES), *spread_evenly([*p.down_strokes_n], MOST_STROKES)]
     every = [Line(p.position_m, values, look=THIN, width=0.3) for values in drawn]
     means = (
         ("towards +x", p.up_n, Look("blue"), None),

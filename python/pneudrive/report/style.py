@@ -153,8 +153,8 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
-#: Height of the line above the panels that marks a figure as synthetic, inch.
-STAMP_IN = 0.17
+#: Height of the line above the panels that marks a figure as synthetic, inch, and size of its letters.
+STAMP_IN, STAMP_PT = 0.17, 7
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
@@ -170,9 +170,12 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
         figure.set_size_inches(width, height + STAMP_IN)
         share = STAMP_IN / (height + STAMP_IN)
         layout = figure.get_layout_engine()
-        if layout is not None:
+        for legend in figure.legends:  # it begins at the top of the picture: an empty line leaves room for the mark
+            legend.set_title(" ")
+            legend.get_title().set_fontsize(STAMP_PT)
+        if layout is not None and not figure.legends:
             layout.set(rect=(0.0, 0.0, 1.0, 1.0 - share))  # pyright: ignore[reportCallIssue] - constrained layout
-        place: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 7, "color": ink("stamp")}
+        place: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": STAMP_PT, "color": ink("stamp")}
         figure.text(0.995, 1.0 - 0.2 * share, "synthetic: simulated data", **place)
 
 

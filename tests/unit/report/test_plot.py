@@ -7,14 +7,17 @@ import re
 from pathlib import Path
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
+from pneudrive.figures import Figure, Line, Panel
 from pneudrive.friction import level
 from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
 from pneudrive.friction.sentences import flag_sentences, flag_table
 from pneudrive.report.recordings import pressure_panel
+from pneudrive.report.render import draw_figure
 from pneudrive.signals import recording, text_table
 
 STARTS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
@@ -23,6 +26,14 @@ STARTS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!DO
 @pytest.fixture(scope="module")
 def run():
     return pn.simulate(pn.Drive.load("catalogue:parker-osp-p25-sy5000"), "0 s: 1, 0.2 s: -1", "0.4 s")
+
+
+def test_the_mark_of_synthetic_data_is_free_of_the_legend():
+    marks = [Line([0.0, 1.0], [0.0, level], f"a curve with a long label, {level}") for level in range(8)]
+    made = draw_figure(Figure([Panel(marks)]), synthetic=True)
+    FigureCanvasAgg(made).draw()
+    mark, (legend,) = next(t for t in made.texts if "synthetic" in t.get_text()), made.legends
+    assert not any(text.get_window_extent().overlaps(mark.get_window_extent()) for text in legend.get_texts())
 
 
 @pytest.mark.parametrize("suffix", STARTS)
