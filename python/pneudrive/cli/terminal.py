@@ -93,11 +93,19 @@ def show_lines(*lines: object) -> None:
 
 
 def show_view(view: View) -> None:
-    """Print the values, curves and tables of a result as tables, then its sentences."""
-    for head, rows in (view.table(), view.curve_table(), *((table.head, table.rows) for table in view.tables)):
+    """Print a result: headline, leading values, findings, values, curves, tables, and notes. "!" marks a bad one."""
+    console().print(view.title, style="bold")
+    leading = (("!" if value.state == "bad" else "-", value.text) for value in view.leading)
+    findings = (("!" if f.state == "bad" else "-", f"{f.text} {f.remedy}".rstrip()) for f in view.findings)
+    show_lines(*(f"{mark} {text}" for mark, text in (*leading, *findings)))
+    tables = ((table.caption, (table.head, table.rows)) for table in view.tables)
+    for caption, (head, rows) in (("", view.table()), ("", view.curve_table()), *tables):
         if rows:
+            show_lines(*([caption] if caption else ()))
             show_table(head, rows[:MOST_ROWS])
-    show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.sentences()))
+        if len(rows) > MOST_ROWS:
+            show_lines(f"{len(rows) - MOST_ROWS} further rows are in the files.")
+    show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
 
 
 def show_statements(statements: Iterable[Statement]) -> None:
