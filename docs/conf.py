@@ -4,14 +4,18 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benches.quoted import quoted
 
 project = "pneudrive"
 author = "the pneudrive developers"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinxcontrib.bibtex"]
-exclude_patterns = ["_build"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions += ["sphinx_design", "sphinxcontrib.bibtex"]
+templates_path = ["_templates"]
+exclude_patterns = ["_build", "_templates"]
 html_theme = "pydata_sphinx_theme"
 html_title = "pneudrive"
 html_favicon = "../page/public/icon.svg"  # without it a browser asks for one that is not there
@@ -20,18 +24,23 @@ html_context = {"default_mode": "auto"}  # of light and dark; left out, the them
 html_static_path = [str(Path(__file__).parents[1] / "page/node_modules/mathjax/es5/tex-svg.js")]
 mathjax_path = "tex-svg.js"
 bibtex_bibfiles = ["../references.bib"]
-myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "substitution"]
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "substitution"]
 myst_substitutions = quoted()
 nb_execution_mode = "cache"
 nb_execution_timeout = 300  # s; on a busy machine a cell takes ten times as long
 nb_render_markdown_format = "myst"
 nb_execution_raise_on_error = True
 autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
 # Words of a docstring's types ("shape (n,)") are no references, though attributes of that name exist.
 suppress_warnings = ["ref.python"]
 
-# Names that a package imports when they are asked for have to be there before autodoc looks at it.
-for package in ("pneudrive.describe", "pneudrive.characterise", "pneudrive.rig"):
-    module = import_module(package)
-    for name in module.__all__:
-        getattr(module, name)
+# The reference shows names as a user types them, after `import pneudrive as pn`.
+for path in ("", ".control", ".ensemble", ".errors", ".mujoco", ".report", ".rig", ".units"):
+    sys.modules[f"pn{path}"] = import_module(f"pneudrive{path}")
+napoleon_use_ivar = True  # the fields of a class stand in a list, not as members
+
+
+def setup(app: Sphinx) -> None:
+    """Show no signature of a class: functions return most of them, and files hold the values of the others."""
+    app.connect("autodoc-process-signature", lambda app, what, *rest: ("", None) if what == "class" else None)
