@@ -3,7 +3,10 @@
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import nbformat
+from myst_nb.core.read import is_myst_markdown_notebook, read_myst_markdown_notebook
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -40,7 +43,23 @@ for path in ("", ".control", ".ensemble", ".errors", ".mujoco", ".report", ".rig
     sys.modules[f"pn{path}"] = import_module(f"pneudrive{path}")
 napoleon_use_ivar = True  # the fields of a class stand in a list, not as members
 
+html_theme_options = {"secondary_sidebar_items": ["page-toc", "notebook", "sourcelink"]}
+
+
+def write_notebook(app: Sphinx, page: str, template: str, context: dict[str, Any], *rest: object) -> None:
+    """Write the cells of an executed page as a notebook, to which its side bar links."""
+    text = path.read_text("utf-8") if (path := Path(app.srcdir, f"{page}.md")).is_file() else ""
+    if is_myst_markdown_notebook(text):
+        target = Path(app.outdir, "_notebooks", f"{page}.ipynb")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        cells = read_myst_markdown_notebook(text)
+        for k, cell in enumerate(cells.cells):
+            cell.id = f"cell-{k}"  # random otherwise
+        nbformat.write(cells, target)
+        context["notebook"] = f"_notebooks/{page}.ipynb"
+
 
 def setup(app: Sphinx) -> None:
-    """Show no signature of a class: functions return most of them, and files hold the values of the others."""
+    """Offer pages as notebooks, and show no signature of a class: functions or files give its values."""
+    app.connect("html-page-context", write_notebook)
     app.connect("autodoc-process-signature", lambda app, what, *rest: ("", None) if what == "class" else None)
