@@ -191,6 +191,12 @@ class Pneu:
         >>> [(one.direction, f"{one.stroke_time:.3f} s") for one in run.pneu.strokes(drive)]
         [(1, '0.136 s'), (-1, '0.324 s')]
         """
+        if not hasattr(drive, "cylinder"):
+            raise CommandError(
+                f'"{drive.name}" is a circuit',
+                rule="strokes are those of one drive under one command",
+                remedy="run.pneu.info(circuit) has impacts, peak pressures and air.",
+            )
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
             raise CommandError(
                 f'this run was made with another description of "{drive.name}"',

@@ -15,14 +15,17 @@ from scipy.optimize import root
 
 import pneudrive as pn
 from pneudrive import _core
+from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.cli.main import run
 from pneudrive.describe import components
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import DescriptionError, PneudriveWarning, Problems
+from pneudrive.rig import shipped_rigs
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "two_cylinders.toml"
 TEXT = EXAMPLE.read_text("utf-8")
 FITTING = 'kind = "fitting"\nconductance = "1 dm3/(s bar)"\ncritical_pressure_ratio = 0.3\n'
 
@@ -376,6 +379,32 @@ def test_the_schema_takes_the_example():
     tables["components"]["tank"]["volum"] = "1 l"
     with pytest.raises(jsonschema.ValidationError):
         held.validate(tables)
+
+
+SHIPPED = {
+    "layout": ROOT.glob("data/measurements/*/layout.toml"),
+    "rig": shipped_rigs().values(),
+    "protocol": ready_protocols().values(),
+    "task": ROOT.glob("examples/sizing/*.toml"),
+}
+
+
+@pytest.mark.parametrize(("kind", "file"), [(kind, file) for kind, files in SHIPPED.items() for file in files])
+def test_the_printed_schema_takes_shipped_files_and_finds_a_wrong_key(kind, file, capsys):
+    jsonschema, tomllib = pytest.importorskip("jsonschema"), pytest.importorskip("tomllib")
+    assert run(["schema", kind]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    held = jsonschema.validators.validator_for(schema)(schema)
+    tables = tomllib.loads(file.read_text())
+    held.validate(tables)
+    if kind != "rig":  # own kinds of rigs have further keys
+        assert not held.is_valid(tables | {"colour": "red"})
+
+
+def test_a_frozen_description_says_how_to_change_it():
+    drive = pn.Drive.load("catalogue:reference")
+    with pytest.raises(DescriptionError, match=r'drive.replace\(\{"cylinder.bore": "32 mm"\}\)'):
+        drive.cylinder.bore = "32 mm"
 
 
 def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys, request):

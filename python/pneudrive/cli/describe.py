@@ -17,12 +17,16 @@ from pneudrive.repr_tables import aligned
 with used_later(__name__):
     from pneudrive import references
     from pneudrive.campaign.planning import protocol
+    from pneudrive.control import controller
+    from pneudrive.control import references as trajectories
     from pneudrive.describe import components as component_texts
     from pneudrive.describe import kinds
     from pneudrive.describe.files import catalogue as parts
     from pneudrive.describe.files import load, toml
     from pneudrive.files import content
     from pneudrive.report.circuit import svg
+    from pneudrive.rig import description
+    from pneudrive.signals import layout
     from pneudrive.sizing import task
 
 if TYPE_CHECKING:
@@ -224,18 +228,24 @@ def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] |
         typer.echo(f"joint of {name}: {1e6 * volume:.3g} cm3")
 
 
-def schema(kind: Literal["drive", "circuit", "protocol", "task"] = "drive") -> None:
-    """Print the JSON schema of drive files, circuit files, protocols, or tasks.
+def schema(
+    kind: Literal["drive", "circuit", "layout", "rig", "protocol", "task", "controller", "trajectory"] = "drive",
+) -> None:
+    """Print the JSON schema of a kind of file, for an editor that completes and checks TOML.
 
     Options
     -------
     kind
-        Kind of file: drive, circuit, protocol of a campaign, or task of a sizing.
+        Kind of file: drive, circuit, layout of recordings, rig, protocol of a campaign, task of a sizing, controller,
+        or trajectory (a reference).
 
     Examples
     --------
     pneudrive schema drive
     """
-    schema_of = {"protocol": protocol.protocol_schema, "task": task.task_schema}
-    schema_of |= {"drive": load.drive_schema, "circuit": load.circuit_schema}
-    typer.echo(json.dumps(schema_of[kind](), indent=2, ensure_ascii=False))
+    schema_of = {"drive": load.drive_schema, "circuit": load.circuit_schema, "layout": layout.layout_schema}
+    schema_of |= {"rig": description.rig_schema, "protocol": protocol.protocol_schema, "task": task.task_schema}
+    tables = {"controller": controller.Controller, "trajectory": trajectories.ReferenceFile}
+    found = schema_of[kind]() if kind in schema_of else tables[kind].model_json_schema(by_alias=True)
+    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    typer.echo(json.dumps(draft | found, indent=2, ensure_ascii=False))

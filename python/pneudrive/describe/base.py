@@ -79,6 +79,14 @@ class Described(Shown, BaseModel):
 
         __init__.__pydantic_base_init__ = True  # tables inside tables do not call `__init__`
 
+        def __setattr__(self, name: str, value: object) -> None:
+            """Refuse to change a value of the description."""
+            if name in {*type(self).keys(), *type(self).model_fields}:
+                key = f"{self.table_name}.{name}" if self.table_name else name
+                remedy = f'Make another description: drive = drive.replace({{"{key}": "{value}"}}).'
+                raise DescriptionError(f"{key} cannot be changed: a description is frozen", remedy=remedy)
+            super().__setattr__(name, value)
+
         @classmethod
         def model_validate(cls, *given: object, **options: object) -> Described:
             """Check, as `__init__` does."""
@@ -159,9 +167,10 @@ class Described(Shown, BaseModel):
         for name, field in cls.model_fields.items():
             about = out["properties"].get(field.alias or name, {})
             mark = mark_of(field)
+            shown = field.default
             if mark is not None and field.default is not None and "default" in about:
-                about["default"] = mark.show(field.default)
-            elif not isinstance(field.default, (str, int)):
+                shown = about["default"] = mark.show(field.default)
+            if shown is None or isinstance(shown, Described) or (mark is None and not isinstance(shown, str | int)):
                 about.pop("default", None)  # a default that is a table cannot be written
         return out
 

@@ -27,6 +27,7 @@ from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits, uniform_in_position
+from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -281,6 +282,19 @@ def _table_class(name: str, keys: dict[str, Key]) -> type[Described]:
         for key, one in keys.items()
     }
     return create_model(f"Rig{name.title()}", __base__=Described, **fields)
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the JSON schema of a rig file: of a simulated rig, or identity and limits of any other."""
+    written = {"type": ["string", "number", "boolean"]}
+    parts = dict.fromkeys(("value", "source", "reason"), written)
+    sourced = {"anyOf": [written, {"type": "object", "properties": parts, "required": ["value", "source"]}]}
+    schema = RigFile.model_json_schema(by_alias=True) | {"additionalProperties": True}  # keys of further kinds
+    schema["properties"] |= {"extends": {"type": "string"}, "name": {"type": "string"}}
+    for name, keys in KEYS.items():
+        described = {key: {**sourced, "description": one.meaning} for key, one in keys.items()}
+        schema["properties"][name] = {"type": "object", "properties": described}
+    return schema
 
 
 def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:

@@ -442,6 +442,14 @@ class FileLayout(Described):
         return {name: value for name, value in said.items() if value is not None}
 
 
+def layout_schema() -> dict[str, Any]:
+    """Return the JSON schema of a layout file: each ``[[for]]`` has the same keys, or dotted ones."""
+    schema = FileLayout.model_json_schema(by_alias=True)
+    group = {"type": "object", "properties": {"match": {"type": "string"}}, "required": ["match"]}
+    schema["properties"]["for"] = {"type": "array", "items": group}
+    return schema
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Layout(Shown):
     """A layout file before its overrides are applied to a file's name.

@@ -331,6 +331,9 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
         value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
     except DescriptionError as error:
         raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    except (TypeError, ValueError):
+        rule = f"a text with its unit, or a number in {si_unit}"
+        raise CommandError(f"{what} = {given} is of the type {type(given).__name__}", rule=rule) from None
     if not (math.isfinite(value) and value > 0.0):
         raise CommandError(f"{what} = {given} is out of bounds", rule="finite and greater than 0")
     return value
