@@ -14,6 +14,7 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
 from pneudrive.report.render import render
 from pneudrive.simulation.trajectory import whole
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -94,15 +95,24 @@ def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None 
 
 
 def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
-    """Return the section of a result: its sentences, tables and figures."""
-    tables = [PageTable(table.head, table.rows, table.caption) for table in view.tables]
-    for head, rows in (view.table(), view.curve_table()):
-        tables += [PageTable(tuple(head), tuple(map(tuple, rows)))] if rows else []
+    """Return the section of a result: findings, leading values and notes, values, figures and tables."""
     states = {"good": "holds", "open": "note", "bad": "fails"}
     findings = (Paragraph(f"{f.text} {f.remedy}".strip(), states[f.state]) for f in view.findings)
     facts = Items((*(value.text for value in view.leading), *view.notes))
+    tables = []
+    for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
+        tables += [PageTable(tuple(head), tuple(map(tuple, rows)), caption)] if rows else []
     pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
-    return section(key, view.title, *findings, facts if facts.items else None, *tables, *pictures, synthetic=synthetic)
+    tables += [PageTable(table.head, table.rows, table.caption) for table in view.tables]
+    return section(key, view.title, *findings, facts if facts.items else None, *pictures, *tables, synthetic=synthetic)
+
+
+def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
+    """Return the report of a result: its leading values and bad findings as the verdict, then its view and sections."""
+    leading = [Finding(value.text, value.state) for value in view.leading]
+    bad = [finding for finding in view.findings if finding.state == "bad"]
+    rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
+    return Report(view.title, [*bad, *leading], [view_section("result", rest), *sections], synthetic)
 
 
 @style.applied()
@@ -132,17 +142,22 @@ def _marked(part: Section, synthetic: bool) -> Section:
 
 @dataclass
 class Report:
-    """A report: verdict, sections, and the pictures in its folder."""
+    """A report: verdict with the worst lines first, sections, and the pictures in its folder."""
 
     title: str
-    verdict: Iterable[str]
+    verdict: Iterable[str | Finding]
     sections: Sequence[Section | None]
     synthetic: bool = False
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        self.verdict = sorted(self.verdict, key=lambda line: not is_severe(line))
         self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
+
+    @property
+    def lines(self) -> list[Finding]:
+        """Lines of the verdict, the bad ones first."""
+        lines = (Finding(v, "bad" if is_severe(v) else "good") if isinstance(v, str) else v for v in self.verdict)
+        return sorted(lines, key=lambda line: line.state != "bad")
 
     @style.applied()
     def write(self, folder: str | Path) -> Path:
@@ -189,13 +204,12 @@ class Report:
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
         environment.filters["words"] = _words
-        environment.tests["severe"] = is_severe
         details = [part.key for part in self.sections if part and part.key in DETAILS and not _has_severe(part)]
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         drawn = {name: Markup(svg) for name, svg in self.pictures.items()}
         return template.render(
             title=self.title,
-            verdict=self.verdict,
+            verdict=self.lines,
             sections=self.sections,
             pictures=drawn,
             folded=details if len(self.sections) > MOST_OPEN else (),

@@ -69,7 +69,7 @@ def typst_of(report: Report) -> str:
         HEAD.replace("#FOOT", f"#{literal(report.title)}"),
         f"#set document(title: {literal(report.title)}, date: none)",
     ]
-    out += [f"= #{literal(report.title)}", *(f"- #{literal(line)}" for line in report.verdict)]
+    out += [f"= #{literal(report.title)}", *(f"- #{literal(line.text)}" for line in report.lines)]
     parts = [part for part in report.sections if part is not None]
     beside, narrow = ([part for part in parts if part.key in keys] for keys in (BESIDE, NARROW))
     if beside:
