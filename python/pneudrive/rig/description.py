@@ -289,7 +289,8 @@ def rig_schema() -> dict[str, Any]:
     written = {"type": ["string", "number", "boolean"]}
     parts = dict.fromkeys(("value", "source", "reason"), written)
     sourced = {"anyOf": [written, {"type": "object", "properties": parts, "required": ["value", "source"]}]}
-    schema = RigFile.model_json_schema(by_alias=True) | {"additionalProperties": True}  # keys of further kinds
+    schema: dict[str, Any] = RigFile.model_json_schema(by_alias=True)
+    schema["additionalProperties"] = True  # keys of further kinds
     schema["properties"] |= {"extends": {"type": "string"}, "name": {"type": "string"}}
     for name, keys in KEYS.items():
         described = {key: {**sourced, "description": one.meaning} for key, one in keys.items()}
