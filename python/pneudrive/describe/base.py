@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from pneudrive import units
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.marks import Mark, Quantity
+from pneudrive.describe.marks import Mark, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, nearest, together
 from pneudrive.repr_tables import Card, Shown
 
@@ -184,6 +184,8 @@ class Described(Shown, BaseModel):
                 for mark in field.metadata:
                     if isinstance(mark, Quantity):
                         return f"Add {alias} = ...: {units.needed(mark.si_unit) if mark.si_unit else 'a number'}."
+                    if isinstance(mark, StatedPressure):
+                        return f"Add {alias} = ...: {units.PRESSURE_NEEDED}."
                 if field.annotation is not None and hasattr(field.annotation, "model_fields"):
                     return f"Add a table [{alias}]."
         return f"Add {alias} = ..."

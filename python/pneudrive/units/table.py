@@ -100,6 +100,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "J/(kg K)": ("a specific gas constant", "287.05 J/(kg K)"),
     "J/K": ("a heat capacity", "500 J/K"),
     "m^3/(s Pa)": ("a sonic conductance", "2 dm3/(s bar)"),
+    "m3/s": ("a volume flow", "120 l/min"),
     "m^3/s ANR": ("a flow of normal litres", "700 l/min ANR"),
 }
 
