@@ -131,6 +131,8 @@ UPPER.update(
     write_fit_report="pneudrive.report.fit",
     follow_page="pneudrive.report.motion",
     motion_page="pneudrive.report.motion",
+    campaign_view="pneudrive.report.campaign",
+    comparison_view="pneudrive.report.comparison",
     plot_sizing="pneudrive.report.sizing",
     write_sizing_report="pneudrive.report.sizing",
     with_platform_outputs="pneudrive.platforms.outputs",

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 State: TypeAlias = Literal["good", "open", "bad"]
 STATES: tuple[State, ...] = ("good", "open", "bad")
 MOST_LEADING = 5
+MOST_PICTURES = 3  # figures of a result that a notebook draws
+UNLIKE = 1.5  # ratio of an interval to twice its shorter half above which both ends are written
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class ShownValue:
         '13.2'
         >>> ShownValue("f", "a recording", "friction", 9.79, "N", (9.3, 10.28)).text
         '9.79 ± 0.49'
+        >>> ShownValue("s", "a rig", "scatter", 1.02, "N", (0.62, 45.0)).text  # unlike halves
+        '1.02 (0.62 … 45.0)'
         """
         if isinstance(self.value, str):
             return self.value
@@ -79,6 +83,8 @@ class ShownValue:
         if self.interval is None:
             return plain(self.value / size)
         low, high = self.interval
+        if not math.isfinite(high - low) or high - low > UNLIKE * 2.0 * min(high - self.value, self.value - low):
+            return f"{plain(self.value / size)} ({plain(low / size)} … {plain(high / size)})"
         return with_u(self.value / size, (high - low) / 2.0 / size, "")
 
     @property
@@ -275,7 +281,7 @@ class Viewed(Shown):
 
     def _picture(self) -> str:
         draw = upper("figure_svg")
-        return "".join(draw(shown) for shown in self.view().figures)
+        return "".join(draw(shown) for shown in self.view().figures[:MOST_PICTURES])
 
 
 def _cell(value: ShownValue | None, *, with_unit: bool) -> str:

@@ -40,7 +40,6 @@ with used_later(__name__):
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.friction.campaign.compare import Comparison
 
 campaign = group(
     dict.fromkeys(("plan", "run", "resume", "status", "pause", "abort"), "pneudrive.cli.campaign"),
@@ -242,7 +241,11 @@ def compare(
     folder = terminal.writable_folder(out)
     written = files.write_comparison(comparison, folder / "comparison.toml")
     page = comparison_page.write_comparison_report(comparison, folder)
-    _show_comparison(comparison)
+    named = zip("AB", sides, strict=True)
+    terminal.show_lines(
+        *(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named)
+    )
+    terminal.show_view(comparison.view())
     terminal.show_paths(written, page)
 
 
@@ -258,23 +261,6 @@ def _compare_results(first: str, second: str, plot: Path | None) -> None:
     elif not compared.curves and compared.kind == fit_results.FrictionFit.TITLE:
         terminal.show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
     terminal.write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
-
-
-def _show_comparison(comparison: Comparison) -> None:
-    """Print one line for each compared property, and the notes."""
-    sides = zip("AB", (comparison.first, comparison.second), strict=True)
-    terminal.show_lines(
-        *(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in sides)
-    )
-    rows = []
-    for test in comparison.tests:
-        e = test.difference
-        size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
-        chances = (f"{test.p:.2g}", f"{test.adjusted_p:.2g}")
-        rows.append((test.what, size, *chances, "yes" if test.different else "not shown"))
-    terminal.show_table(("question", "B minus A (95 %)", "p", "p corrected", "different"), rows, left=5)
-    terminal.show_statements(comparison.statements)
-    terminal.show_lines(str(comparison))
 
 
 def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:

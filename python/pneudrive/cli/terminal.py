@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from pneudrive.friction.sentences import Statement
     from pneudrive.identify.base import Fit
     from pneudrive.views import View
 
@@ -106,11 +105,6 @@ def show_view(view: View) -> None:
         if len(rows) > MOST_ROWS:
             show_lines(f"{len(rows) - MOST_ROWS} further rows are in the files.")
     show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
-
-
-def show_statements(statements: Iterable[Statement]) -> None:
-    """Print statements on the data. "!" marks undetermined values."""
-    show_lines(*(f"{'-' if statement.carried else '!'} {statement}" for statement in statements))
 
 
 def show_events(events: Iterable[Mapping[str, Any]]) -> None:

@@ -148,6 +148,7 @@ def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
 # --- Condition of a curve, skipped cycles, and the slopes that pressure pairs determine.
 
 PA_PER_BAR = 1e5
+CHAMBERS = {"a": "chamber a", "b": "chamber b", "sum": "both chambers"}  # by the name of their effect
 TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # chambers whose pressure has a separate effect
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs nearer to one line do not determine both effects
 ALL_RECORDINGS = "all recordings"  # the group of recordings without labels of their assembly

@@ -1,9 +1,11 @@
-"""The report of a campaign: verdict, curves, effects, course over time and position, the run, and its sources."""
+"""View and report of a campaign: statements, effects, curves, stops, course over time and position, and the run."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from contextlib import suppress
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -12,34 +14,32 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
+from pneudrive.errors import RigError
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
-from pneudrive.friction.friction_map import PA_PER_BAR
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR
 from pneudrive.friction.sentences import flag_table
-from pneudrive.numbers import with_interval, with_u
-from pneudrive.report import stops
+from pneudrive.numbers import plain, with_u
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import Paragraph, Report
+from pneudrive.report.page import Paragraph, Picture, view_report, view_section
 from pneudrive.report.provenance import references, software
-from pneudrive.report.tables import CHAMBERS, MM, condition_names, plural, spread_evenly
+from pneudrive.report.tables import MM, chance, condition_names, plural, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.rig.interface import Envelope
+from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
+from pneudrive.views import STATES, Finding, LeadingValue, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from pneudrive.friction.campaign.result import (
-        AirShare,
-        CampaignCharacteristics,
-        Curve,
-        PositionPattern,
-        PressureEffects,
-    )
+    from pneudrive.friction.campaign.result import AirShare, CampaignCharacteristics, Curve, PressureEffects
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
+    from pneudrive.friction.campaign.stops.stop import Stop
+    from pneudrive.friction.sentences import Statement
     from pneudrive.report.page import Block, PageTable, Section
-    from pneudrive.views import ShownCurve
+    from pneudrive.views import ShownCurve, State
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
@@ -69,89 +69,98 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
     CommandError
         The folder cannot be written to.
     """
-    parts = (
-        *(run, curves, air, pressure, direction, position, stops.section, drift, repeatability, loops, stick_slip),
-        *(statements, flags, budget, sources),
-    )  # a section without data is None
+    view = found.view()
     title = f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
-    return Report(title, verdict(found), [part(found) for part in parts], found.synthetic).write(folder)
+    further = (run(found), *_figured(found), flags(found), budget(found), sources(found))
+    report = view_report(replace(view, title=title, curves=(), figures=()), *further, synthetic=found.synthetic)
+    report.verdict = [view.title, *report.verdict]
+    return report.write(folder)
 
 
-# --- verdict ---------------------------------------------------------------------------------------------------------
+# --- view ------------------------------------------------------------------------------------------------------------
 
 
-def verdict(found: CampaignCharacteristics) -> Iterator[str]:
-    """Return the results in a few lines."""
-    made = "on a simulated rig (synthetic)" if found.synthetic else f"on {found.identity.name}"
-    read = len(found.cycles) + len(found.stops)
-    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
-    yield f"{plural(read, 'cycle')} {made}{lost}."
-    yield from _friction(found)
-    yield from _air(found)
-    for series in found.dwell:
-        if series.slope is not None:
-            best = f"; best law: {series.laws[0].form.title}" if series.laws else ""
-            yield (
-                f"Breakaway after a stop ({series.name}) changes by {with_interval(series.slope, unit='N')} per decade "
-                f"of duration at {series.reference_s:g} s{_with_pressure(series)}{best}."
-            )
-    r, d = found.repeatability, found.drift
-    if r is not None and r.within is not None:
-        between = f", between blocks and days {r.between.value:.2g} N" if r.between is not None else ""
-        drifted = f"; friction drifted by {np.ptp(d.drift_n):.2g} N" if d is not None and d.drift_n.size else ""
-        yield f"One cycle repeats within {r.within.value:.2g} N (standard deviation){between}{drifted}."
-    missing = sum(not s.carried for s in found.statements)
-    if missing:
-        count = plural(missing, "question is", "questions are")
-        yield f"{count} not answered by these data; the sections name them and the data they need."
+def _figured(found: CampaignCharacteristics) -> list[Section]:
+    """Return the sections with figures; those without data are left out."""
+    parts = (curves, air, pressure, position, stops, drift, loops, stick_slip)
+    return [section for part in parts if (section := part(found)) is not None]
 
 
-def _friction(found: CampaignCharacteristics) -> Iterator[str]:
-    both = [c for c in found.curves if c.direction == 0]
-    if not both:
-        yield "These cycles do not give friction over speed."
-        return
-    first = both[0]
-    half = [float(v) for v in (first.high_n - first.low_n) / 2.0]
-    levels = " and ".join(
-        f"{with_u(float(first.friction_n[i]), half[i])} at {MM * first.speed_m_s[i]:.3g} mm/s"
-        for i in dict.fromkeys(int(i) for i in np.flatnonzero(first.measured)[[0, -1]])
+def campaign_view(found: CampaignCharacteristics) -> View:
+    """Return the view of a campaign, or of the curves of recordings."""
+    ambient, values = found.identity.ambient_pressure_pa, tuple(_values(found))
+    findings = findings_of(found.statements)
+    pictures = (block for section in _figured(found) for block in section.blocks if isinstance(block, Picture))
+    return View(
+        title=_headline(found),
+        rows=values,
+        curves=tuple(curve.shown(ambient) for curve in found.curves if curve.direction == BOTH),
+        state=max((f.state for f in findings), key=STATES.index, default="good"),
+        leading=tuple(map(LeadingValue, _leading(found, values))),
+        findings=findings,
+        figures=tuple(ShownFigure(block.name, block.caption, block.figure) for block in pictures),
     )
-    where = condition_names(found)(first.condition)
-    yield f"Friction at {where}: {levels} (± half of the 95 % interval); {plural(len(both), 'condition')} in all."
-    for effects in found.pressure:
-        slopes = _effects(effects, "mean", " ({})", ("a", "b", "both chambers together"))
-        if slopes:
-            name = f" ({effects.levels})" if effects.levels else ""
-            joint = effects.interaction_n_pa2
-            tail = f"; interaction {with_interval(joint, PA_PER_BAR**2, 'N/bar²')}" if joint is not None else ""
-            yield f"Friction changes with pressure{name}, mean over speeds: {', '.join(slopes)}{tail}."
 
 
-def _effects(of: object, name: str, words: str, chambers: tuple[str, str, str]) -> list[str]:
-    """Return the known effects of both pressures as text."""
-    each = zip((getattr(of, f"{name}_{side}") for side in ("a", "b", "sum")), chambers, strict=True)
-    return [with_interval(e, PA_PER_BAR, "N/bar") + words.format(chamber) for e, chamber in each if e is not None]
+def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
+    """Return statements as findings: doubts about the data are bad, values that the data do not determine are open."""
+
+    def state(statement: Statement) -> State:
+        return "good" if statement.carried else "bad" if statement.topic == "data" else "open"
+
+    return tuple(Finding(s.text, state(s), f"Remedy: {s.remedy}" if s.remedy else "") for s in statements)
 
 
-def _air(found: CampaignCharacteristics) -> Iterator[str]:
-    separated = [a for a in found.air if a.separated]
-    if separated:
-        a = max(separated, key=lambda share: share.air_n[-1])
-        half = float(a.air_high_n[-1] - a.air_low_n[-1]) / 2.0
-        text = f"{a.air_n[-1]:.2g} of {a.total_n[-1]:.3g} N are air, not seal"
-        if abs(a.air_n[-1]) < half:
-            text = f"no force of the air is visible in {a.total_n[-1]:.3g} N (± {half:.2g} N)"
-        yield f"At {MM * a.speed_m_s[-1]:.3g} mm/s and {condition_names(found)(a.condition)}, {text}."
-    elif found.air:
-        yield "Air and seal cannot be separated: pressures were not measured in the chambers."
+def _headline(found: CampaignCharacteristics) -> str:
+    """Return the number of cycles, their rig, and how much they leave open; recordings have no rig of their own."""
+    is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
+    count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
+    if found.synthetic or not is_campaign:
+        made = "on a simulated rig (synthetic)" if found.synthetic else "of recordings"
+    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
+    missing = sum(not s.carried for s in found.statements)
+    rest = f" {plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
+    return f"{f'{found.name}: ' if is_campaign else ''}{count} {made}{lost}.{rest}"
 
 
-def _with_pressure(series: DwellSeries) -> str:
-    """Return the text on the change of the slope with pressure; "" at one pressure."""
-    chambers = ("p_a", "p_b", "both pressures together")
-    slopes = _effects(series.pressure, "slope", " of {}", chambers) if series.pressure else []
-    return f", and that slope by {' and '.join(slopes)}" if slopes else ""
+def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
+    """Return counts, ranges, and each effect with its interval and its probability by chance."""
+    for name in ("cycles", "skipped", "curves", "stops"):
+        yield ShownValue(name, name, "value", str(len(getattr(found, name))))
+    r = found.ranges
+    for name, (low, high), size, zero, unit in (
+        ("speeds", r.speed_m_s, 1e-3, 0.0, "mm/s"),
+        ("gauge pressure a", r.gauge_a_pa, PA_PER_BAR, 0.0, "bar"),
+        ("gauge pressure b", r.gauge_b_pa, PA_PER_BAR, 0.0, "bar"),
+        ("temperature", r.temperature_k, 1.0, ZERO_CELSIUS_K, "°C"),
+    ):
+        if math.isfinite(low):
+            limits = (plain(round((end - zero) / size, 3)) for end in (low, high))
+            yield ShownValue(name, name, "value", f"{' to '.join(limits)} {unit}")
+    for name, e in found.effects().items():
+        value = getattr(e, "value", math.nan)  # a test of several parameters has no value
+        yield ShownValue(
+            name, name, "value", value, getattr(e, "unit", ""), (e.low, e.high) if value == value else None
+        )
+        if math.isfinite(e.p):
+            yield ShownValue(f"{name}, p", name, "p", chance(e.p))
+
+
+def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> Iterator[ShownValue]:
+    """Return friction at the slowest and the fastest speed, and the main effects."""
+    named = condition_names(found)
+    for c in [c for c in found.curves if c.direction == BOTH][:1]:
+        for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
+            name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
+            yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
+    for begin in ("pressure of", "breakaway per decade", "scatter of one"):
+        chosen = [row for row in values if row.key.startswith(begin) and row.quantity == "value"]
+        yield from (replace(row, quantity=f"{row.label}:") for row in chosen[-1:])
+
+
+def summary(found: CampaignCharacteristics) -> Section:
+    """Return the section with statements on the curves of recordings, and effects."""
+    return view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
@@ -159,16 +168,17 @@ def _with_pressure(series: DwellSeries) -> str:
 
 def curves(found: CampaignCharacteristics) -> Section | None:
     """Return the section on friction over speed at every condition."""
-    both = [c for c in found.curves if c.direction == 0]
+    both = [c for c in found.curves if c.direction == BOTH]
     if not both:
         return None
-    topic, shown = Topic("campaign", "curves"), spread_evenly(found.view().curves, MOST_CURVES)
+    ambient = found.identity.ambient_pressure_pa
+    topic, shown = Topic("campaign", "curves"), spread_evenly(both, MOST_CURVES)
     text = topic.say()
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
-    picture = topic.picture("campaign-curves", curve_figure(shown))
+    picture = topic.picture("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
     return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
@@ -260,46 +270,19 @@ def pressure(found: CampaignCharacteristics) -> Section | None:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
         texts.append(topic.text(name=name, statement=effects.statement, pairs=pairs))
-    panels = [_slopes(e) for e in found.pressure if e.slope_a or e.slope_b or e.slope_sum]
+    panels = [_slopes(e) for e in found.pressure if e.slopes]
     y, size = "friction per pressure / (N/bar)", {"columns": 3, "row_in": 2.4, "rest_in": 0.4}
     figure = Figure(panels, SPEED, y, share_y="all", legend="panel", **size)
-    rows = [row for e in found.pressure for row in _pressure_rows(e)]
-    return topic.section(
-        *texts,
-        topic.picture("campaign-pressure", figure) if panels else None,
-        topic.table(rows) if rows else None,
-    )
+    return topic.section(*texts, topic.picture("campaign-pressure", figure) if panels else None)
 
 
 def _slopes(e: PressureEffects) -> Panel:
     marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
-    for index, (label, slopes) in enumerate(zip(CHAMBERS, (e.slope_a, e.slope_b, e.slope_sum), strict=True)):
-        if slopes:
-            speed = e.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
-            value, low, high = ends(slopes)
-            marks.append(Markers(speed, value, label, look(index), low, high, 3.5, joined=True))
+    for index, (chamber, slopes) in enumerate(e.slopes.items()):
+        speed = e.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
+        value, low, high = ends(slopes)
+        marks.append(Markers(speed, value, CHAMBERS[chamber], look(index), low, high, 3.5, joined=True))
     return Panel(marks, e.levels)
-
-
-def _pressure_rows(e: PressureEffects) -> Iterator[tuple]:
-    levels = e.levels or "all"
-    for word, mean in zip(CHAMBERS, (e.mean_a, e.mean_b, e.mean_sum), strict=True):
-        if mean is not None:
-            yield levels, word, with_interval(mean, PA_PER_BAR, "N/bar"), mean.p
-    if e.interaction is not None:
-        yield levels, "interaction a × b", with_interval(e.interaction_n_pa2, PA_PER_BAR**2, "N/bar²"), e.interaction.p
-    if e.curvature is not None:
-        yield levels, "curvature", "", e.curvature.p
-
-
-def direction(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on half the difference between both directions."""
-    if not found.asymmetry:
-        return None
-    topic, named = Topic("campaign", "direction"), condition_names(found)
-    separable = any(a.basis == "tare" for a in found.asymmetry)
-    rows = ((named(a.condition), a.basis, a.mean, a.mean.p, plural(a.speed_m_s.size, "speed")) for a in found.asymmetry)
-    return topic.section(topic.text("separable" if separable else "inseparable"), topic.table(rows))
 
 
 # --- course along the stroke and over time ---------------------------------------------------------------------------
@@ -310,51 +293,28 @@ def position(found: CampaignCharacteristics) -> Section | None:
     shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
     if not shown:
         return None
-    topic, named, panels, rows = Topic("campaign", "position"), condition_names(found), [], []
+    topic, named, panels = Topic("campaign", "position"), condition_names(found), []
     for p in shown:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         x, middle, low, high = (v[np.isfinite(p.relative)] for v in (p.position_m, p.relative, p.low, p.high))
         marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), Line(x, middle - 1.0, look=Look("blue"), width=1.0)]
         panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
-        rows += _patterns(where, p)
     size = {"columns": 3, "row_in": 1.9, "share_y": "all"}
     figure = Figure(panels, "position / mm", "friction minus its mean / %", **size)
-    return topic.section(topic.text(), topic.picture("campaign-position", figure), topic.table(rows))
-
-
-def _patterns(where: str, p: PositionPattern) -> Iterator[tuple]:
-    yield where, "trend", with_interval(p.trend_per_m, 100.0, "%/m"), p.trend_per_m.p
-    for h in p.harmonics:
-        wave = f"wavelength {MM * h.wavelength_m:.3g} mm"
-        yield where, wave, with_interval(h.amplitude, 100.0, "%"), h.amplitude.p
+    return topic.section(topic.text(), topic.picture("campaign-position", figure))
 
 
 def drift(found: CampaignCharacteristics) -> Section | None:
     """Return the section on changes over the campaign: control runs, run-in, temperature, zero of the sensor."""
-    d, zero = found.drift, found.zero
+    d = found.drift
     if d is None:
         return None
     topic = Topic("campaign", "drift")
     basis = topic.texts["told"].get(d.basis)
-    causes = (
-        ("over time", d.per_hour, "N/h"),
-        ("over travel (run-in)", d.per_decade_of_travel, "N per decade"),
-        ("with temperature", d.per_kelvin, "N/K"),
-        ("after an interruption", d.interrupted, "N"),
-    )
-    rows: list[tuple] = [
-        (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not determine the drift", None)
-        for word, e, unit in causes
-    ]
-    if basis:
-        rows.append(("states of the campaign, relative to its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
-    if zero.time_s.size:
-        rows.append(("zero of the force sensor", with_interval(zero.per_hour, unit="N/h"), ""))
     is_drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
         Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
         topic.picture("campaign-drift", drift_figure(found)) if is_drawn else None,
-        topic.table(rows),
     )
 
 
@@ -375,21 +335,6 @@ def drift_figure(found: CampaignCharacteristics) -> Figure:
         panels.append(Panel([points], y="sensor zero / N"))
     height, heights = (3.8, (2, 1)) if len(panels) > 1 else (2.6, ())
     return stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
-
-
-def repeatability(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on repeatability."""
-    r = found.repeatability
-    if r is None:
-        return None
-    topic = Topic("campaign", "repeatability")
-    rows = (
-        ("within a block, equal conditions (repeatability)", r.within or "not repeated"),
-        ("between blocks and days", r.between or "not repeated"),
-        ("in total (reproducibility)", r.total or "not repeated"),
-    )
-    scale = topic.say("relative" if r.relative else "absolute")
-    return topic.section(topic.text(basis=r.basis, scale=scale), topic.table(rows))
 
 
 def loops(found: CampaignCharacteristics) -> Section | None:
@@ -430,6 +375,200 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     )
 
 
+# --- stops -----------------------------------------------------------------------------------------------------------
+
+MOST_TRACES = 3
+MOST_SERIES = MOST_SHOWN = 4
+#: Time around a restart that is drawn, in units of the time from restart to peak.
+BEFORE, AFTER = 1.5, 20.0
+SHORTEST_S = 1e-3
+APPROACH = 0.7  # share of the approach that is drawn at most
+SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
+DURATION, INCREMENT = Axis("stop duration / s", "log"), Axis("breakaway increment / N", above=0.15)
+
+
+def stops(found: CampaignCharacteristics) -> Section | None:
+    """Return the section on stops; None without stops."""
+    if not found.stops:
+        return None
+    topic = Topic("campaign", "stops")
+    series = [s for s in found.dwell if s.stops and s.curve is not None]
+    moved = any(s.relaxation is not None or s.recovery for s in found.stops)
+    return topic.section(
+        topic.text(stops=plural(len(found.stops), "stop")),
+        topic.picture("campaign-stop-traces", traces(found)),
+        *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
+        *(_relaxation_blocks(topic, found) if moved else ()),
+    )
+
+
+# --- traces ----------------------------------------------------------------------------------------------------------
+
+
+def traces(found: CampaignCharacteristics) -> Figure:
+    """Draw a short, a middle and a long stop, and their restarts in detail."""
+    usable = [s for s in found.stops if s.usable] or list(found.stops)
+    chosen = spread_evenly(sorted(usable, key=lambda s: s.dwell_s), MOST_TRACES)
+    named = condition_names(found)
+    panels = [panel for stop in chosen for panel in (_whole(stop, named(stop.condition)), _restart(stop))]
+    return Figure(panels, columns=2, row_in=1.75, rest_in=0.4, widths=(3, 2))
+
+
+RUNNING = Look("blue", "--")
+
+
+def _whole(stop: Stop, condition: str) -> Panel:
+    t = stop.trace
+    held = "released" if stop.released else "held"
+    way = "+x" if stop.direction > 0 else "−x"
+    title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
+    reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
+    # The start of the approach may still show the reversal.
+    span = (max(APPROACH * t.time_s[0], -0.35 * reach), min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s))
+    marks = [
+        Rule((0.0, stop.dwell_s)),
+        Line(t.time_s, t.friction_n, width=0.7),
+        Rule(y=stop.running_n, look=RUNNING, width=0.9),
+    ]
+    return Panel(
+        marks, title, Axis("time since rest / s", low=span[0], high=span[1]), _force(stop, *span, "friction / N")
+    )
+
+
+def _restart(stop: Stop) -> Panel:
+    shown = max(stop.loading_s, SHORTEST_S)
+    begin, end = -BEFORE * shown, AFTER * shown
+    marks = [
+        Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
+        Markers(stop.trace.time_s - stop.dwell_s, stop.trace.friction_n, look=Look("black", "-", "."), size=1.8),
+        Rule(y=stop.running_n, look=RUNNING, width=0.9),
+    ]
+    x = Axis("time since restart / ms", low=begin, high=end)
+    return Panel(marks, "", x, _force(stop, stop.dwell_s + begin, stop.dwell_s + end, ""))
+
+
+def _force(stop: Stop, begin_s: float, end_s: float, label: str) -> Axis:
+    """Return an axis with the forces of a span of time."""
+    time, friction = stop.trace.time_s, stop.trace.friction_n
+    inside = friction[(time >= begin_s) & (time <= end_s)]
+    if not inside.size or np.ptp(inside) <= 0:
+        return Axis(label)
+    margin = 0.08 * float(np.ptp(inside))
+    return Axis(label, low=float(inside.min()) - margin, high=float(inside.max()) + 2 * margin)
+
+
+# --- breakaway against duration --------------------------------------------------------------------------------------
+
+
+def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
+    panels = [_increments(found, s) for s in shown]
+    figure = Figure(panels, DURATION, INCREMENT, columns=2, row_in=3.2, rest_in=0.3, legend="panel", text_scale=0.9)
+    yield topic.picture("campaign-dwell", figure)
+    for s in shown:
+        if s.laws:
+            yield topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s)
+
+
+def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
+    """Return the best law among the laws that saturate, or among those that do not."""
+    return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
+
+
+def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
+    """Draw the increments of a series over duration, with the best laws."""
+    marks: list[Any] = []
+    for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
+        own, members = look(index), [stop for stop in s.stops if stop.condition == condition]
+        marks.append(Band(s.duration_s, s.low_n[index], s.high_n[index], look=own))
+        marks.append(Line(s.duration_s, s.increment_n[index], look=own))
+        durations = [stop.dwell_s * (1.0 + 0.04 * index) for stop in members]
+        label = condition_names(found)(condition)
+        marks.append(Markers(durations, [stop.increment_n for stop in members], label, own, size=3.4))
+    for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
+        if law is not None:
+            title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
+            marks.append(Line(s.duration_s, law.increment_n(s.duration_s, 0), title, Look("orange", dash), 1.4))
+    return Panel(marks, s.name)
+
+
+def _laws(s: DwellSeries) -> Iterator[tuple]:
+    least = min(law.bic for law in s.laws)
+    for law in s.laws:
+        shape = "; ".join(_shape(law, *unit) for unit in law.form.units.items()) or None
+        slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
+        yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least, law.weight
+
+
+def _shape(law: DwellLawFit, name: str, unit: str) -> str:
+    low, high = law.shape_intervals[name]
+    lower = f"{low:.2g}" if low > 0 else "open"
+    upper = f"{high:.2g}" if np.isfinite(high) else "open"
+    return f"{SHAPES[name]} = {law.shape[name]:.2g} ({lower} … {upper}) {unit}".strip()
+
+
+# --- relaxation and way back -----------------------------------------------------------------------------------------
+
+
+def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+    yield topic.picture("campaign-stop-relaxation", relaxation(found))
+    groups: dict[tuple[float, bool, float], list[Stop]] = {}
+    for stop in found.stops:
+        groups.setdefault((stop.speed_m_s, stop.released, stop.stop_s), []).append(stop)
+    yield topic.table((_medians(*key, group) for key, group in sorted(groups.items())), "medians")
+
+
+def relaxation(found: CampaignCharacteristics) -> Figure:
+    """Draw relaxation and recovery distance against duration; a triangle is a recovery that is cut off."""
+    left: list[Markers] = []
+    right: list[Markers] = []
+    conditions = list(dict.fromkeys(s.condition for s in sorted(found.stops, key=lambda s: s.condition)))
+    for index, condition in enumerate(conditions[:MOST_SHOWN]):
+        own, shift, label = look(index), 1.0 + 0.05 * index, condition_names(found)(condition)
+        stops = [(s.dwell_s * shift, s) for s in found.stops if s.condition == condition]
+        held = [(t, s.relaxation.amount) for t, s in stops if s.relaxation is not None]
+        back = [(t, s.recovery) for t, s in stops if s.recovery is not None]
+        whole = [(t, r.distance) for t, r in back if r.complete]
+        cut = [(t, r.seen_m) for t, r in back if not r.complete]
+        for marks, pairs in ((left, held), (right, whole)):
+            if pairs:
+                value, low, high = ends(e for _, e in pairs)
+                marks.append(Markers([t for t, _ in pairs], value, label, own, low, high, 3.2))
+        if cut:
+            times, seen = zip(*cut, strict=True)
+            right.append(Markers(times, seen, look=own._replace(marker="^"), filled=True))
+    panels = [Panel(left, y="fall of the force / N") if any(s.relaxation is not None for s in found.stops) else None]
+    has_recovery = any(s.recovery is not None for s in found.stops)
+    panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if has_recovery else None)
+    return Figure(panels, DURATION, columns=2, row_in=2.7, rest_in=0.0, entries=3)
+
+
+def _medians(speed_m_s: float, released: bool, duration_s: float, group: list[Stop]) -> tuple[object, ...]:
+    """Return medians over stops of equal duration, axis and speed."""
+    relaxed = [s.relaxation for s in group if s.relaxation]
+    back = [s.recovery for s in group if s.recovery]
+    whole = [r for r in back if r.complete]
+    forms = [r.form for r in relaxed]
+    decades = [r.per_decade for r in relaxed if r.per_decade]
+    distance = _median([MM * r.distance.value for r in whole])
+    cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
+    return (
+        f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
+        len(group),
+        _median([r.amount.value for r in relaxed]),
+        max(set(forms), key=forms.count) if forms else None,
+        _median([e.value for e in decades if e.high - e.low < 2.0 * abs(e.value)]),
+        _median([s.increment_n for s in group]),
+        _median([s.loading_rate_n_s for s in group]),
+        f"{'–' if distance is None else format(distance, '.3g')}{cut}",
+        _median([r.time.value for r in whole]),
+    )
+
+
+def _median(values: list[float]) -> float | None:
+    known = [v for v in values if np.isfinite(v)]
+    return float(np.median(known)) if known else None
+
+
 # --- the run ---------------------------------------------------------------------------------------------------------
 
 
@@ -438,7 +577,9 @@ def run(found: CampaignCharacteristics) -> Section:
     topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
     kinds = Counter(c.kind for c in found.cycles) + Counter({"stop": len(found.stops)})
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
-    envelope = _envelope(about)
+    envelope = None
+    with suppress(RigError):
+        envelope = envelope_of(about.get("envelope"), "")
     labels = {**rig.labels, **about.get("labels", {})}
     rows = (
         ("campaign", found.name),
@@ -459,32 +600,8 @@ def run(found: CampaignCharacteristics) -> Section:
         topic.text("counts", counts=counts or "none"),
         topic.picture("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
         topic.table(rows, "facts"),
-        _ranges(topic, found),
         _sensors(topic, found),
     )
-
-
-def _envelope(about: dict[str, Any]) -> Envelope | None:
-    stated = about.get("envelope")
-    if not isinstance(stated, dict):
-        return None
-    try:
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
-        return Envelope(**values)
-    except TypeError:
-        return None
-
-
-def _ranges(topic: Topic, found: CampaignCharacteristics) -> PageTable:
-    r = found.ranges
-    rows = (
-        ("speed, mm/s", [1e3 * v for v in r.speed_m_s], ".4g"),
-        ("pressure a, bar gauge", [v / 1e5 for v in r.gauge_a_pa], ".3g"),
-        ("pressure b, bar gauge", [v / 1e5 for v in r.gauge_b_pa], ".3g"),
-        ("temperature, °C", [v - ZERO_CELSIUS_K for v in r.temperature_k], ".1f"),
-    )
-    texts = ((name, *(f"{v:{form}}" if math.isfinite(v) else "none" for v in limits)) for name, limits, form in rows)
-    return topic.table(texts, "ranges")
 
 
 def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
@@ -500,17 +617,6 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
         for channel in dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
     ]
     return topic.table(rows or [("all", "not stated", unstated, "not stated")], "sensors")
-
-
-def statements(found: CampaignCharacteristics) -> Section | None:
-    """Return the section of statements: missing ones first."""
-    if not found.statements:
-        return None
-    topic = Topic("campaign", "statements")
-    missing, carried = (
-        [str(s) for s in found.statements if s.carried == known and s.topic != "stops"] for known in (False, True)
-    )
-    return topic.section(*topic.listed(missing, "missing", "note"), *topic.listed(carried, "carried"))
 
 
 def flags(found: CampaignCharacteristics) -> Section:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,15 +10,17 @@ import numpy as np
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
 from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.numbers import with_interval
-from pneudrive.report.page import Report
-from pneudrive.report.tables import MM, plural, spread_evenly
+from pneudrive.report.campaign import findings_of
+from pneudrive.report.page import Picture, view_report
+from pneudrive.report.tables import MM, chance, plural, spread_evenly
 from pneudrive.report.topics import Topic
+from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pneudrive.friction.campaign.compare import Comparison, CurveComparison
+    from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Section
@@ -47,29 +50,53 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    c = comparison
-    parts = [_questions(c), _comparable(c), _curves(c, c.curves) if c.curves is not None else None]
-    parts.append(_dwell(c) if c.dwell else None)
-    synthetic = c.first.synthetic or c.second.synthetic  # one of them ran on a simulated rig
-    return Report(f"{c.first.name} against {c.second.name}", _verdict(c, synthetic), parts, synthetic).write(folder)
-
-
-def _verdict(c: Comparison, synthetic: bool) -> Iterator[str]:
-    topic = Topic("comparison", "verdict")
-    yield f"{c}{topic.say('synthetic') if synthetic else ''}"
-    for test in c.tests:
-        if test.different and test.difference is not None:
-            what = f"{test.what[:1].upper()}{test.what[1:]}"
-            beyond = topic.say("beyond") if test.beyond_repeatability else ""
-            yield topic.say("test", what=what, size=with_interval(test.difference), beyond=beyond, note=test.note)
+    c, topic, view = comparison, Topic("comparison", "verdict"), comparison.view()
+    synthetic = c.first.synthetic or c.second.synthetic
     unlike = [check.what for check in c.checks if not check.comparable]
-    yield topic.say("unlike", what=", ".join(unlike)) if unlike else topic.say("alike")
+    last = topic.say("unlike", what=", ".join(unlike)) if unlike else topic.say("alike")
+    title, notes = f"{c.first.name} against {c.second.name}", (topic.say("questions"),)
+    report = view_report(
+        replace(view, title=title, notes=notes, figures=()), _comparable(c), *_figured(c), synthetic=synthetic
+    )
+    report.verdict = [f"{view.title}{topic.say('synthetic') if synthetic else ''}", *report.verdict, last]
+    return report.write(folder)
 
 
-def _questions(c: Comparison) -> Section:
-    topic = Topic("comparison", "questions")
-    remarks = topic.listed((str(s) for s in c.statements), "remarks", "note")
-    return topic.section(topic.text(), topic.table(c.tests), *remarks)
+def _figured(c: Comparison) -> list[Section]:
+    over_speed = [] if c.curves is None else [_curves(c, c.curves)]
+    return [*over_speed, *([_dwell(c)] if c.dwell else [])]
+
+
+def comparison_view(c: Comparison) -> View:
+    """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
+    values = tuple(value for test in c.tests for value in _values(test))
+    sizes = [v for v in values if isinstance(v.value, float) and v.key in {_name(t) for t in c.tests if t.different}]
+    pictures = (block for section in _figured(c) for block in section.blocks if isinstance(block, Picture))
+    findings = findings_of(c.statements)
+    return View(
+        title=f"{c.second.name} less {c.first.name}: {c}",
+        rows=values,
+        state=max((f.state for f in findings), key=STATES.index, default="good"),
+        leading=tuple(LeadingValue(replace(v, quantity=f"{v.label}:")) for v in sizes[:MOST_LEADING]),
+        findings=findings,
+        figures=tuple(ShownFigure(block.name, block.caption, block.figure) for block in pictures),
+    )
+
+
+def _name(test: Test) -> str:
+    return f"{test.what}, {test.note}" if test.note else test.what
+
+
+def _values(test: Test) -> Iterator[ShownValue]:
+    """Return the difference of a test with its interval, its probabilities, and whether it counts."""
+    name, e = _name(test), test.difference
+    if e is not None:
+        yield ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))
+    beyond = {True: "yes", False: "no", None: ""}[test.beyond_repeatability]
+    words = {"p": chance(test.p), "p corrected": chance(test.adjusted_p)}
+    words |= {"different": "yes" if test.different else "not shown", "beyond repeatability": beyond}
+    for quantity, text in words.items():
+        yield ShownValue(f"{name}, {quantity}", name, quantity, text)
 
 
 def _comparable(c: Comparison) -> Section:

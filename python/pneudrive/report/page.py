@@ -96,9 +96,10 @@ def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None 
 
 def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
     """Return the section of a result: findings, leading values and notes, values, figures and tables."""
-    states = {"good": "holds", "open": "note", "bad": "fails"}
-    findings = (Paragraph(f"{f.text} {f.remedy}".strip(), states[f.state]) for f in view.findings)
-    facts = Items((*(value.text for value in view.leading), *view.notes))
+    states = {"open": "note", "bad": "fails"}
+    findings = (Paragraph(f"{f.text} {f.remedy}".strip(), states[f.state]) for f in view.findings if f.state in states)
+    good = (f"{f.text} {f.remedy}".strip() for f in view.findings if f.state == "good")
+    facts = Items((*(value.text for value in view.leading), *good, *view.notes))
     tables = []
     for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
         tables += [PageTable(tuple(head), tuple(map(tuple, rows)), caption)] if rows else []

@@ -64,11 +64,9 @@ if TYPE_CHECKING:
 CURVES = (
     campaign.curves,
     campaign.pressure,
-    campaign.direction,
     campaign.position,
-    campaign.repeatability,
     campaign.stick_slip,
-    campaign.statements,
+    campaign.summary,
     campaign.budget,
 )
 PRESSURE = Axis("gauge pressure / bar")

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # --- Numbers in the report's form, and values that several sections need.
 
 MM = 1e3  # of a metre
-CHAMBERS = ("chamber a", "chamber b", "both together")
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recordings to show all
 
 

@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -55,7 +56,7 @@ def test_every_part_has_its_section_and_its_picture(whole, loads_from_elsewhere)
     found, path = whole
     page = path.read_text(encoding="utf-8")
     keys = set(re.findall(r'<section id="([^"]+)">', page))
-    assert {"run", "curves", "air", "pressure", "direction", "position", "stops", "drift", "repeatability"} <= keys
+    assert {"run", "curves", "air", "pressure", "position", "stops", "drift"} <= keys
     assert {"loops", "statements", "flags", "budget", "provenance"} <= keys
     assert not loads_from_elsewhere(page)
     pictures = set(re.findall(r'href="(figures/[^"]+\.png)"', page))
@@ -72,12 +73,19 @@ def test_numbers_on_the_page_are_those_of_the_result(whole):
     found, path = whole
     said = text_of(path.read_text(encoding="utf-8"))
     slope = found.dwell[0].slope
-    digits = re.search(r"Breakaway after a stop .*? changes by (-?[\d.]+) \((-?[\d.]+) … (-?[\d.]+)\) N", said)
-    assert [float(x) for x in digits.groups()] == pytest.approx([slope.value, slope.low, slope.high], abs=0.06)
+    digits = re.search(r"Breakaway per decade of stop at 15 s, restart at 1 mm/s, held: (-?[\d.]+) ± ([\d.]+) N", said)
+    assert [float(x) for x in digits.groups()] == pytest.approx([slope.value, (slope.high - slope.low) / 2], abs=0.06)
+    view = found.view()
+    effects = {row.key: row for row in view.rows}
+    for name, effect in found.effects().items():
+        assert name in " ".join(said.split())
+        assert np.isclose(effects[name].value, getattr(effect, "value", np.nan), equal_nan=True)
+    assert view.state == "open"
+    assert {figure.name for figure in view.figures} >= {"campaign-curves", "campaign-dwell", "campaign-drift"}
     for law in found.dwell[0].laws:
         assert law.form.title in said
     air = max(found.air, key=lambda a: a.air_n[-1])
-    assert f"{air.air_n[-1]:.2g} of {air.total_n[-1]:.3g} N are air" in said
+    assert f"{round(float(air.air_n[-1]), 2):.2f} N" in said
 
 
 def test_campaigns_without_some_parts_are_reported_too(tmp_path):

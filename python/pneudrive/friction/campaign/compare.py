@@ -31,7 +31,8 @@ from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped,
 from pneudrive.friction.campaign.sensors import stated_gain
 from pneudrive.friction.friction_map import PA_PER_BAR
 from pneudrive.friction.sentences import capitalised, say
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.lazy_names import upper
+from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
+    from pneudrive.views import View
 
     Array = NDArray[np.float64]
 
@@ -159,8 +161,8 @@ class CommonPoints:
         return [int((self.block[self.campaign == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class CurveComparison(Shown):
+@dataclass(frozen=True, eq=False)
+class CurveComparison:
     """Difference of friction: second campaign minus first.
 
     Attributes
@@ -371,7 +373,7 @@ class Test:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Shown):
+class Comparison(Viewed):
     """Two campaigns, compared.
 
     Attributes
@@ -401,16 +403,9 @@ class Comparison(Shown):
         """Whether a difference of curves can be separated from mounting and day: both have several blocks."""
         return self.curves is None or self.curves.several_blocks
 
-    def _card(self) -> Card:
-        """Return the result, then a line for each question."""
-        rows = []
-        for test in self.tests:
-            e = test.difference
-            size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
-            rows.append((test.what, size, f"{test.adjusted_p:.2g}", "yes" if test.different else "not shown"))
-        title = f"{self.second.name} less {self.first.name}: {self}"
-        head = ("question", "difference (95 %)", "p corrected", "different")
-        return Card(title, head, rows, [str(statement) for statement in self.statements])
+    def view(self) -> View:
+        """Return a row for each question, cautions, and the figures of both campaigns."""
+        return upper("comparison_view")(self)
 
     def __str__(self) -> str:
         """Return the result in a sentence."""

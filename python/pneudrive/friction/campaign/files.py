@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, PressureEffects
+    from pneudrive.friction.campaign.stops.dwell_law import DwellPressure, DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
 
 STOPS_FILE = "stops.parquet"
@@ -226,7 +226,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "statement": list(found.statements),
         "skipped": list(found.skipped),
         "source": list(found.sources),
-        "pressure": list(found.pressure),
+        "pressure": [by_chamber(effects) for effects in found.pressure],
         "direction": list(found.asymmetry),
         "air": list(found.air),
         "position": list(found.position),
@@ -297,6 +297,15 @@ def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results'
     return value if isinstance(value, dict) else {field.name: getattr(value, field.name) for field in fields(value)}
 
 
+def by_chamber(effects: PressureEffects | DwellPressure) -> dict[str, Any]:
+    """Return effects of pressures as plain data: a table of a chamber has its name in its key, ``slope_a``."""
+    names = {"slopes": "slope", "means": "mean", "increments": "increment"}
+    found: dict[str, Any] = {}
+    for name, value in vars(effects).items():
+        found |= {f"{names[name]}_{key}": each for key, each in value.items()} if name in names else {name: value}
+    return found
+
+
 def dwell_tables(found: CampaignCharacteristics) -> list[dict[str, Any]]:
     """Return the series as plain data for files."""
     return [_series(series) for series in found.dwell]
@@ -306,7 +315,7 @@ def _series(s: DwellSeries) -> dict[str, Any]:
     durations = [stop.dwell_s for stop in s.stops]
     of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
     plain = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
-    estimates = ("slope", "mean_slope", "increment", "share", "pressure")
+    estimates = ("slope", "mean_slope", "increment", "share")
     return {
         "series": s.name,
         "speed_m_s": s.speed_m_s,
@@ -316,6 +325,7 @@ def _series(s: DwellSeries) -> dict[str, Any]:
         "shortest_s": min(durations, default=float("nan")),
         "longest_s": max(durations, default=float("nan")),
         **{name: getattr(s, name) for name in (*plain, *estimates)},
+        "pressure": by_chamber(s.pressure) if s.pressure else None,
         "condition": [
             {
                 "pressure_a_pa": c.pressure_a_pa,

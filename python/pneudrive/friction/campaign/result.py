@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
-from pneudrive.numbers import plain
-from pneudrive.repr_tables import Card, Shown
-from pneudrive.views import ShownCurve, ShownValue, View
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, Condition
+from pneudrive.lazy_names import upper
+from pneudrive.repr_tables import Shown
+from pneudrive.views import ShownCurve, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     import xarray as xr
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.friction_map import Condition, Skipped
+    from pneudrive.friction.friction_map import Skipped
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 
@@ -41,11 +41,10 @@ class PressureEffects:
         Mounting, seal, drive.
     speed_m_s : ndarray, shape (m,)
         Speeds that were measured at all pressure pairs used.
-    slope_a, slope_b, slope_sum : tuple of Estimate
-        N/Pa at each speed; slope_a and slope_b are empty if only their sum is determined, slope_sum if they are
-        separate.
-    mean_a, mean_b, mean_sum : Estimate or None
-        Over all speeds.
+    slopes : dict
+        Chamber (a, b, or sum if only the sum of both is determined) -> change of friction at each speed, N/Pa.
+    means : dict
+        Chamber -> mean over all speeds.
     interaction : FTest or None
         Effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
@@ -65,12 +64,8 @@ class PressureEffects:
     gauge_pa: tuple[tuple[float, float], ...]
     hidden_n: float
     statement: str
-    slope_a: tuple[Estimate, ...] = ()
-    slope_b: tuple[Estimate, ...] = ()
-    slope_sum: tuple[Estimate, ...] = ()
-    mean_a: Estimate | None = None
-    mean_b: Estimate | None = None
-    mean_sum: Estimate | None = None
+    slopes: dict[str, tuple[Estimate, ...]]
+    means: dict[str, Estimate]
     interaction: FTest | None = None
     interaction_n_pa2: Estimate | None = None
     curvature: FTest | None = None
@@ -439,7 +434,7 @@ class Ranges:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CampaignCharacteristics(Shown):
+class CampaignCharacteristics(Viewed):
     """All results of a campaign on friction. SI, absolute pressures unless called gauge.
 
     Attributes
@@ -500,47 +495,37 @@ class CampaignCharacteristics(Shown):
         return self.identity.synthetic
 
     def view(self) -> View:
-        """Return ranges and effects, curves of both directions together, and statements on the data."""
-        ambient = self.identity.ambient_pressure_pa
-        return View(
-            title=f"{self.name} ({'simulated' if self.synthetic else 'measured'})",
-            rows=(*self._counts(), *self._effects()),
-            curves=tuple(curve.shown(ambient) for curve in self.curves if curve.direction == BOTH),
-            notes=tuple(statement.marked for statement in self.statements),
-        )
+        """Return headline, effects, curves of both directions together, figures, and statements on the data."""
+        return upper("campaign_view")(self)
 
-    def _card(self) -> Card:
-        return self.view().card()
-
-    def _counts(self) -> Iterator[ShownValue]:
-        for name in ("cycles", "skipped", "curves", "stops"):
-            yield ShownValue(name, name, "value", str(len(getattr(self, name))))
-        for name, (low, high), size, unit in (
-            ("speeds", self.ranges.speed_m_s, 1e-3, "mm/s"),
-            ("gauge pressure a", self.ranges.gauge_a_pa, PA_PER_BAR, "bar"),
-            ("gauge pressure b", self.ranges.gauge_b_pa, PA_PER_BAR, "bar"),
-        ):
-            ends = f"{plain(round(low / size, 3))} to {plain(round(high / size, 3))} {unit}"
-            yield ShownValue(name, name, "value", ends)
-
-    def _effects(self) -> Iterator[ShownValue]:
-        """Return the effects of pressures, repeatability and drift, as far as the data determine them."""
-        found: dict[str, Estimate | None] = {}
-        for effect in self.pressure:
-            where = f" ({effect.levels})" if effect.levels else ""
-            found[f"pressure of chamber a{where}"] = effect.mean_a
-            found[f"pressure of chamber b{where}"] = effect.mean_b
-            found[f"pressure of both chambers{where}"] = effect.mean_sum
-        if self.repeatability is not None:
-            found["scatter of one cycle"] = self.repeatability.within
-            found["scatter of blocks or days"] = self.repeatability.between
-        if self.drift is not None:
-            found["drift per hour"] = self.drift.per_hour
-            found["run-in per decade of travel"] = self.drift.per_decade_of_travel
-            found["drift per kelvin"] = self.drift.per_kelvin
-        for name, e in found.items():
-            if e is not None:
-                yield ShownValue(name, name, "value", e.value, e.unit, (e.low, e.high))
+    def effects(self) -> dict[str, Estimate | FTest]:
+        """Return each effect on friction that the data determine, by its name and condition."""
+        named = partial(Condition.label, ambient_pressure_pa=self.identity.ambient_pressure_pa)
+        found: dict[str, Estimate | FTest | None] = {}
+        for e in self.pressure:
+            where = f" ({e.levels})" if e.levels else ""
+            found |= {f"pressure of {CHAMBERS[name]}{where}": mean for name, mean in e.means.items()}
+            found[f"interaction of both pressures{where}"] = e.interaction_n_pa2
+            found[f"curvature over pressure{where}"] = e.curvature
+        for a in self.asymmetry:
+            zero = "" if a.basis == "tare" else " with the zero of the sensor"
+            found[f"half the difference between +x and -x{zero}, {named(a.condition)}"] = a.mean
+        for p in self.position:
+            where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
+            found[f"trend along the stroke, {where}"] = p.trend_per_m
+            for wave in p.harmonics:
+                found[f"wave of {1e3 * wave.wavelength_m:.3g} mm along the stroke, {where}"] = wave.amplitude
+        if (r := self.repeatability) is not None:
+            kind = ", proportional to friction" if r.relative else ""
+            found[f"scatter of one cycle, from {r.basis}{kind}"] = r.within
+            found |= {"scatter of blocks or days": r.between, "scatter in total": r.total}
+        if (d := self.drift) is not None:
+            found |= {"drift per hour": d.per_hour, "run-in per decade of travel": d.per_decade_of_travel}
+            found |= {"drift per kelvin": d.per_kelvin, "friction after an interruption": d.interrupted}
+        found["zero of the force sensor per hour"] = self.zero.per_hour
+        for s in self.dwell:
+            found |= {f"{name}, {s.name}": estimate for name, estimate in s.effects(named).items()}
+        return {name: estimate for name, estimate in found.items() if estimate is not None}
 
     def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
         """Return one curve, or None."""

@@ -254,7 +254,7 @@ def _pressure_zeros(reading: CampaignData) -> Iterator[Said]:
 def _pressure(found: CampaignCharacteristics) -> Iterator[Said]:
     for effect in found.pressure:
         prefix = f"{effect.levels}: " if effect.levels else ""
-        separate = bool(effect.slope_a and effect.slope_b)
+        separate = {"a", "b"} <= effect.slopes.keys()
         yield ("pressure.effect" if separate else "pressure.not_separate"), {"prefix": prefix, "effect": effect}
         if separate and effect.interaction is None:
             yield "pressure.not_crossed", {"prefix": prefix}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -462,8 +462,6 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
         interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
     if not hidden_n:
         curvature = _curvature(fits, x, design, [design.centred(p) ** 2 * design.compared for p in slopes])
-    named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
-    named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
     found = PressureEffects(
         levels=title,
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
@@ -473,7 +471,8 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
         interaction=interaction,
         interaction_n_pa2=joint,
         curvature=curvature,
-        **named,
+        slopes=dict(zip(names, each, strict=True)),
+        means=dict(zip(names, means, strict=True)),
     )
     said = say_all(_sentences(design, found, means, with_time, u))
     return replace(found, statement=" ".join(one.text for one in said))

@@ -30,9 +30,9 @@ def test_each_pressure_has_its_own_slope_and_an_interaction_shows_where_there_is
     lips = {"lip_a": 1.0, "lip_b": 3.0}
     plain = measured(quick(friction=Friction(**lips), gauges_pa=CROSSED, speeds_m_s=SPEEDS, cycle_share=0.005), seed=4)
     (effect,) = plain.pressure
-    assert inside(effect.mean_a, 1.0 / BAR)
-    assert inside(effect.mean_b, 3.0 / BAR)
-    assert effect.mean_a.high - effect.mean_a.low < 0.5 / BAR
+    assert inside(effect.means["a"], 1.0 / BAR)
+    assert inside(effect.means["b"], 3.0 / BAR)
+    assert effect.means["a"].high - effect.means["a"].low < 0.5 / BAR
     assert effect.interaction.p > 0.05
     assert "add" in effect.statement
     joint = Friction(**lips, joint=1.0)
@@ -56,9 +56,9 @@ def product_in_rising_order(quick, **changes):
 def test_a_product_of_pressures_in_rising_order_is_no_drift_and_no_curve(measured, quick):
     world = product_in_rising_order(quick, sentinel_every=8, run_in_share=0.15, run_in_m=4.0)
     (effect,) = measured(world, seed=1).pressure
-    assert inside(effect.mean_a, 5.0 / BAR)
-    assert inside(effect.mean_b, 3.6 / BAR)
-    assert effect.mean_a.high - effect.mean_a.low < 0.6 / BAR
+    assert inside(effect.means["a"], 5.0 / BAR)
+    assert inside(effect.means["b"], 3.6 / BAR)
+    assert effect.means["a"].high - effect.means["a"].low < 0.6 / BAR
     assert inside(effect.interaction_n_pa2, 0.8 / BAR**2)
     assert effect.curvature.p > 0.01
     assert effect.hidden_n == 0.0
@@ -70,9 +70,9 @@ def test_what_runs_in_while_pressure_only_rises_is_in_the_intervals(measured, qu
     """Nothing tells the two apart: neither may a test of the product or of a curve."""
     world = product_in_rising_order(quick, sentinel_every=0, run_in_share=run_in, run_in_m=4.0)
     (effect,) = measured(world, seed=1).pressure
-    assert inside(effect.mean_a, 5.0 / BAR)
-    assert inside(effect.mean_b, 3.6 / BAR)
-    assert all(inside(slope, 5.0 / BAR) for slope in effect.slope_a)
+    assert inside(effect.means["a"], 5.0 / BAR)
+    assert inside(effect.means["b"], 3.6 / BAR)
+    assert all(inside(slope, 5.0 / BAR) for slope in effect.slopes["a"])
     assert effect.hidden_n == pytest.approx(0.1 * 50.0, rel=0.3)
     assert (effect.interaction, effect.curvature) == (None, None)
     assert "follows p_a and p_b" in effect.statement
@@ -83,8 +83,9 @@ def test_equal_pressures_tell_the_sum_and_no_more(measured, quick):
     both = tuple((p * BAR, p * BAR) for p in (0.0, 0.5, 1.0, 1.5))
     found = measured(quick(friction=Friction(lip_a=1.0, lip_b=3.0), gauges_pa=both, speeds_m_s=SPEEDS))
     (effect,) = found.pressure
-    assert inside(effect.mean_sum, 4.0 / BAR)
-    assert (effect.mean_a, effect.mean_b, effect.interaction) == (None, None, None)
+    assert inside(effect.means["sum"], 4.0 / BAR)
+    assert effect.means.keys() == {"sum"}
+    assert effect.interaction is None
     assert "cannot be determined" in not_carried(found, "pressure")
     assert "one chamber only" in not_carried(found, "pressure")
     assert "below the 3 to 10 bar" in not_carried(found, "range")
@@ -99,8 +100,8 @@ def test_pressure_is_told_where_blocks_differ_in_proportion_to_friction(measured
     found = measured(world, seed=1)
     assert [effect.levels for effect in found.pressure] == ["floating", "rigid"]
     for effect in found.pressure:
-        assert effect.mean_sum.value == pytest.approx(1.0 / BAR, rel=0.1)
-        assert inside(effect.mean_sum, 1.0 / BAR)
+        assert effect.means["sum"].value == pytest.approx(1.0 / BAR, rel=0.1)
+        assert inside(effect.means["sum"], 1.0 / BAR)
 
 
 def test_air_is_taken_out_where_it_was_measured_and_bounded_where_not(measured, quick):

@@ -54,7 +54,7 @@ def test_curves_and_effects_read_back(found, tmp_path):
     assert one["high_n"].to_list() == curve.high_n.tolist()
     assert one["measured"].to_list() == curve.measured.tolist()
     effects = tomllib.loads((tmp_path / "effects.toml").read_text(encoding="utf-8"))
-    assert effects["pressure"][0]["mean_a"]["value"] == found.pressure[0].mean_a.value
+    assert effects["pressure"][0]["mean_a"]["value"] == found.pressure[0].means["a"].value
     assert effects["drift"]["basis"] == "sentinels"
     assert [s["text"] for s in effects["statement"]] == [s.text for s in found.statements]
     assert sum(s["standard_uncertainty_n"] for s in effects["source"]) > 0.0

@@ -256,7 +256,7 @@ def test_each_seal_has_its_own_curves_with_the_truth_in_their_bands(found):
 
 def test_effects_and_sentences_are_those_of_a_campaign(found):
     result = recorded_characteristics(found)
-    rise = {effect.levels: effect.mean_b.value * 1e5 for effect in result.pressure}
+    rise = {effect.levels: effect.means["b"].value * 1e5 for effect in result.pressure}
     assert rise == pytest.approx(RISE_N_BAR, abs=0.1)
     assert {pattern.levels for pattern in result.position} == set(RISE_N_BAR)  # each seal has its own pattern
     said = [statement.text for statement in result.statements]

@@ -39,12 +39,12 @@ from pneudrive.friction.campaign.stops.dwell_models import (
     fit_forms,
 )
 from pneudrive.friction.campaign.stops.stop import SPOILING
-from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.friction_map import CHAMBERS, PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -72,20 +72,16 @@ class DwellPressure:
 
     Attributes
     ----------
-    slope_a, slope_b, slope_sum : Estimate or None
-        Change of the slope per decade with each pressure, N/Pa; `slope_sum` if both changed together.
-    increment_a, increment_b, increment_sum : Estimate or None
-        Change of the increment at the reference duration, N/Pa.
+    slopes : dict
+        Chamber (a, b, or sum if both changed together) -> change of the slope per decade with its pressure, N/Pa.
+    increments : dict
+        Chamber -> change of the increment at the reference duration, N/Pa.
     statement : str
     """
 
     statement: str
-    slope_a: Estimate | None = None
-    slope_b: Estimate | None = None
-    slope_sum: Estimate | None = None
-    increment_a: Estimate | None = None
-    increment_b: Estimate | None = None
-    increment_sum: Estimate | None = None
+    slopes: dict[str, Estimate]
+    increments: dict[str, Estimate]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,6 +162,21 @@ class DwellSeries(Shown):
     def inertia_n(self) -> float:
         """Median of the largest contributions of the moving mass."""
         return inertia_of(self.stops)
+
+    def effects(self, named: Callable[[Condition], str]) -> dict[str, Estimate | None]:
+        """Return the effects of stops, at each condition and as the mean over several."""
+        at, found = f"{self.reference_s:g} s", dict[str, Estimate | None]()
+        for condition, slope, mean in zip(self.conditions, self.slopes, self.mean_slopes, strict=False):
+            found[f"breakaway per decade of stop at {at}, {named(condition)}"] = slope
+            found[f"mean breakaway per decade of stop, {named(condition)}"] = mean
+        if len(self.conditions) > 1:
+            found |= {f"breakaway per decade of stop at {at}": self.slope}
+            found |= {"mean breakaway per decade of stop": self.mean_slope}
+        found[f"breakaway increment at {at}"] = self.increment
+        for key, slope in (self.pressure.slopes if self.pressure else {}).items():
+            found[f"effect of {CHAMBERS[key]} on breakaway per decade"] = slope
+            found[f"effect of {CHAMBERS[key]} on the increment"] = self.pressure.increments[key]
+        return found
 
     def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
         """Return the slope per decade at another duration, at each condition, N. Law-free."""
@@ -520,12 +531,14 @@ def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | N
         return None
     kind = classify_pressures(gauge / PA_PER_BAR)
     names = () if kind == "line" else TOLD.get(kind, ("sum",))
-    found: dict[str, Estimate] = {}
+    slopes: dict[str, Estimate] = {}
+    increments: dict[str, Estimate] = {}
     if names:
         away = gauge - gauge.mean(axis=0)
         columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
         rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(np.float64)
-        for word, functionals in (("slope", curve.slopes(at)), ("increment", curve.values(at))):
-            estimates = functionals.combine(rows).estimates("N/Pa")
-            found |= {f"{word}_{name}": estimate for name, estimate in zip(names, estimates, strict=True)}
-    return DwellPressure(say(f"stops.pressure_{kind}").text, **found)
+        slopes, increments = (
+            dict(zip(names, functionals.combine(rows).estimates("N/Pa"), strict=True))
+            for functionals in (curve.slopes(at), curve.values(at))
+        )
+    return DwellPressure(say(f"stops.pressure_{kind}").text, slopes, increments)
