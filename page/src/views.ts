@@ -1,6 +1,6 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
 import type { ComponentType } from "preact";
-import { studies, StudiesView } from "./workspace/studies";
+import { StudiesView } from "./workspace/studies";
 
 export interface View {
   name: string;
@@ -22,8 +22,8 @@ export const VIEWS: View[] = [
   { name: "campaign", title: "Campaign", load: async () => (await import("./measured/campaign")).CampaignView, opens: ["campaign", "protocol"] },
   { name: "datasheet", title: "Data sheet", load: async () => (await import("./drive/datasheet")).DatasheetView, opens: [], takes: ["drive", "circuit"] },
   { name: "handover", title: "Export", load: async () => (await import("./drive/handover")).HandoverView, opens: ["fmu"], takes: ["drive", "circuit"] },
-  { name: "result", title: "Values", load: async () => (await import("./workspace/result")).ResultView, opens: [] }, // of the kinds that the server shows
+  { name: "result", title: "Values", load: async () => (await import("./workspace/result")).ResultView, opens: [], takes: ["fit", "friction map", "validation", "comparison", "sizing", "campaign"] },
 ];
 
-/** Return the name of the first view of a kind: its own, or the values that the server shows. */
-export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name ?? (studies.value?.shown.includes(kind) ? "result" : undefined);
+/** Return the name of the first view of a kind: undefined for a kind without one. */
+export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;

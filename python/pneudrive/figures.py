@@ -7,14 +7,21 @@ for reports (`pneudrive.report.render`) and the page read the same figure.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, NamedTuple, TypeAlias
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from pneudrive.units.table import TABLE
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
+#: Numbers of a mark, of any sequence; lists in the data of a view, with None for a number that is not finite.
+if TYPE_CHECKING:
+    Numbers: TypeAlias = Any
+    Grid: TypeAlias = Any
+else:
+    Numbers = list[float | None]
+    Grid = list[Numbers]
 #: Additions to a unit that do not change its size.
 ADDITIONS = (" abs", " gauge")
 
@@ -73,6 +80,10 @@ class Axis:
         False for values that are already in the unit of the label.
     is_named : bool
         False for a label that the title of the panel shows.
+    unit : str
+        Unit of the label, without parentheses.
+    size : float
+        Size of the unit in SI; 1 for a unit that is not in the table of units.
     """
 
     label: str = ""
@@ -84,19 +95,18 @@ class Axis:
     names: Sequence[str] = ()
     is_si: bool = True
     is_named: bool = True
+    unit: str = field(default="", init=False)
+    size: float = field(default=1.0, init=False)
 
-    @property
-    def unit(self) -> str:
-        """Unit of the label, without parentheses."""
-        return self.label.replace("/\n", "/ ").rpartition(" / ")[2].strip("()") if "/" in self.label else ""
-
-    @property
-    def size(self) -> float:
-        """Size of the unit in SI; 1 for a unit that is not in the table of units."""
-        unit = self.unit if self.is_si else ""
+    def __post_init__(self) -> None:
+        """Read the unit in the label."""
+        shown = self.label.replace("/\n", "/ ").rpartition(" / ")[2].strip("()") if "/" in self.label else ""
+        unit = shown if self.is_si else ""
         for addition in ADDITIONS:
             unit = unit.removesuffix(addition)
-        return 0.01 if unit.startswith("%") else TABLE[unit][1] if unit in TABLE else 1.0
+        size = 0.01 if unit.startswith("%") else TABLE[unit][1] if unit in TABLE else 1.0
+        object.__setattr__(self, "unit", shown)
+        object.__setattr__(self, "size", size)
 
     def shown(self, values: Any) -> np.ndarray:  # noqa: ANN401 - any array
         """Return SI values in the unit of the axis."""
@@ -107,39 +117,42 @@ class Axis:
 class Line:
     """A curve; `width` in points, `steps` for values that hold until the next one."""
 
-    x: Any
-    y: Any
+    x: Numbers
+    y: Numbers
     label: str = ""
     look: Look = MEASURED
     width: float | None = None
     steps: bool = False
+    kind: Literal["line"] = field(default="line", init=False)
 
 
 @dataclass(frozen=True)
 class Band:
     """The area between two curves; without a look, in the tint of predictions."""
 
-    x: Any
-    low: Any
-    high: Any
+    x: Numbers
+    low: Numbers
+    high: Numbers
     label: str = ""
     look: Look | None = None
+    kind: Literal["band"] = field(default="band", init=False)
 
 
 @dataclass(frozen=True)
 class Markers:
     """Points with intervals from `low` to `high`. `joined` draws lines between them, `names` are their labels."""
 
-    x: Any
-    y: Any
+    x: Numbers
+    y: Numbers
     label: str = ""
     look: Look = MEASURED
-    low: Any = None
-    high: Any = None
+    low: Numbers | None = None
+    high: Numbers | None = None
     size: float = 4.0
     filled: bool = False
     joined: bool = False
     names: Sequence[str] = ()
+    kind: Literal["markers"] = field(default="markers", init=False)
 
 
 @dataclass(frozen=True)
@@ -151,29 +164,32 @@ class Rule:
     label: str = ""
     look: Look = THIN
     width: float = 0.7
+    kind: Literal["rule"] = field(default="rule", init=False)
 
 
 @dataclass(frozen=True)
 class Bars:
     """Bars at positions, or at the positions of the names of an axis; `across` for horizontal ones."""
 
-    at: Any
-    values: Any
+    at: Numbers
+    values: Numbers
     label: str = ""
     look: Look = RESIDUAL
     thickness: float = 0.8
     across: bool = False
     hatched: bool = False
+    kind: Literal["bars"] = field(default="bars", init=False)
 
 
 @dataclass(frozen=True)
 class Heat:
     """Values z, shape (len(y), len(x)), as colours."""
 
-    x: Any
-    y: Any
-    z: Any
+    x: Numbers
+    y: Numbers
+    z: Grid
     label: str = ""
+    kind: Literal["heat"] = field(default="heat", init=False)
 
 
 @dataclass(frozen=True)
@@ -200,7 +216,7 @@ class PenStroke:
     bold : bool
     """
 
-    points: Any
+    points: Grid
     text: str = ""
     color: str = "black"
     fill: str = ""
@@ -223,6 +239,7 @@ class Drawing:
     x: tuple[float, float]
     y: tuple[float, float]
     equal: bool = False
+    kind: Literal["drawing"] = field(default="drawing", init=False)
 
 
 Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Heat | Drawing
@@ -344,14 +361,10 @@ def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, n
 
 def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
     """Return data of lists, mappings, numbers and texts; a number that is not finite becomes None."""
-    if isinstance(value, Axis):
-        return {"label": value.label, "unit": value.unit, "size": value.size, "scale": value.scale} | {
-            key: plain_data(getattr(value, key)) for key in ("low", "high", "names")
-        }
     if is_dataclass(value) and not isinstance(value, type):
         items = {own.name: getattr(value, own.name) for own in fields(value)}
         items |= {key: axis(items[key]) for key in ("x", "y", "right_y") if isinstance(items.get(key), str)}
-        return {"kind": type(value).__name__.lower()} | {key: plain_data(item) for key, item in items.items()}
+        return {key: plain_data(item) for key, item in items.items()}
     if isinstance(value, Mapping):
         return {str(key): plain_data(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -7,12 +7,13 @@ class that derives from `Viewed` needs no other function.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from pneudrive.figures import Figure, plain_data
+from pneudrive.figures import Figure, Numbers, plain_data, thin
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain, with_u
 from pneudrive.repr_tables import Card, Shown
@@ -144,11 +145,16 @@ class LeadingValue:
     state: State = "good"
 
     @property
+    def limit_text(self) -> str:
+        """Limit in the usual unit, with its unit; "" without a limit."""
+        size, unit = readable(self.value.unit)
+        return "" if self.limit is None else f"{plain(self.limit / size)} {unit}".strip()
+
+    @property
     def text(self) -> str:
         """Quantity, value and limit in the usual unit."""
-        size, unit = readable(self.value.unit)
-        bound = "" if self.limit is None else f" (limit {plain(self.limit / size)} {unit})"
-        return f"{self.value.quantity} {self.value.text} {unit}".strip() + bound
+        bound = f" (limit {self.limit_text})" if self.limit_text else ""
+        return f"{self.value.quantity} {self.value.text} {self.value.usual_unit}".strip() + bound
 
 
 @dataclass(frozen=True)
@@ -176,6 +182,87 @@ class ShownFigure:
     name: str
     caption: str
     figure: Figure
+
+
+@dataclass(frozen=True)
+class SentValue:
+    """A value in the data of a view: in SI with the ends of its interval, and as text in its usual unit.
+
+    Limit and state belong to leading values.
+    """
+
+    key: str
+    label: str
+    quantity: str
+    value: float | str | None
+    interval: tuple[float, float] | None
+    text: str
+    unit: str
+    origin: str
+    limit: str = ""
+    state: State = "good"
+
+    @classmethod
+    def of(cls, shown: ShownValue, limit: str = "", state: State = "good") -> SentValue:
+        """Return a value as texts."""
+        about = (shown.key, shown.label, shown.quantity, shown.value, shown.interval, shown.text, shown.usual_unit)
+        return cls(*about, shown.origin, limit, state)
+
+
+@dataclass(frozen=True)
+class SentCurve:
+    """A curve in the data of a view, in usual units. Points that are not measured lie between measured ones."""
+
+    key: str
+    label: str
+    group: str
+    x_title: str
+    y_title: str
+    x: Numbers
+    y: Numbers
+    low: Numbers
+    high: Numbers
+    measured: list[bool]
+
+    @classmethod
+    def of(cls, curve: ShownCurve) -> SentCurve:
+        """Return a curve in usual units, at most some thousand points of a long one."""
+        (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
+        titles = f"{curve.x_quantity}, {x_unit}".strip(", "), f"{curve.quantity}, {unit}".strip(", ")
+        part = thin(curve.x)
+        low, high = (end[part] / size for end in curve.band or (np.zeros(0), np.zeros(0)))
+        points = curve.x[part] / x_size, curve.y[part] / size, low, high
+        return cls(curve.key, curve.label, curve.group, *titles, *points, curve.measured[part].tolist())
+
+
+@dataclass(frozen=True)
+class SentView:
+    """The data of a view, for JSON: values in SI and as texts, the table of values, and figures with their axes.
+
+    Attributes
+    ----------
+    head, table : sequence of str
+        Head and rows of the values, as in a terminal.
+    """
+
+    title: str
+    state: State
+    leading: list[SentValue]
+    findings: Sequence[Finding]
+    head: Sequence[str]
+    table: Sequence[Sequence[str]]
+    rows: list[SentValue]
+    curves: list[SentCurve]
+    tables: Sequence[ShownTable]
+    figures: Sequence[ShownFigure]
+    notes: Sequence[str]
+
+
+def view_schema() -> dict[str, Any]:
+    """Return the JSON schema of the data of a view."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(SentView).json_schema()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -217,8 +304,12 @@ class View(Shown):
         object.__setattr__(self, "findings", tuple(worst_first))
 
     def data(self) -> dict[str, Any]:
-        """Return the view as plain data, for JSON: values in SI, axes with their units."""
-        return plain_data(self)
+        """Return the view as plain data, for JSON, with the fields of `SentView`."""
+        head, table = self.table() if self.rows else ((), [])
+        leading = [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
+        values = list(map(SentValue.of, self.rows))
+        texts = (self.title, self.state, leading, self.findings, head, table, values)
+        return plain_data(SentView(*texts, list(map(SentCurve.of, self.curves)), self.tables, self.figures, self.notes))
 
     def sentences(self) -> tuple[str, ...]:
         """Return leading values, findings with their remedies, and notes; "!" marks a bad finding."""

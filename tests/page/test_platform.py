@@ -99,38 +99,38 @@ def test_play_moves_the_platform(server: Server, browser: object, text: str) -> 
     page.context.close()
 
 
-# --- A new view costs one module with a function that returns a `View`, its test, and one line of the registry.
+# --- A new class of results costs one function: the page shows what its `view` returns.
 
-#: The module of the view.
-TOY = """
-import numpy as np
-
-from pneudrive.views import ShownCurve, ShownValue, View
-
-
-def view_of_setup(workspace, path):
-    text, _ = workspace.read(path)
-    speed = np.array([0.01, 0.1, 1.0])
-    known = np.ones(3, dtype=bool)
-    curve = ShownCurve("c", "toy curve", speed, 30.0 + speed, "speed", "friction", "m/s", "N", None, known)
-    lines = ShownValue("lines", path, "lines", str(len(text.splitlines())))
-    reach = ShownValue("reach", path, "reach", 0.25, "m", (0.24, 0.26))
-    return View("a toy", (lines, reach), (curve,), ("said by the toy",))
-"""
-#: The line of the registry, before the server starts.
+#: The class, and a reader of its files, before the server starts.
 MAIN = """
 import sys
 
-from pneudrive.cli.main import run
-from pneudrive.web.results import SHOWN
+import numpy as np
 
-SHOWN["setup"] = "toy:view_of_setup"
+from pneudrive import results
+from pneudrive.cli.main import run
+from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownValue, View, Viewed
+
+
+class Setup(Viewed):
+    def view(self):
+        speed = np.array([0.01, 0.1, 1.0])
+        curve = ShownCurve("c", "toy curve", speed, 30.0 + speed, "speed", "friction", "m/s", "N", None, speed > 0.0)
+        reach = ShownValue("reach", "setup", "reach", 0.25, "m", (0.24, 0.26))
+        return View(
+            "The toy is too short.", (reach,), (curve,), ("noted by the toy",), "bad",
+            leading=(LeadingValue(reach, 0.3, "bad"),),
+            findings=(Finding("It ends early.", "bad", "Take a longer one."),),
+        )
+
+
+load = results.load
+results.load = lambda path: Setup() if str(path).endswith("cheap.toml") else load(path)
 sys.exit(run(sys.argv[1:]))
 """
 
 
-def test_a_toy_view_is_one_module_and_one_line(tmp_path: Path, open_tab: Open) -> None:
-    (tmp_path / "toy.py").write_text(TOY)
+def test_a_view_of_a_new_class_is_shown(tmp_path: Path, open_tab: Open) -> None:
     (tmp_path / "main.py").write_text(MAIN)
     folder = tmp_path / "studies"
     folder.mkdir()
@@ -142,11 +142,11 @@ def test_a_toy_view_is_one_module_and_one_line(tmp_path: Path, open_tab: Open) -
     try:
         tab = open_tab(server.address)
         page = tab.page
-        page.click(".tree >> text=cheap.toml")
+        go(page, "result", "cheap.toml")
         page.wait_for_selector("td[data-value=reach][data-si='0.25']")
         assert page.inner_text("td[data-value=reach]") == "250 ± 10"
         page.wait_for_selector("figure[data-plot='friction over speed'][data-points='3'] canvas")
-        page.wait_for_selector("text=said by the toy")
+        page.wait_for_selector("text=noted by the toy")
         assert violations(tab) == []
         tab.picture("toy-view")
         tab.check()

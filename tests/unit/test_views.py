@@ -16,6 +16,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive import repr_tables, units
+from pneudrive.cli.main import run
 from pneudrive.cli.terminal import show_view
 from pneudrive.describe.base import Described
 from pneudrive.errors import DescriptionError
@@ -114,6 +115,13 @@ def test_one_function_is_enough_for_all_outputs(capsys, tmp_path):
     marks = sent["figures"][0]["figure"]["panels"][0]["marks"]
     assert [mark["kind"] for mark in marks] == ["line", "line"]
     assert marks[0]["y"][0] == 6e5
+    (peak,) = sent["leading"]
+    assert (peak["text"], peak["unit"], peak["limit"], peak["state"]) == ("6.00 ± 0.10", "bar", "5 bar", "bad")
+    jsonschema = pytest.importorskip("jsonschema")
+    assert run(["schema", "view"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    jsonschema.Draft202012Validator(schema).validate(sent)
+    assert sent.keys() == schema["properties"].keys()
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -6,18 +6,7 @@ import { Copied, Problems, Table } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
 import { link } from "../routes";
 import { ask, attempting, read, typed, type Problem } from "../server/server";
-import type { SentView } from "../server/types";
-import { Notes, ShownTable } from "../workspace/result";
 import { Strip } from "../plots/strip";
-
-export interface Fit {
-  kind: string;
-  title: string;
-  synthetic: boolean;
-  converged: boolean;
-  view: SentView;
-  statements: number; // notes on values that the data do not determine, before the others
-}
 
 interface Axis {
   name: string;
@@ -173,24 +162,5 @@ function NextPoints({ path }: { path: string }) {
         </>
       )}
     </>
-  );
-}
-
-export function FitTable({ found }: { found: Fit }) {
-  return (
-    <section aria-label="Fit">
-      <h2>Fit of a {found.kind}</h2>
-      {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
-      {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
-      <div class="pair">
-        <ShownTable view={found.view} />
-        <div>
-          {found.statements > 0 && <h3>Values that the data do not determine</h3>}
-          <Notes of={found.view.notes.slice(0, found.statements)} />
-          {found.view.notes.length > found.statements && <h3>Notes</h3>}
-          <Notes of={found.view.notes.slice(found.statements)} />
-        </div>
-      </div>
-    </section>
   );
 }

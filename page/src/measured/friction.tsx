@@ -7,7 +7,9 @@ import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Choose } from "../workspace/choose";
 import { Copied, folderOf, Problems, ReportOf, Table } from "../workspace/parts";
-import { Behind, FitTable, forget, type Fit } from "./fit";
+import { Behind, forget } from "./fit";
+import { Shown } from "../workspace/result";
+import type { SentView } from "../server/types";
 import { Heat } from "../plots/heat";
 import { isWide, Scatter, type Group } from "../plots/scatter";
 import { isToml, link, route } from "../routes";
@@ -39,7 +41,7 @@ interface FrictionMap {
 }
 
 const map = signal<FrictionMap | null>(null);
-const fit = signal<Fit | null>(null);
+const fit = signal<SentView | null>(null);
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 const isLog = signal<boolean | null>(null); // null: as wide as the speeds need it
@@ -58,7 +60,7 @@ const choose = (path: string, of: string): Promise<void> =>
     if (route.value.path !== path) return;
     map.value = one;
     fit.value = null;
-    if (!map.value.fit) fit.value = await read<Fit>("/api/fit", { path: of });
+    if (!map.value.fit) fit.value = await read<SentView>("/api/view", { path: of });
     drawn.value = of;
   });
 
@@ -117,7 +119,7 @@ async function open(path: string): Promise<void> {
     if (found?.fit) return;
     const beside = isFit ? path : besideOf(path);
     if (!beside) return;
-    const own = await read<Fit>("/api/fit", { path: beside });
+    const own = await read<SentView>("/api/view", { path: beside });
     if (mine === generation) fit.value = own;
   } catch (error) {
     if (mine === generation && error instanceof Refused) wrong.value = error.problems;
@@ -137,7 +139,7 @@ export function FrictionView() {
       {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
-      {map.value ? <Map path={path} found={map.value}>{fit.value && <FitTable found={fit.value} />}</Map> : fit.value && <FitTable found={fit.value} />}
+      {map.value ? <Map path={path} found={map.value}>{fit.value && <Shown view={fit.value} label="Fit" />}</Map> : fit.value && <Shown view={fit.value} label="Fit" />}
       {(fit.value || map.value) && pathOfFit(path) && <Behind path={pathOfFit(path)} />}
     </div>
   );

@@ -16,7 +16,6 @@ export interface Problem {
 export type { Listed };
 
 export interface Studies {
-  shown: string[]; // kinds of results of which the server has a view
   folder: string;
   version: string;
   platform: string; // of the server

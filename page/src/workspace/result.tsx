@@ -65,27 +65,32 @@ export function Notes({ of }: { of: string[] }) {
   return of.length ? <ul class="said">{of.map((one) => <li key={one}>{one}</li>)}</ul> : null;
 }
 
-/** Any result of the folder that the server has a view of. */
+/** All of a result: its headline, figures and values. */
+export function Shown({ view, label }: { view: SentView; label: string }) {
+  return (
+    <section aria-label={label}>
+      <h2>{view.title}</h2>
+      <ShownTable view={view} />
+      <ShownCurves curves={view.curves} />
+      <Notes of={view.notes} />
+    </section>
+  );
+}
+
+/** Any result of the folder. */
 export function ResultView() {
   const { path } = route.value;
   const view = useSignal<SentView | null>(null);
   const wrong = useSignal<Problem[]>([]);
   useEffect(() => {
     [view.value, wrong.value] = [null, []];
-    if (path) void attempting(wrong)(async () => void (view.value = await read<SentView>("/api/result", { path })));
+    if (path) void attempting(wrong)(async () => void (view.value = await read<SentView>("/api/view", { path })));
   }, [path]);
   return (
-    <section aria-label="Values of a result">
-      <h2>{view.value?.title ?? (path || "Values")}</h2>
+    <>
       {!path && <p>Open a result of the folder on the left.</p>}
       <Problems of={wrong.value} />
-      {view.value && (
-        <>
-          <ShownTable view={view.value} />
-          <ShownCurves curves={view.value.curves} />
-          <Notes of={view.value.notes} />
-        </>
-      )}
-    </section>
+      {view.value && <Shown view={view.value} label="Values of a result" />}
+    </>
   );
 }

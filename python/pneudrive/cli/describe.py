@@ -15,7 +15,7 @@ from pneudrive.lazy_names import used_later
 from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
-    from pneudrive import references
+    from pneudrive import references, views
     from pneudrive.campaign.planning import protocol
     from pneudrive.control import controller
     from pneudrive.control import references as trajectories
@@ -229,7 +229,9 @@ def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] |
 
 
 def schema(
-    kind: Literal["drive", "circuit", "layout", "rig", "protocol", "task", "controller", "trajectory"] = "drive",
+    kind: Literal[
+        "drive", "circuit", "layout", "rig", "protocol", "task", "controller", "trajectory", "view"
+    ] = "drive",
 ) -> None:
     """Print the JSON schema of a kind of file, for an editor that completes and checks TOML.
 
@@ -237,7 +239,7 @@ def schema(
     -------
     kind
         Kind of file: drive, circuit, layout of recordings, rig, protocol of a campaign, task of a sizing, controller,
-        or trajectory (a reference).
+        or trajectory (a reference); or the view of a result.
 
     Examples
     --------
@@ -245,6 +247,7 @@ def schema(
     """
     schema_of = {"drive": load.drive_schema, "circuit": load.circuit_schema, "layout": layout.layout_schema}
     schema_of |= {"rig": description.rig_schema, "protocol": protocol.protocol_schema, "task": task.task_schema}
+    schema_of["view"] = views.view_schema
     tables = {"controller": controller.Controller, "trajectory": trajectories.ReferenceFile}
     found = schema_of[kind]() if kind in schema_of else tables[kind].model_json_schema(by_alias=True)
     draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}

@@ -29,7 +29,7 @@ from pneudrive.web.jobs import READY, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, plain, problems_of
 from pneudrive.web.requests import wrong_request
-from pneudrive.web.results import SANDBOX, SHOWN, OpenReports
+from pneudrive.web.results import SANDBOX, OpenReports
 from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ ANSWERS = {
     "POST /api/example": "drop:add_example",
     "POST /api/check": "drive.description:checked",
     "POST /api/edit": "drive.description:edited_as_asked",
-    "GET /api/result": "results:shown_result",
+    "GET /api/view": "results:sent_view",
     "GET /api/forms": "signatures:forms",
     "POST /api/work": "signatures:copied_job",
     "POST /api/jobs": "signatures:started_job",
@@ -78,7 +78,6 @@ ANSWERS = {
     "GET /api/map": "measured.friction:shown_map",
     "GET /api/slice": "measured.friction:map_slice",
     "GET /api/map-difference": "measured.friction:map_difference",
-    "GET /api/fit": "measured.friction:shown_fit",
     "GET /api/behind": "measured.friction:behind_fit",
     "GET /api/next": "measured.friction:next_points",
     "POST /api/plan": "measured.campaigns:planned",
@@ -235,7 +234,6 @@ def studies(workspace: Workspace, control: bool, build: str) -> dict[str, Any]:
         "version": __version__,
         "platform": PLATFORM,
         "build": build,
-        "shown": list(SHOWN),
         "protocols": READY,
         "control": control,
         "left_out": left_out,

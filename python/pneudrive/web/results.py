@@ -1,143 +1,58 @@
-"""Results for the page: values and curves in usual units, and sentences; and reports as separate pages.
-
-`SHOWN` has one line for each kind of result. The page needs no separate code for a kind in this table.
-"""
+"""Views of results and reports for the page, and the lines of its overview."""
 
 from __future__ import annotations
 
-import math
 import re
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from importlib import import_module
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
+from pneudrive import results
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.campaign.storage.folder import CYCLES
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.fmu.description import read_fmu
 from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.sizing.result import SUMMARY, answer_of
 from pneudrive.sizing.task import SizingTask
-from pneudrive.units import readable
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.guard import REPORTS, new_token
-from pneudrive.web.workspace import Workspace
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
-    from pneudrive.views import ShownCurve, View
+    from pneudrive.views import View
 
 
 #: What a browser allows a report to do: nothing but to be seen, saved and left.
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
-#: Kind of a file -> module and function that read it and return its `View`.
-SHOWN = {
-    "fit": "pneudrive.web.measured.friction:view_of_fit",
-    "friction map": "pneudrive.web.measured.friction:view_of_map",
-    "validation": "pneudrive.web.measured.validation:view_of_validation",
-    "comparison": "pneudrive.web.results:view_of_comparison",
-}
 
 
-@dataclass(frozen=True)
-class SentValue:
-    """A value: in SI, and as text in its usual unit."""
-
-    key: str
-    label: str
-    quantity: str
-    value: float | str | None
-    text: str
-    unit: str
-    origin: str
-
-
-@dataclass(frozen=True)
-class SentCurve:
-    """A curve in usual units. Points that are not measured lie between measured ones."""
-
-    key: str
-    label: str
-    group: str
-    x_title: str
-    y_title: str
-    x: list[float | None]
-    y: list[float | None]
-    low: list[float | None]
-    high: list[float | None]
-    measured: list[bool]
-
-
-@dataclass(frozen=True)
-class SentView:
-    """A result: its table, as in terminal, notebook and report, the values of its cells, and its curves."""
-
-    title: str
-    head: list[str]
-    table: list[list[str]]
-    rows: list[SentValue]
-    curves: list[SentCurve]
-    notes: list[str]
-
-
-def sent(view: View) -> dict[str, Any]:
-    """Return a view as plain data."""
-    head, table = view.table() if view.rows else ((), [])
-    rows = [
-        SentValue(one.key, one.label, one.quantity, _number(one.value), one.text, one.usual_unit, one.origin)
-        for one in view.rows
-    ]
-    curves = [_curve(curve) for curve in view.curves]
-    return asdict(SentView(view.title, list(head), list(map(list, table)), rows, curves, list(view.notes)))
-
-
-def _curve(curve: ShownCurve) -> SentCurve:
-    (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
-    titles = f"{curve.x_quantity}, {x_unit}", f"{curve.quantity}, {unit}"
-    low, high = (_scaled(end, size) for end in curve.band or ((), ()))
-    line = _scaled(curve.x, x_size), _scaled(curve.y, size), low, high
-    return SentCurve(curve.key, curve.label, curve.group, *titles, *line, curve.measured.tolist())
-
-
-def _number(value: float | str) -> float | str | None:
-    return value if isinstance(value, str) or math.isfinite(value) else None
-
-
-def _scaled(values: Iterable[float], size: float) -> list[float | None]:
-    return [float(value) / size if math.isfinite(value) else None for value in values]
-
-
-def shown_result(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return the view of a result by the kind of its file.
+def view_at(workspace: Workspace, path: str) -> View:
+    """Return the view of a file or folder that pneudrive wrote.
 
     Raises
     ------
     CommandError
-        There is no such file, or its kind has no view.
+        The name leads out of the workspace, or the file is not a result.
     """
-    kind = next((one.kind for one in workspace.files() if one.path == path), "")
-    if kind not in SHOWN:
-        raise CommandError(f"{path[:200]} has no values to show", rule=f"a {', '.join(SHOWN)}")
-    return sent(view_at(workspace, path, kind))
+    place = workspace.folder(path)
+    if place.is_dir():
+        for inner in place.iterdir():
+            workspace.folder(f"{path}/{inner.name}")
+    elif path.endswith(DESCRIPTIONS):
+        workspace.check_named(path, toml.read(place, CommandError)[0])
+    return results.view_of(results.load(place))
 
 
-def view_at(workspace: Workspace, path: str, kind: str) -> View:
-    """Return the view of a result of a kind in `SHOWN`."""
-    module, _, function = SHOWN[kind].partition(":")
-    return getattr(import_module(module), function)(workspace, path)  # type: ignore[no-any-return]
-
-
-def view_of_comparison(workspace: Workspace, path: str) -> View:
-    """Return the medians of each controller along each reference."""
-    from pneudrive.control.results.card import read_comparison
-
-    return read_comparison(workspace.folder(path)).view()
+def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return the view of a result as data."""
+    return view_at(workspace, path).data()
 
 
 class OpenReports:
@@ -204,11 +119,11 @@ def _of_drive(workspace: Workspace, path: str) -> str:
     return f"{found.name}: bore {1e3 * cylinder.bore_m:.4g} mm, stroke {1e3 * cylinder.stroke_m:.4g} mm"
 
 
-def _of_view(workspace: Workspace, path: str, kind: str) -> str:
-    """Return the first values of a result, or its verdict, or its title."""
-    view = view_at(workspace, path, kind)
+def _of_view(workspace: Workspace, path: str) -> str:
+    """Return the first values of a fit, or the headline of another result."""
+    view = view_at(workspace, path)
     values = [f"{one.label} {one.text} {one.usual_unit}" for one in view.rows if one.quantity == VALUE and one.text]
-    return ", ".join(values[:MOST_VALUES]) or (view.notes[0] if kind == "validation" and view.notes else view.title)
+    return ", ".join(values[:MOST_VALUES]) or view.title
 
 
 def _of_sizing(workspace: Workspace, path: str) -> str:
@@ -241,5 +156,5 @@ LINES: dict[str, Callable[[Workspace, str], str]] = {
     "task": _of_task,
     "fmu": _of_fmu,
     "campaign": _of_campaign,
-    **{kind: lambda workspace, path, kind=kind: _of_view(workspace, path, kind) for kind in SHOWN},  # type: ignore[misc]
+    **dict.fromkeys(("fit", "friction map", "validation", "comparison"), _of_view),
 }

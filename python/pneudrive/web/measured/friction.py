@@ -28,12 +28,10 @@ from pneudrive.identify.static.result import (
     with_map,
 )
 from pneudrive.rig.rig_file import load_rig
-from pneudrive.views import ShownCurve, View
 from pneudrive.web.jobs import RIG, design_python
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map
 from pneudrive.web.messages import Array, number
 from pneudrive.web.requests import shell, wrong_request
-from pneudrive.web.results import sent
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
@@ -198,20 +196,6 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
         "left_out": max(int(table.sizes["row"]) - MOST_POINTS, 0),
         "flags": flag_sentences(flag for text in table["flags"].to_numpy() for flag in str(text).split(",")),
     }
-
-
-def view_of_map(workspace: Workspace, path: str) -> View:
-    """Return friction over speed, a curve of measured points for each assembly and pair of pressures."""
-    table = read_map(workspace.path(path, MAPS))
-    speed, friction = np.abs(table["velocity_m_s"].to_numpy()), table["friction_n"].to_numpy()
-    reach = 2.0 * np.hypot(table["stderr_n"].to_numpy(), table["u_systematic_n"].to_numpy())  # U, k = 2
-    curves = []
-    for group in groups_of(table):
-        part = group.rows[np.argsort(speed[group.rows], kind="stable")]
-        titles = ("speed", "friction", "m/s", "N", (friction[part] - reach[part], friction[part] + reach[part]))
-        name, known = f"{group.assembly}: {group.label}", np.ones(len(part), dtype=bool)
-        curves.append(ShownCurve(group.label, name, speed[part], friction[part], *titles, known, group.assembly))
-    return View(f"{min(table.sizes['row'], MOST_POINTS)} points of friction", curves=tuple(curves))
 
 
 def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str, Any]:
@@ -409,25 +393,6 @@ def bar(gauge_pa: float) -> str:
 
 def _fit(workspace: Workspace, path: str) -> AnyFit:
     return read_fit(workspace.path(path, DESCRIPTIONS))
-
-
-def shown_fit(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return a fit of any kind: values with intervals, undetermined values, notes.
-
-    Raises
-    ------
-    FitError
-        The file is not a fit.
-    """
-    fit = _fit(workspace, path)
-    about = {"kind": fit.KIND, "title": fit.TITLE, "synthetic": fit.synthetic, "converged": fit.converged}
-    about |= {"statements": len(fit.statements())}
-    return about | {"view": sent(fit.view()), "recordings": list(fit.recordings)}
-
-
-def view_of_fit(workspace: Workspace, path: str) -> View:
-    """Return the values of a fit of any kind."""
-    return _fit(workspace, path).view()
 
 
 def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import numbers_of, with_shape
 from pneudrive.identify.files import read_fit
-from pneudrive.results import StoredResult, compare_results
+from pneudrive.results import compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
@@ -25,7 +25,6 @@ from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
-from pneudrive.views import View
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import MOST_TRACED, Input, Lineage, is_fit
@@ -77,11 +76,6 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
             ],
         }
     )
-
-
-def view_of_validation(workspace: Workspace, name: str) -> View:
-    """Return the agreement of each record and channel, and the verdicts."""
-    return StoredResult("validation", workspace.path(name), _read(workspace, name)).view()
 
 
 def _read(workspace: Workspace, name: str) -> dict[str, Any]:
