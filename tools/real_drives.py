@@ -159,7 +159,8 @@ def joint_figure(joints: dict[str, RegulatorFit]) -> object:
     """Draw the first run of both chambers with its model."""
     figure = style.new_figure(3.6)
     for axis, (side, fit) in zip(figure.subplots(2, 1, sharex=True), joints.items(), strict=True):
-        time, measured, model = next(iter(fit.series.values()))
+        data = next(iter(fit.fitted.values()))
+        time, measured, model = data.at, data.measured, data.model
         axis.plot(time, measured / 1e5, color=style.ink("black"), label="measured")
         axis.plot(time, model / 1e5, "--", color=style.ink("orange"), label="model of all runs")
         axis.set_ylabel(f"pressure {side} / bar")
@@ -215,7 +216,7 @@ def summary(
     a, b = (100 * v for v in fit.records[0].rms)
     predicted = max(100 * float(v.max()) for *_, v in halves)
     inside = sum(value <= 1.0 for value in run_off)
-    worst_joint = max(100 * f.predicted for f in joints.values())
+    worst_joint = max(100 * f.statistics["predicted"] for f in joints.values())
     return [
         "# How well does it hold?",
         "",
@@ -349,11 +350,12 @@ def joint_lines(joints: dict[str, RegulatorFit]) -> list[str]:
     ]
     for side, f in joints.items():
         (fl, fh), (vl, vh), (gl, gh) = (f.intervals[n] for n in ("filling_s", "venting_s", "gain_pa"))
+        rms, predicted, held = (100 * f.statistics[key] for key in ("rms", "predicted", "held"))
         lines.append(
             f"| {side} | {f.values['filling_s']:.3f} [{fl:.3f}, {fh:.3f}] | "
             f"{f.values['venting_s']:.3f} [{vl:.3f}, {vh:.3f}] | "
-            f"{f.values['gain_pa'] / 255e3:.2f} [{gl / 255e3:.2f}, {gh / 255e3:.2f}] | {100 * f.rms:.2f} | "
-            f"{100 * f.predicted:.2f} | {100 * f.held:.2f} |"
+            f"{f.values['gain_pa'] / 255e3:.2f} [{gl / 255e3:.2f}, {gh / 255e3:.2f}] | {rms:.2f} | "
+            f"{predicted:.2f} | {held:.2f} |"
         )
     first = joints["a"]
     lines += [

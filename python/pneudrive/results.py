@@ -33,11 +33,8 @@ from pneudrive.files.csv_tables import csv_names
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import AMBIENT, read_map
-from pneudrive.identify.base import Fit
 from pneudrive.identify.files import common, curve_differences, read_fit
-from pneudrive.identify.follow.fit import FollowFit, read_follow_fit
-from pneudrive.identify.follow.regulator import KIND as REGULATOR
-from pneudrive.identify.follow.regulator import Regulator, RegulatorFit, read_regulator_fit
+from pneudrive.identify.follow.regulator import Regulator
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown
@@ -157,7 +154,6 @@ def _load_toml(path: Path) -> Any:  # noqa: ANN401
     if "verdict" in tables and "record" in tables:
         return StoredResult("validation", path, tables)
     kinds = ((Tank.load, Tank.is_file(path)), (Regulator.load, Regulator.is_file(path)))
-    kinds += ((read_regulator_fit, kind == REGULATOR), (read_follow_fit, kind == "motion"))
     kinds += ((load_described, not kind and bool({"drive", "friction", *OF_A_CIRCUIT} & tables.keys())),)
     return next((read for read, holds in kinds if holds), read_fit)(str(path))
 
@@ -227,13 +223,9 @@ def _validation_view(content: Mapping[str, Any]) -> View:
 
 
 def _characterisation_view(content: Mapping[str, Any]) -> View:
-    rows = [row for name, fit in content["fits"].items() for row in _values(fit, f"{name}: ")]
+    fits = ((name, fit.view()) for name, fit in content["fits"].items())
+    rows = [replace(row, key=f"{name}: {row.key}") for name, view in fits for row in view.rows]
     return replace(_map_view(content["map"]), rows=tuple(rows))
-
-
-def _values(fit: Any, before: str = "") -> list[ShownValue]:  # noqa: ANN401 - a fit of any kind
-    units, ends = getattr(fit, "units", {}), fit.intervals
-    return [ShownValue(f"{before}{k}", k, "value", v, units.get(k, ""), ends.get(k)) for k, v in fit.values.items()]
 
 
 def _map_view(found: xr.Dataset) -> View:
@@ -510,16 +502,8 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
             v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)
         }
         return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
-    if isinstance(result, Fit):
-        sides = {}
-        for name, number, unit, state, *_ in result.rows():
-            value = result.values.get(name, math.nan)
-            text = f"{number} {unit}".strip() if number else state
-            ends = state.replace(" .. ", " … ") if name in result.intervals else ""
-            sides[name] = ComparedValue(text, ends, value if math.isfinite(value) else None)
-        return sides
-    rows = _values(result) if isinstance(result, RegulatorFit | FollowFit) else view_of(result).rows
-    return {row.key: _side(row) for row in rows}
+    rows = view_of(result).rows
+    return {row.key: _side(row) for row in rows if row.origin != "text"}
 
 
 def _side(row: ShownValue) -> ComparedValue:

@@ -173,7 +173,7 @@ def test_a_page_of_a_fit_with_its_data_and_of_its_file(folder, tmp_path, capsys)
     assert f"profile of coulomb: {low:.5g} .. {high:.5g} N" in said
     assert run(["report", str(target), "--out", str(tmp_path / "again")]) == 0
     pages = [(where / "report.html").read_text("utf-8") for where in (page, tmp_path / "again")]
-    row = next(row for row in fit.rows() if row[0] == "coulomb")
+    row = next(row for row in fit.view().table()[1] if row[0] == "coulomb")
     for html in pages:
         assert all(cell in html for cell in row if cell)
-    assert [("residual / N" in html, "without its data" in html) for html in pages] == [(True, False), (False, True)]
+    assert [("difference / N" in html, "without its data" in html) for html in pages] == [(True, False), (False, True)]

@@ -27,9 +27,10 @@ with used_later(__name__):
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction.campaign import characteristics
     from pneudrive.friction.campaign.stops import dwell_models
-    from pneudrive.identify import base, files, volume
+    from pneudrive.identify import files, volume
     from pneudrive.identify.dynamic import result as drive_fits
     from pneudrive.identify.dynamic import sensors as channels
+    from pneudrive.identify.follow import fit as follow
     from pneudrive.identify.follow import regulator
     from pneudrive.identify.static import laws as law_choice
     from pneudrive.identify.static import model, survey
@@ -321,14 +322,9 @@ def identify(
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-        typer.echo(str(motion))
-        if out is not None:
-            motion.to_toml(out)
-        terminal.show_paths(out, motion.report(terminal.writable_folder(report)) if report is not None else None)
+        terminal.show_fit(motion, out, report, profile=profile)
     elif regulator.Regulator.is_file(drive):
-        lag = pn.identify_regulator(drive, recordings, layout)
-        typer.echo(str(lag))
-        terminal.write_outputs((out, lag.to_toml))
+        terminal.show_fit(pn.identify_regulator(drive, recordings, layout), out, report, profile=profile)
     elif pn.Tank.is_file(drive):
         for name, value in (("sensor", sensor), ("robust", robust)):
             if value:
@@ -380,12 +376,14 @@ def apply(
     """
     terminal.check_outputs(out, (".toml",))
     found = files.read_fit(fit)
-    if isinstance(found, volume.VolumeFit):
-        described = found.apply(None if drive is None else pn.Tank.load(drive))
-    elif isinstance(found, drive_fits.DriveFit):
-        described = found.apply(None if drive is None else pn.Drive.load(drive))
+    if isinstance(found, follow.FollowFit | regulator.RegulatorFit):
+        if drive is not None or isinstance(found, regulator.RegulatorFit):
+            raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
+        described = found.apply()
     elif drive is not None:
-        described = found.apply(pn.Drive.load(drive))
+        described = found.apply((pn.Tank if isinstance(found, volume.VolumeFit) else pn.Drive).load(drive))
+    elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
+        described = found.apply()
     else:
         remedy = "Add the drive file to the command: pneudrive apply FIT DRIVE."
         raise CommandError("this fit of friction names no drive", remedy=remedy)
@@ -423,9 +421,9 @@ def validate(
     pneudrive validate measured.toml other.parquet --out check
     """
     tell = terminal.watch().tell
-    lag = regulator.read_regulator_fit(drive)
     tables = _tables(drive)
-    if lag is not None:
+    if regulator.RegulatorFit.is_file(drive):
+        lag = regulator.RegulatorFit.from_toml(drive)
         _show_check(regulator_check.validate_regulator(lag, recordings, layout=layout), out)
         return
     if tables.get("kind") == "motion" or ("components" in tables and "valve" not in tables):
@@ -568,7 +566,7 @@ def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> str:
     """Return a note if errors shared by all points exceed the errors that more points reduce."""
     errors = []
     for name, then in plan.half_widths_then.items():
-        factor, unit = base.shown_in(model.unit_of(name))
+        factor, unit = units.readable(model.unit_of(name))
         if (both := 2.0 * fit.systematic[name]) > then:
             errors.append(f"{name} ± {both / factor:.2g} {unit}")
     what = "errors shared by all values (sensors, area) are larger, and more points do not reduce them"

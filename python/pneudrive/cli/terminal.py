@@ -162,7 +162,7 @@ def file_name(text: str) -> str:
 
 def show_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:
     """Print a fit, write its file and its page, and print intervals by profile likelihood."""
-    typer.echo(str(fit))
+    show_view(fit.view())
     write_outputs((out, fit.to_toml))
     if report is not None:
         show_paths(fit.report(report))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -13,16 +13,17 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StrictBool, Stri
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
+from pneudrive.identify.compared import FittedData, comparison_figure
 from pneudrive.identify.identified import Identified, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
-from pneudrive.repr_tables import Shown
+from pneudrive.repr_tables import aligned
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import readable
-from pneudrive.views import ShownValue, View
+from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
     from typing_extensions import Self
@@ -61,20 +62,6 @@ class Undetermined:
         return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
 
 
-@dataclass(frozen=True)
-class FittedData:
-    """Measured values and those of the model, SI, shape (n,) each.
-
-    ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
-    """
-
-    x: str
-    y: str
-    at: Array
-    measured: Array
-    model: Array
-
-
 class Intervals(dict[str, tuple[float, float]]):
     """95 % intervals by name, SI; values that the data do not determine have none.
 
@@ -110,23 +97,9 @@ class Intervals(dict[str, tuple[float, float]]):
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
-class CardFit(Shown):
-    """Result of a fit whose text is its card."""
-
-    def __str__(self) -> str:
-        """Return values, intervals and notes as text."""
-        card = self._card()
-        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
-
-
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
     """Return the names of undetermined values."""
     return {str(getattr(one, "parameter", one)) for one in undetermined}
-
-
-def shown_in(si_unit: str) -> tuple[float, str]:
-    """Return the common unit of a value, also of the square of a slope, with its size in SI."""
-    return (1e-10, "N/bar2") if si_unit == "N/Pa2" else readable("1" if si_unit == "-" else si_unit)
 
 
 def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
@@ -270,7 +243,7 @@ HASH_DIGITS = 16
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Fit(Shown):
+class Fit(Viewed):
     """Result of a fit: values with their uncertainty; SI, pressures absolute unless stated.
 
     Attributes
@@ -345,6 +318,12 @@ class Fit(Shown):
         """Names of the recordings of the fit, if known."""
         said = self.provenance.get("recordings", ())
         return tuple(str(one["name"] if isinstance(one, dict) else one) for one in said)
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """Recordings of the fit with their hashes, empty if unknown."""
+        tables = [one for one in self.provenance.get("recordings", ()) if isinstance(one, dict)]
+        return {str(one["name"]): str(one.get("sha256", "")) for one in tables}
 
     @property
     def synthetic(self) -> bool:
@@ -430,12 +409,19 @@ class Fit(Shown):
         """Values of a profile by default."""
         return self.free
 
-    def statements(self) -> list[str]:
-        """Return sentences on undetermined values, one for all values with the same reason and remedy."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Return undetermined values with their remedies, one finding for all values with the same reason."""
         shared: dict[tuple[str, str], list[str]] = {}
         for one in self.undetermined:
             shared.setdefault((one.reason, one.remedy), []).append(one.parameter)
-        return [str(Undetermined(", ".join(names), *why)) for why, names in shared.items()]
+        return tuple(
+            Finding(f"{', '.join(names)} cannot be determined: {reason}.", "open", f"Remedy: {remedy}.")
+            for (reason, remedy), names in shared.items()
+        )
+
+    def statements(self) -> list[str]:
+        """Return the findings as sentences."""
+        return [f"{finding.text} {finding.remedy}".strip() for finding in self.findings()]
 
     def curve(
         self,
@@ -610,8 +596,8 @@ class Fit(Shown):
             raise FitError(
                 "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
             )
-        file = FitFile.read(content, cls.TITLE, cls.GROUPS, where, text)
         try:
+            file = FitFile.read(cls._present(content), cls.TITLE, cls.GROUPS, where, text)
             found = cls(**cls._fields(file))
             _ = str(found), found.toml()  # a key that only some fits need raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
@@ -619,6 +605,18 @@ class Fit(Shown):
             remedy = "Give a fit.toml that pneudrive fit or pneudrive identify has written."
             raise FitError(f"the file is not a complete {cls.TITLE}", where=where, value=what, remedy=remedy) from error
         return found
+
+    @classmethod
+    def is_file(cls, path: object) -> bool:
+        """Return whether a path is a file of this kind of fit."""
+        if not isinstance(path, str | Path) or Path(path).suffix != ".toml" or not Path(path).is_file():
+            return False
+        return toml.read(path, FitError)[0].get("kind") == cls.KIND
+
+    @classmethod
+    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the tables of a file in the present form, also those of an older version."""
+        return content
 
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
@@ -658,77 +656,69 @@ class Fit(Shown):
     # -- display ----------------------------------------------------------------------------------------
 
     def view(self) -> View:
-        """Return the values with their intervals, and the sentences on them."""
-        rows = []
-        for name, value in self._shown().items():
-            _, _, state, expanded, _ = self._row(name, value)
-            known = "95 % interval" if name in self.intervals else "state"
-            rows.append(ShownValue(name, name, "value", value, self.units[name], origin=known))
-            rows.append(ShownValue(f"{name}.state", name, "95 % interval, or state", state))
-            rows += [ShownValue(f"{name}.u", name, "U (k = 2)", expanded)] if expanded else []
-        return View(self._title(), tuple(rows), notes=(*self.statements(), *self.notes))
+        """Return values with their intervals, undetermined values, notes, and measured values beside the model's."""
+        every = self.compared()
+        caption = (
+            f"Measured values, those of the model, and their difference, which should look like noise: {len(every)}."
+        )
+        rows = [cell for name, value in self._shown().items() for cell in self._cells(name, value)]
+        known = [replace(row, quantity=row.label) for row in rows if row.interval is not None]
+        is_wrong = not self.converged or not getattr(self, "fits", True)
+        words = [MODEL_ERROR_WORDS] if self.intervals and self.model_errors else []
+        return View(
+            self._title(),
+            tuple(rows),
+            notes=(*self._residual_lines(), *words, *self.notes),
+            state="bad" if is_wrong else "open" if self.undetermined else "good",
+            leading=tuple(map(LeadingValue, known[:MOST_LEADING])),
+            findings=self.findings(),
+            tables=self._tables(),
+            figures=(ShownFigure("residuals", caption, comparison_figure(every)),) if every else (),
+        )
 
     def _title(self) -> str:
-        """Return the first line of the table."""
+        """Return the headline."""
         raise NotImplementedError
 
     def _residual_lines(self) -> list[str]:
-        """Return the lines on residuals below the values."""
+        """Return the lines on residuals."""
         return []
 
-    def summary(self) -> list[str]:
-        """Return lines on data and residuals."""
-        return [self._title(), *self._residual_lines()]
-
-    def rows(self) -> list[tuple[str, ...]]:
-        """Return name, value, unit, interval or state, U (k = 2), model error and recordings of each value as text."""
-        return [
-            (
-                name,
-                *self._row(name, value),
-                joined(self.sources.get(name, self.recordings) if name in self.free else ()),
-            )
-            for name, value in self._shown().items()
-        ]
+    def _tables(self) -> tuple[ShownTable, ...]:
+        """Return tables of recordings and other models."""
+        return ()
 
     def _shown(self) -> dict[str, float]:
         """Return the values of the table."""
         return self.free_values()
 
+    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
+        """Yield value, interval or state, U (k = 2), model error and recordings of a value."""
+        factor = readable(self.units[name])[0]
+        ends, sources = self.intervals.get(name), self.sources.get(name, self.recordings)
+        state = "fixed" if name not in self.free else "not determined" if name in names_of(self.undetermined) else ""
+        if ends is not None:
+            lower, upper = (end / factor for end in ends)
+            digits = places(0.5 * (upper - lower))
+            state = f"{lower:.{digits}f} .. {upper:.{digits}f}"
+        words = "95 % interval, or state" if self.intervals else "state"
+        cells = {words: state if np.isfinite(value) else "not determined"}
+        if ends is not None and self.systematic.get(name, 0.0) > 0.0:
+            cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / factor, 2)
+        if ends is not None and name in self.model_errors:
+            cells["model ±"] = plain(self.model_errors[name] / factor, 2)
+        if len(set(self.sources.values())) > 1 and name in self.free:
+            cells["recordings"] = joined(sources)
+        yield ShownValue(name, name, "value", value, self.units[name], ends, "data" if name in self.free else "stated")
+        keys = {words: "state", "U (k = 2)": "u"}
+        yield from (ShownValue(f"{name}.{keys.get(k, k)}", name, k, text, origin="text") for k, text in cells.items())
+
     def __str__(self) -> str:
-        """Return a table of values with intervals, then undetermined values and notes."""
-        shown = self._shown()
-        width = max(map(len, shown), default=0)
-        lines = [self._title(), *(f"  {name:<{width}} {self._line(name, value)}" for name, value in shown.items())]
-        lines += [f"  {text}" for text in self._residual_lines()]
-        lines += [f"  ! {statement}" for statement in self.statements()]
-        if self.intervals and self.model_errors:
-            lines.append(f"  {MODEL_ERROR_WORDS}")
-        return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
-
-    def _line(self, name: str, value: float) -> str:
-        number, unit, state, expanded, model = self._row(name, value)
-        if not number:
-            return f" {state}"  # two spaces behind the longest name too: a column of its own
-        ends = f"95 %: {state}" if name in self.intervals else state
-        text = f"{number:>13} {unit:<12} {ends}".rstrip()
-        return text + (f", U(k=2) {expanded}" if expanded else "") + (f"; model ± {model}" if model else "")
-
-    def _row(self, name: str, value: float) -> tuple[str, str, str, str, str]:
-        """Return value, unit, interval or state, U (k = 2) and model error as text; a missing entry is empty."""
-        factor, unit = shown_in(self.units[name])
-        if not np.isfinite(value):
-            return "", unit, "not determined", "", ""
-        if name not in self.intervals:
-            lost = "fixed" if name not in self.free else "not determined" if name in names_of(self.undetermined) else ""
-            return plain(value / factor, 5), unit, lost, "", ""
-        lower, upper = (end / factor for end in self.intervals[name])
-        digits = places(0.5 * (upper - lower))
-        is_shared = self.systematic.get(name, 0.0) > 0.0
-        return (
-            f"{value / factor:.{digits}f}",
-            unit,
-            f"{lower:.{digits}f} .. {upper:.{digits}f}",
-            plain(self.expanded_uncertainty(name) / factor, 2) if is_shared else "",
-            plain(self.model_errors[name] / factor, 2) if name in self.model_errors else "",
+        """Return values, findings and notes as text."""
+        view = self.view()
+        head, rows = view.table()
+        findings = (f"  {'-' if f.state == 'good' else '!'} {f.text} {f.remedy}".rstrip() for f in view.findings)
+        tables = (aligned([table.head, *table.rows]) for table in view.tables)
+        return "\n".join(
+            [view.title, aligned([head, *rows]), *findings, *tables, *(f"  {note}" for note in view.notes)]
         )

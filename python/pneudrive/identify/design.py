@@ -10,11 +10,11 @@ import numpy as np
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import FrictionModel, at_conditions, unit_of
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.repr_tables import Shown
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -209,7 +209,7 @@ class Design(Shown):
             lines.append(f"  {1e3 * p.speed_m_s:8.3g} mm/s  {gauges}{times}")
         lines.append("expected half-width of the 95 % interval, now and after a fit of old and new values together:")
         for name, then in self.half_widths_then.items():
-            factor, unit = shown_in(unit_of(name))
+            factor, unit = readable(unit_of(name))
             now = self.half_widths_now[name]
             before = f"{now / factor:.3g}" if np.isfinite(now) else "open"
             lines.append(f"  {name:<18} {before:>8} -> {then / factor:.3g} {unit}")

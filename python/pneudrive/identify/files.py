@@ -11,6 +11,8 @@ from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.follow.fit import FollowFit
+from pneudrive.identify.follow.regulator import RegulatorFit
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.volume import VolumeFit
 
@@ -22,8 +24,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding
-KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit, Presliding)}
+AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
+KINDS: dict[str, type[AnyFit]] = {
+    kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit, Presliding, FollowFit, RegulatorFit)
+}
 
 
 def read_fit(path: str | Path) -> AnyFit:

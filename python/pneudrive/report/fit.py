@@ -5,29 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from pneudrive.figures import RESIDUAL, SPEED, Figure, Line, Markers, Panel, Rule, thin
-from pneudrive.report.page import Report
-from pneudrive.report.tables import quantity, sentence, spread_evenly
+from pneudrive.report.page import Report, view_section
+from pneudrive.report.tables import sentence
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.identify.base import Fit, FittedData
+    from pneudrive.identify.base import Fit
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Block, Section
 
     Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
 
 
-MOST_PANELS = 12
-#: Number of points from which residuals are a line.
-MANY = 200
-
-
-def write_fit_report(fit: Fit, folder: str | Path) -> Path:
+def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ()) -> Path:
     """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
 
     Parameters
@@ -36,6 +30,8 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
         Fit of any kind. A fit from a file has no residuals.
     folder : path-like
         Made if it does not exist.
+    more : iterable of Section
+        Further sections, before the data.
 
     Returns
     -------
@@ -47,40 +43,20 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    values, lost, data = (Topic("fit", key) for key in ("values", "undetermined", "data"))
+    values, data, view = Topic("fit", "values"), Topic("fit", "data"), fit.view()
     # Recordings and nested tables of the provenance are shown elsewhere.
     plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
     facts = [*fit.statistics.items(), *plain.items()]
     rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in facts]
+    shown = view_section(values.key, replace(view, title=values.say("title"), notes=()))
+    blocks = [values.text(), *shown.blocks, *([] if view.figures else [values.text("none")])]
     parts = [
-        values.section(values.text(), values.table(fit.rows())),
-        lost.section(*lost.listed(map(sentence, fit.statements()))) if fit.statements() else None,
-        _residuals(fit),
+        values.section(*blocks),
+        *more,
         data.section(data.table(rows), *data.listed(fit.recordings, "recordings"), synthetic=False),
     ]
-    lines = [sentence(line) for line in (*fit.summary(), *fit.notes)]
+    lines = map(sentence, (view.title, *view.notes))
     return Report(values.say("page", kind=fit.TITLE), lines, parts, fit.synthetic).write(folder)
-
-
-def _residuals(fit: Fit) -> Section:
-    topic, every = Topic("fit", "residuals"), fit.compared()
-    if not every:
-        return topic.section(topic.text("none"))
-    shown = spread_evenly(list(every), MOST_PANELS)
-    text = topic.text("text", shown=len(shown), all=len(every))
-    figure = Figure([_panel(name, every[name]) for name in shown], columns=2, row_in=1.7, rest_in=0.3)
-    return topic.section(text, topic.picture("residuals", figure))
-
-
-def _panel(name: str, data: FittedData) -> Panel:
-    """Draw measured values minus those of the model of one channel of one recording."""
-    rest, x_unit, y_unit = data.measured - data.model, quantity(data.x)[1], quantity(data.y)[1]
-    part = thin(data.at)
-    is_line = data.at.size > MANY
-    mark = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6) if is_line else Markers(data.at, rest, size=3.0)
-    x = SPEED if data.x == "speed_m_s" else f"time / {x_unit}" if x_unit else data.x
-    y_label = f"residual / {y_unit if '/' not in y_unit else f'({y_unit})'}" if y_unit else "residual"
-    return Panel([mark, Rule(y=0.0)], name, x, y_label)
 
 
 # --- Additions of a study to the report of recordings.

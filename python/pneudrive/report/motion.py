@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.figures import MODEL, RESIDUAL, Figure, Line, Look, Markers, Panel, stack
-from pneudrive.numbers import plain
+from pneudrive.figures import Figure, Line, Look, Markers, Panel
+from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Picture, Report
 from pneudrive.report.tables import sentence
 from pneudrive.report.topics import Topic
@@ -26,21 +26,7 @@ MOST_RECORDS = 4
 
 def follow_page(fit: FollowFit, folder: str | Path) -> Path:
     """Write the page of a fit into an existing folder."""
-    topic, rows = Topic("motion", "values"), []
-    for name, value in fit.values.items():
-        low, high = fit.intervals[name]
-        spread = fit.spreads.get(name)
-        between = None if spread is None else f"{plain(spread[0])} to {plain(spread[1])}"
-        rows.append((name, fit.units[name], plain(value), f"{plain(low)} to {plain(high)}", between))
-    values = topic.section(topic.text(), topic.table(rows), *topic.listed(fit.undetermined))
-    lines = [
-        f"{record.name}, chamber {side}: rms {100 * share:.2f} % of the range."
-        for record in fit.records
-        for side, share in zip("ab", record.rms, strict=True)
-    ]
-    title = f"{fit.circuit.name} along recorded motions"
-    parts = [values, _rivals(fit), *_chambers(fit.solution)]
-    return Report(title, [*lines, *map(sentence, fit.notes)], parts).write(folder)
+    return write_fit_report(fit, folder, _chambers(fit.solution))
 
 
 def motion_page(found: MotionValidation, folder: str | Path) -> Path:
@@ -49,16 +35,6 @@ def motion_page(found: MotionValidation, folder: str | Path) -> Path:
     title = f"{found.circuit.name} along recorded motions"
     parts = [*_chambers(found.solution), *_forces(found.closures)]
     return Report(title, [*lines, *map(sentence, found.doubts)], parts).write(folder)
-
-
-def _rivals(fit: FollowFit) -> Section | None:
-    topic = Topic("motion", "rivals")
-    rows = (
-        (r.words, r.fit_percent, 100 * r.gain, ", ".join(f"{100 * p:.0f}" for p in r.predictions) or None,
-         "yes" if r.earns else "no" if r.predictions else None)
-        for r in fit.rivals
-    )  # fmt: skip
-    return topic.section(topic.text(), topic.table(rows)) if fit.rivals else None
 
 
 def _chambers(solution: FollowSolution | None) -> list[Section]:
@@ -72,22 +48,9 @@ def _chambers(solution: FollowSolution | None) -> list[Section]:
             (side, 100 * share, walls[side] + float(local[2 + index]), float(local[4]))
             for index, (side, share) in enumerate(zip("ab", solution.rms(at), strict=True))
         ]
-        over_time = Picture(f"chambers-{at + 1}", topic.say("time", name=record.name), over_time_figure(solution, at))
         loops = Picture(f"volume-{at + 1}", topic.say("volume", name=record.name), volume_figure(solution, at))
-        out.append(topic.section(topic.table(rows), over_time, loops, name=record.name))
+        out.append(topic.section(topic.table(rows), loops, name=record.name))
     return out
-
-
-def over_time_figure(solution: FollowSolution, at: int) -> Figure:
-    """Draw measured and simulated pressures over time, with their residuals in % of the range."""
-    record, panels = solution.problem.records[at], []
-    shown = solution.problem.shown(at, solution.raws[at], float(solution.point.local[at, 4]))
-    for side, measured, model, size in zip("ab", record.pressures_pa, shown, record.ranges_pa, strict=True):
-        lines = [Line(record.grid_s, measured, "measured"), Line(record.grid_s, model, "simulated", MODEL)]
-        panels.append(Panel(lines, y=f"pressure {side} / bar"))
-        rest = Line(record.grid_s, (measured - model) / size, look=RESIDUAL, width=0.7)
-        panels.append(Panel([rest], y="residual / %"))
-    return stack(panels, 5.6, (2, 1, 2, 1))
 
 
 def volume_figure(solution: FollowSolution, at: int) -> Figure:

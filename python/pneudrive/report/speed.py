@@ -10,11 +10,11 @@ import numpy as np
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp
 from pneudrive.friction.friction_map import ALL_RECORDINGS
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
-from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import fixed, with_u
 from pneudrive.report.tables import by_seal, gauge_bar, plural, sentence, speed_mm_s, spread_evenly
 from pneudrive.report.topics import Topic
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -82,7 +82,7 @@ def _parameters(fits: Fits) -> Iterator[tuple[str, ...]]:
             fit = by_law[laws[0]]
             for name in (name for name in fit.free if name in fit.intervals):
                 value = fit.parameters.get(name, fit.parameters.get(f"{name[:-1]}", float("nan")))
-                size, unit = shown_in(unit_of(name))
+                size, unit = readable(unit_of(name))
                 low, high = (bound / size for bound in fit.intervals[name])
                 estimate = with_u(value / size, fit.expanded_uncertainty(name) / size, unit)
                 interval = f"{low:.4g} … {high:.4g} {unit}".strip()
@@ -231,7 +231,7 @@ def _recovered_parameters(found: Characterisation, fits: Fits) -> Iterator[tuple
         single = name.removesuffix("b") if name.endswith("_ab") else name
         if single not in known or name not in fit.intervals:
             continue
-        size, unit = shown_in(unit_of(name))
+        size, unit = readable(unit_of(name))
         values = (fit.parameters[single], fit.expanded_uncertainty(name), known[single])
         value, expanded, true = (v / size for v in values)
         low, high = (bound / size for bound in fit.intervals[name])

@@ -428,6 +428,7 @@ _READABLE = {
     "rad": "deg",
     "Pa": "bar",
     "N/Pa": "N/bar",
+    "N/Pa2": "N/bar2",
     "1/Pa": "%/bar",
     "m/(s Pa)": "mm/(s bar)",
     "m^3/(s Pa)": "dm3/(s bar)",
@@ -448,7 +449,7 @@ def readable(si_unit: str) -> tuple[float, str]:
     unit = _READABLE.get(si_unit)
     if unit is not None:
         return TABLE[unit][1], unit
-    return 1.0, "" if si_unit == "1" else si_unit.replace("^", "")
+    return 1.0, "" if si_unit in ("1", "-") else si_unit.replace("^", "")
 
 
 def _apply(number: str, factor: float, offset: float) -> float:

@@ -41,6 +41,7 @@ TABLE: dict[str, tuple[str, float, float]] = {
     **{u: ("N/m", f, 0.0) for u, f in {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3}.items()},
     **{u: ("N s/m", f, 0.0) for u, f in {"N s/m": 1.0, "N s/mm": 1e3, "kg/s": 1.0}.items()},
     **{u: ("kg/m", f, 0.0) for u, f in {"kg/m": 1.0, "kg/mm": 1e3, "N s2/m2": 1.0}.items()},
+    "N/bar2": ("N/Pa2", 1e-10, 0.0),
     **{u: ("N/Pa", f, 0.0) for u, f in {"N/Pa": 1.0, "N/bar": 1e-5, "N/kPa": 1e-3, "N/MPa": 1e-6}.items()},
     **{u: ("N/s", f, 0.0) for u, f in {"N/s": 1.0, "N/h": 1.0 / 3600.0}.items()},
     **{u: ("m/(s Pa)", f, 0.0) for u, f in {"m/(s Pa)": 1.0, "mm/(s bar)": 1e-8}.items()},

@@ -17,12 +17,12 @@ from pneudrive.identify.follow.fit import (
     FollowFit,
     FollowRecord,
     check_readings,
+    described_circuit,
     follow_record,
     hold_values,
     open_recordings,
     other_readings,
     poor_fit,
-    read_follow_fit,
 )
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
@@ -166,10 +166,8 @@ def validate_motion(
     """
     watch = Watch(progress, cancel)
     recordings = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    circuit = read_follow_fit(circuit) or circuit if isinstance(circuit, str | Path) else circuit
-    fitted = {r.name: r.sha256 for r in circuit.records} if isinstance(circuit, FollowFit) else {}
-    described = circuit.circuit if isinstance(circuit, FollowFit) else circuit
-    described = described if isinstance(described, Circuit) else Circuit.load(described)
+    described, fit = described_circuit(circuit)
+    fitted = {} if fit is None else fit.hashes
     records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
     if not records:
         raise CommandError("no recording is given")
@@ -224,7 +222,10 @@ class RegulatorValidation(Shown):
     def notes(self) -> list[str]:
         """Sentences on the runs that were held out, and on the residual of the fit itself."""
         made = all(run.badge == MADE for run in self.runs)
-        return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * self.fit.rms:.2f} % of the range"]
+        return [
+            *(NONE_HELD_OUT,) * made,
+            f"the fit itself has an rms of {100 * self.fit.statistics['rms']:.2f} % of the range",
+        ]
 
     def __str__(self) -> str:
         """Return the residual of each run as text."""
@@ -266,8 +267,7 @@ def validate_regulator(
         A recording cannot be read.
     """
     files = [recordings] if isinstance(recordings, str | Path) else list(recordings)
-    fitted = {name: fit.sha256.get(name, "") for name in fit.runs}
-    runs = []
+    runs, fitted = [], dict.fromkeys(fit.recordings, "") | fit.hashes
     for record in read_volume_recordings(files, layout):
         rms = float(np.sqrt(np.mean((record.pressure_pa - fit.simulate(record)) ** 2)))
         span = float(np.ptp(record.pressure_pa)) or 1.0

@@ -380,8 +380,7 @@ def validate(
         return validate_motion(drive, recordings, layout=layout, progress=progress, cancel=cancel)
     fitted: dict[str, str] = {}
     if isinstance(drive, DriveFit):
-        fitted = {r["name"]: r.get("sha256", "") for r in drive.provenance.get("recordings", ())}
-        drive, sensors = drive.apply(), drive if sensors is None else sensors
+        fitted, (drive, sensors) = drive.hashes, (drive.apply(), drive if sensors is None else sensors)
     refuse_circuit(drive)
     if not hasattr(drive, "core_json"):
         raise DescriptionError(

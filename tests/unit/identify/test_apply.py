@@ -108,7 +108,7 @@ def test_half_of_a_sum_of_slopes_has_no_interval_anywhere(drive, make_map, frict
     assert set(entries["parameters"]["coulomb_a"]) == {"value", "unit", "determined"}
     assert np.isfinite(entries["shared"]["coulomb_ab"]["interval"]).all()
     assert "N/Pa" not in fit.apply(drive).to_toml()
-    low_and_high = re.findall(r"coulomb_ab +\S+ N/bar +95 %: (\S+) \.\. (\S+),", str(fit))
+    low_and_high = re.findall(r"coulomb_ab +\S+ ± \S+ N/bar +(\S+) \.\. (\S+)", str(fit))
     assert len(low_and_high) == 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,3 +148,20 @@ def test_an_incomplete_fit_of_a_drive_is_refused_with_key_and_line(drive_fit, li
     with pytest.raises(FitError, match=message) as caught:
         read_fit(drive_fit)
     assert (f"{drive_fit}:" in str(caught.value)) is (line != "[statistics]")  # a missing table has no line
+
+
+def test_older_fits_of_motions_and_regulators_are_read(tmp_path):
+    """They had a table for each property of the values."""
+    old = Path(__file__).parents[2] / "old_files"
+    motion, lag = (read_fit(old / f"{kind}-fit.toml") for kind in ("motion", "regulator"))
+    assert motion.values["upper.volume"] == 0.025002976032786055
+    assert motion.intervals["upper.volume"] == (0.02498958781693419, 0.02501725748812891)
+    assert motion.model_intervals["upper.volume"] == (0.02499373165267061, 0.02501222383210136)
+    assert motion.apply().components
+    assert lag.values["gain_pa"] == 503417.26028572366
+    assert (lag.spread["gain_pa"], lag.statistics["held"]) == (0.0009706905030083219, 4.139061084138796 / 100.0)
+    assert list(lag.hashes) == ["run 0", "run 1", "run 2"]
+    for fit in (motion, lag):
+        fit.to_toml(tmp_path / "again.toml")
+        again = read_fit(tmp_path / "again.toml")
+        assert (str(again), again.intervals) == (str(fit), fit.intervals)

@@ -10,7 +10,7 @@ from oracle.gas_spring import AREAS, CIRCUIT, Truth, positions, pressures, recor
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recording
-from pneudrive.identify.follow.fit import read_follow_fit, simulate_motion
+from pneudrive.identify.follow.fit import FollowFit, simulate_motion
 from pneudrive.validate.closure import close_balance
 
 ATMOSPHERE = 1.013e5
@@ -58,11 +58,11 @@ def test_volumes_heat_and_delay_return(circuit, tmp_path):
     # Another recording: start and delay are fitted, the rest is held; the file of the fit is enough.
     fit.to_toml(tmp_path / "gas.toml")
     other = Truth(pressures=(6e5, 1.2e6), delay_s=-0.2)
-    found = pn.validate_motion(read_follow_fit(tmp_path / "gas.toml"), [record(other, 5)])
+    found = pn.validate_motion(FollowFit.from_toml(tmp_path / "gas.toml"), [record(other, 5)])
     assert all(met for met, _ in found.verdicts)
     assert found.records[0].delay_s[0] == pytest.approx(-0.2, abs=0.01)
     assert any("clocks of the loggers differ" in doubt for doubt in found.doubts)
-    columns, _ = simulate_motion(read_follow_fit(tmp_path / "gas.toml"), record(truth))
+    columns, _ = simulate_motion(FollowFit.from_toml(tmp_path / "gas.toml"), record(truth))
     assert columns["upper.pressure_pa"].min() == pytest.approx(record(truth).pressure_a_pa.min(), rel=0.02)
 
 

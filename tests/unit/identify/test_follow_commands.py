@@ -1,5 +1,7 @@
 """The commands of a driven spring, as a user types them: identify, validate and simulate along a recorded motion."""
 
+import re
+
 import numpy as np
 import polars as pl
 import pytest
@@ -44,7 +46,7 @@ def test_the_way_of_a_user(folder, capsys):
     with_layout = "--layout layout.toml"
     assert not go(f"identify spring.toml run.csv {with_layout} --follow motion --out gas.toml --report page")
     said = capsys.readouterr().out
-    assert "a leak past the piston: not determined" in said
+    assert re.search(r"a leak past the piston .* not determined, changes the sum of squares", said)
     assert (folder / "page/report.html").stat().st_size > 10_000
     assert not go(f"validate gas.toml run.csv {with_layout} --out check")
     assert "run, force: closes within" in capsys.readouterr().out

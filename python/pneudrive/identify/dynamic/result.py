@@ -17,7 +17,6 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -34,7 +33,7 @@ from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.identify.dynamic.search import profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.identified import apply_identified
-from pneudrive.identify.sentences import sentences
+from pneudrive.identify.sentences import remedy_for
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import meaning
@@ -423,14 +422,6 @@ TAKES_PART = 0.3
 TOGETHER = 0.95
 #: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
 RESOLVED_SHARE = 0.1
-
-_ANY = "record motion that depends on it, or fix it"
-
-
-def remedy_for(name: str) -> str:
-    """Return the recording that would determine a value, in words."""
-    plain = name.partition(" [")[0]
-    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
 
 
 def statements(

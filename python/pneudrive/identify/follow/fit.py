@@ -4,30 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.files import toml
-from pneudrive.errors import DescriptionError, FitError, RecordingError
-from pneudrive.identify.base import CardFit
+from pneudrive.errors import FitError, RecordingError
+from pneudrive.identify.base import Fit, Undetermined
+from pneudrive.identify.compared import FittedData
 from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
+from pneudrive.identify.sentences import remedy_for
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card
 from pneudrive.signals.recording import Recording
-from pneudrive.simulation.trajectory import whole
+from pneudrive.units import readable
+from pneudrive.views import ShownTable, ShownValue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive.identify.base import FitFile
     from pneudrive.identify.follow.driven import DrivenRecording
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.progress import Flag
@@ -297,20 +299,17 @@ class FollowRecord:
         )
 
 
-HEAD = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %.\n"
-PAIRS = ("intervals", "model_intervals", "spreads")  # tables of lower and upper ends in the file
+PARTS = ("model_interval", "spread", "parts")  # of a value in the file, in addition to those of every fit
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FollowFit(CardFit):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FollowFit(Fit):
     """A circuit identified along recorded motions.
 
     Attributes
     ----------
     circuit : Circuit
         With the identified values.
-    values, units : dict
-        Name -> value in SI; name -> unit.
     intervals : dict
         Name -> 95 % interval: union over all models that fit as well, and at least the change from part to part.
     model_intervals : dict
@@ -319,70 +318,94 @@ class FollowFit(CardFit):
         Name -> lowest and highest value over all models that fit as well.
     parts : dict
         Name -> values from each recording alone, or from each half of a single recording.
-    undetermined : tuple of str
-        Numbers that the recordings do not determine, in sentences.
     records : tuple of FollowRecord
     rivals : tuple of Rival
         Other models that were tried.
-    notes : tuple of str
     solution : FollowSolution or None
         For figures; None if it was read from a file.
     """
 
+    KIND: ClassVar[str] = "motion"
+    TITLE: ClassVar[str] = "fit along motions"
+    HEAD: ClassVar[str] = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %."
+
     circuit: Circuit
-    values: dict[str, float]
-    units: dict[str, str]
-    intervals: dict[str, tuple[float, float]]
-    spreads: dict[str, tuple[float, float]]
-    undetermined: tuple[str, ...]
     records: tuple[FollowRecord, ...]
     rivals: tuple[Rival, ...] = ()
-    notes: tuple[str, ...] = ()
-    converged: bool = True
-    solution: FollowSolution | None = field(default=None, repr=False)
+    spreads: dict[str, tuple[float, float]] = field(default_factory=dict)
     model_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     parts: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    solution: FollowSolution | None = field(default=None, repr=False)
 
-    def driven(self) -> DrivenCircuit:
-        """Return the identified circuit, ready to follow a motion."""
-        return DrivenCircuit(self.circuit)
+    def apply(self) -> Circuit:
+        """Return the circuit with the identified values."""
+        return self.circuit
 
-    def _card(self) -> Card:
-        rows = [(name, self.line(name)) for name in self.values]
-        rows += [(record.name, str(record)) for record in self.records]
-        return Card(f"{self.circuit.name} along {len(self.records)} recordings", rows=rows, notes=self.remarks)
-
-    @property
-    def remarks(self) -> list[str]:
-        """Notes, undetermined numbers and verdicts on other models."""
-        return [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)]
-
-    def line(self, name: str) -> str:
-        """Return one value with its interval, the spread over models, and the values of each part."""
-        (low, high), unit = self.intervals[name], self.units[name]
-        text = f"{plain(self.values[name])} {unit} [{plain(low)}, {plain(high)}]".replace("  ", " ")
-        if name in self.spreads:
-            text += ", models " + " to ".join(map(plain, self.spreads[name]))
-        if name in self.parts:
-            text += ", parts of the recordings " + ", ".join(map(plain, self.parts[name]))
-        return text
-
-    def to_toml(self, path: str | Path) -> Path:
-        """Write values, intervals, recordings and the circuit; `validate` and `simulate --motion` read the file."""
-        tables: dict[str, Any] = {"kind": "motion", "version": __version__}
-        tables |= {key: getattr(self, key) for key in ("values", "units", *PAIRS, "parts")}
-        tables |= {"notes": self.remarks, "recordings": [record.table() for record in self.records]}
-        lines = (HEAD + toml.write(tables)).split("\n")
-        # the text of the circuit is a key at the top of the file
-        first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))
-        circuit = f"circuit = {toml.value_text(self.circuit.to_toml())}"
-        with whole(Path(path)) as temporary:
-            temporary.write_text("\n".join([*lines[:first], circuit, "", *lines[first:], ""]), encoding="utf-8")
-        return Path(path)
-
-    def report(self, folder: str | Path) -> Path:
+    def report(self, folder: str | Path = "report") -> Path:
         """Write the page of the fit into a folder."""
         return upper("follow_page")(self, folder)
+
+    def _title(self) -> str:
+        return f"{self.circuit.name} along {len(self.records)} recordings"
+
+    def _residual_lines(self) -> list[str]:
+        return [f"{record.name}: {record}" for record in self.records]
+
+    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
+        yield from super()._cells(name, value)
+        size = readable(self.units[name])[0]
+        said = {"models that fit as well": self.spreads, "parts of the recordings": self.parts}
+        for words, each in said.items():
+            if name in each:
+                text = " .. ".join(plain(part / size) for part in each[name])
+                yield ShownValue(f"{name}.{words}", name, words, text, origin="text")
+
+    def _tables(self) -> tuple[ShownTable, ...]:
+        rows = tuple((rival.words, f"{rival.fit_percent:.2f}", rival.verdict) for rival in self.rivals)
+        return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
+
+    def _first(self) -> dict[str, Any]:
+        return super()._first() | {"circuit": self.circuit.to_toml()}
+
+    def _entry(self, name: str, value: float) -> dict[str, Any]:
+        each = dict(zip(PARTS, (self.model_intervals, self.spreads, self.parts), strict=True))
+        return super()._entry(name, value) | {key: values.get(name) for key, values in each.items()}
+
+    def _last(self) -> dict[str, Any]:
+        return {"rivals": [vars(rival) for rival in self.rivals]} if self.rivals else {}
+
+    @classmethod
+    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the tables of a file; an older one has a table for each property of the values."""
+        if "units" not in content:
+            return content
+        tables = {"unit": "units", "interval": "intervals", **{key: f"{key.removesuffix('s')}s" for key in PARTS}}
+        values = {
+            name: {"value": value}
+            | {key: content[table][name] for key, table in tables.items() if name in content.get(table, ())}
+            for name, value in content["values"].items()
+        }
+        return content | {"values": values, "statistics": {}, "provenance": {"recordings": content["recordings"]}}
+
+    @classmethod
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        found, content = super()._fields(file), file.content
+        pairs = [
+            {
+                name: tuple(entry.model_extra[key])
+                for name, entry in file.entries.items()
+                if key in (entry.model_extra or {})
+            }
+            for key in PARTS
+        ]
+        return found | {
+            "circuit": Circuit.load(str(content["circuit"])),
+            "records": tuple(map(FollowRecord.of_table, content["provenance"]["recordings"])),
+            "rivals": tuple(Rival(**rival) for rival in content.get("rivals", ())),
+            "model_intervals": pairs[0],
+            "spreads": pairs[1],
+            "parts": pairs[2],
+        }
 
 
 def identify_motion(
@@ -475,7 +498,11 @@ def _result(
         change = max((max(part / value, value / part) for part in parts.get(name, ())), default=1.0)
         stated[name] = (min(*lows, value / change), max(*highs, value * change))
     lost = tuple(
-        f"{n.name} is not determined: {plain(stated[n.name][0])} to {plain(stated[n.name][1])} {n.unit} fit"
+        Undetermined(
+            n.name,
+            f"anything from {plain(stated[n.name][0])} to {plain(stated[n.name][1])} {n.unit} fits",
+            remedy_for(n.name),
+        )
         for n, r in zip(problem.numbers, reach, strict=True)
         if r > np.log1p(LARGEST_REACH)
     )
@@ -491,9 +518,14 @@ def _result(
         circuit=with_values(described, problem, values),
         values=values,
         units={n.name: n.unit for n in problem.numbers},
+        free=tuple(values),
+        covariance=np.zeros((0, 0)),
         intervals=stated,
         spreads=spreads,
         undetermined=lost,
+        statistics={"recordings": float(len(records))},
+        provenance={"version": __version__, "recordings": [record.table() for record in records]},
+        fitted=fitted_pressures(solution),
         records=records,
         rivals=beside,
         notes=tuple(notes),
@@ -662,26 +694,22 @@ def _predict(
     return float(np.sum([np.square(whole_run.rms(at, part)) for at, part in enumerate(fold[1])]))
 
 
-def read_follow_fit(path: str | Path) -> FollowFit | None:
-    """Read a file of `FollowFit.to_toml`; None for another file."""
-    if Path(path).suffix != ".toml" or not Path(path).is_file():
-        return None
-    tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --follow motion --out` writes it.")
-    if tables.get("kind") != "motion" or "circuit" not in tables:
-        return None
-    pairs = [{name: (ends[0], ends[1]) for name, ends in tables.get(key, {}).items()} for key in PAIRS]
-    return FollowFit(
-        circuit=Circuit.load(str(tables["circuit"])),
-        values=dict(tables["values"]),
-        units=dict(tables["units"]),
-        intervals=pairs[0],
-        model_intervals=pairs[1],
-        spreads=pairs[2],
-        undetermined=(),
-        records=tuple(map(FollowRecord.of_table, tables.get("recordings", ()))),
-        notes=tuple(tables.get("notes", ())),
-        parts={name: tuple(values) for name, values in tables.get("parts", {}).items()},
-    )
+def fitted_pressures(solution: FollowSolution) -> dict[str, FittedData]:
+    """Return measured and simulated pressures of each recording."""
+    problem, out = solution.problem, {}
+    for at, record in enumerate(problem.records):
+        shown = problem.shown(at, solution.raws[at], float(solution.point.local[at, 4]))
+        for side, measured, model in zip(SIDES, record.pressures_pa, shown, strict=True):
+            out[f"{record.name}, {side}"] = FittedData("time_s", "pressure_pa", record.grid_s, measured, model)
+    return out
+
+
+def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circuit, FollowFit | None]:
+    """Return a circuit, and the fit along motions from which it comes."""
+    fit = FollowFit.from_toml(str(circuit)) if FollowFit.is_file(circuit) else circuit
+    if isinstance(fit, FollowFit):
+        return fit.circuit, fit
+    return (circuit, None) if isinstance(circuit, Circuit) else (Circuit.load(str(circuit)), None)
 
 
 def hold_values(
@@ -720,9 +748,7 @@ def simulate_motion(
     RecordingError, LayoutError, DescriptionError, FitError
         Input is not valid.
     """
-    known = read_follow_fit(circuit) if isinstance(circuit, str | Path) else circuit
-    described = known.circuit if isinstance(known, FollowFit) else known
-    described = described if isinstance(described, Circuit) else Circuit.load(circuit)  # type: ignore[arg-type]
+    described = described_circuit(circuit)[0]
     driven, (record,) = DrivenCircuit(described), driven_recordings([recording], layout)
     check_readings(driven, [record])
     provenance = {

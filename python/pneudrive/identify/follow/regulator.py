@@ -20,35 +20,24 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, FitError
-from pneudrive.identify.base import CardFit
-from pneudrive.numbers import plain
-from pneudrive.repr_tables import Card
+from pneudrive.identify.base import Fit
+from pneudrive.identify.compared import FittedData
 from pneudrive.signals.drive_recording import read_volume_recordings
-from pneudrive.simulation.trajectory import whole
+from pneudrive.views import Finding, ShownValue
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive.identify.base import FitFile
     from pneudrive.signals.drive_recording import VolumeRecording
     from pneudrive.signals.layout import Layout
 
     Array = NDArray[np.float64]
 
 NAMES = ("gain_pa", "offset_pa", "filling_s", "venting_s")
-KIND = "regulator-fit"  # of its file
-SHARES = ("rms", "held", "predicted")  # in percent in the file
-TABLES = (
-    "correlation",
-    "dead_time_s",
-    "undetermined",
-    "values",
-    "intervals",
-    "spread",
-    "runs",
-    "sha256",
-)  # as they are
+UNITS = dict(zip(NAMES, ("Pa", "Pa", "s", "s"), strict=True))
 BLOCK_S = 1.0  # blocks of time for the covariance
 TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
 TURNED = 0.2  # relative spread from run to run above which a number differs between runs
@@ -96,8 +85,8 @@ class Regulator(Described):
         return np.array([(full - zero) / 1e5, zero / 1e5, np.log(table.lag_s), np.log(table.lag_s)])
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class RegulatorFit(CardFit):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RegulatorFit(Fit):
     """Lag and gain of a regulator.
 
     Attributes
@@ -108,80 +97,93 @@ class RegulatorFit(CardFit):
         ``venting_s``.
     intervals : dict
         95 %: of correlated residuals and of the spread from run to run.
+    undetermined : tuple of str
+        Sentences.
+    statistics : dict
+        ``rms``, ``predicted``, ``held``: residual of the fit, of each run predicted from the other runs, and with gain
+        and offset of the description held, relative to the range. ``correlation`` of gain and offset.
+        ``least_dead_time_s``, ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
     runs : dict
         Name of each recording -> the separate values of the recording.
     spread : dict
         Relative standard deviation from run to run.
-    rms, predicted : float
-        Residual of the fit, and of each run predicted from the other runs, relative to the range.
-    held : float
-        Residual with gain and offset of the description held.
-    correlation : float
-        Of gain and offset.
-    dead_time_s : tuple of float
-        Dead times that fit within 2 % of the best residual.
-    undetermined : tuple of str
-    sha256 : dict
-        Name of each recording -> hash of its data.
     """
 
+    KIND: ClassVar[str] = "regulator-fit"
+    TITLE: ClassVar[str] = "fit of a regulator"
+    HEAD: ClassVar[str] = "# Identified pressure regulator. SI units, pressures absolute; intervals are 95 %."
+
     name: str
-    values: dict[str, float]
     runs: dict[str, dict[str, float]]
-    rms: float
-    predicted: float
-    held: float
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     spread: dict[str, float] = field(default_factory=dict)
-    correlation: float = np.nan
-    dead_time_s: tuple[float, float] = (0.0, 0.0)
-    undetermined: tuple[str, ...] = ()
-    series: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
-    sha256: dict[str, str] = field(default_factory=dict, repr=False)
 
-    def _card(self) -> Card:
-        rows = []
-        for name, value in self.values.items():
-            low, high = self.intervals[name]
-            text = f"{plain(value)} [{plain(low)}, {plain(high)}]"
-            if name in self.spread:
-                text += f", run to run {100 * self.spread[name]:.0f} %"
-            rows.append((name, text))
-        rows.append(("rms", f"{100 * self.rms:.2f} % of the range; {100 * self.held:.2f} % with the stated gain held"))
-        if np.isfinite(self.predicted):
-            rows.append(("predicted runs", f"{100 * self.predicted:.2f} % of the range"))
-        return Card(f"{self.name}: {len(self.runs)} runs", rows=rows, notes=list(self.undetermined))
-
-    def to_toml(self, path: str | Path) -> Path:
-        """Write the fit."""
-        head = {"kind": KIND, "name": self.name, "version": __version__}
-        shares = {f"{key}_percent": 100.0 * getattr(self, key) for key in SHARES if np.isfinite(getattr(self, key))}
-        with whole(Path(path)) as temporary:
-            tables = head | shares | {key: getattr(self, key) for key in TABLES}
-            temporary.write_text(toml.write(tables), encoding="utf-8")
-        return Path(path)
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what the recordings do not determine."""
+        return tuple(Finding(sentence, "open") for sentence in self.undetermined)
 
     def simulate(self, record: VolumeRecording) -> Array:
         """Return the pressure of a recording from its command and its first pressure, absolute, Pa."""
         values = [self.values[name] for name in NAMES]
         return 1e5 * _simulate(np.r_[np.array(values[:2]) / 1e5, np.log(values[2:])], record, 0.0)
 
+    def _title(self) -> str:
+        return f"{self.name}: {len(self.runs)} runs"
 
-def read_regulator_fit(path: str | Path) -> RegulatorFit | None:
-    """Read a file of `RegulatorFit.to_toml`; None for another file."""
-    if Path(path).suffix != ".toml" or not Path(path).is_file():
-        return None
-    tables, _ = toml.read(path, FitError, "`pneudrive identify --out` writes it.")
-    if tables.get("kind") != KIND:
-        return None
-    missing = [key for key in ("rms_percent", "values", "runs") if key not in tables]
-    missing += [f"values.{name}" for name in NAMES if name not in tables.get("values", NAMES)]
-    if missing:
-        raise FitError("the fit of a regulator is not complete", where=str(path), value=f"missing: {missing[0]}")
-    known = {key: tables[key] for key in TABLES if key in tables}
-    known |= {key: tuple(known[key]) for key in ("dead_time_s", "undetermined") if key in known}
-    shares = {key: tables.get(f"{key}_percent", np.nan) / 100.0 for key in SHARES}
-    return RegulatorFit(str(tables.get("name", Path(path).stem)), **shares, **known)
+    def _residual_lines(self) -> list[str]:
+        rms, held, predicted = (100.0 * self.statistics.get(key, np.nan) for key in ("rms", "held", "predicted"))
+        lines = [f"rms {rms:.2f} % of the range; {held:.2f} % with the stated gain held"]
+        return [*lines, f"predicted runs: {predicted:.2f} % of the range"] if np.isfinite(predicted) else lines
+
+    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
+        yield from super()._cells(name, value)
+        if name in self.spread:
+            words = "run to run %"
+            yield ShownValue(f"{name}.{words}", name, words, f"{100 * self.spread[name]:.0f}", origin="text")
+
+    def _first(self) -> dict[str, Any]:
+        return super()._first() | {"name": self.name}
+
+    def _entry(self, name: str, value: float) -> dict[str, Any]:
+        return super()._entry(name, value) | {"spread": self.spread.get(name)}
+
+    def _last(self) -> dict[str, Any]:
+        return {"runs": self.runs}
+
+    @classmethod
+    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the tables of a file; an older one has a table for each property of the values."""
+        if "provenance" in content:
+            return content
+        values = {
+            name: {
+                "value": content["values"][name],
+                "unit": unit,
+                "interval": content.get("intervals", {}).get(name),
+                "spread": content.get("spread", {}).get(name),
+            }
+            for name, unit in UNITS.items()
+        }
+        statistics = {
+            key: content[f"{key}_percent"] / 100.0
+            for key in ("rms", "held", "predicted")
+            if f"{key}_percent" in content
+        }
+        statistics |= {"correlation": content.get("correlation", np.nan)}
+        recordings = [{"name": name, "sha256": digest} for name, digest in content.get("sha256", {}).items()]
+        return content | {
+            "values": values,
+            "statistics": statistics,
+            "provenance": {"recordings": recordings or list(content["runs"])},
+        }
+
+    @classmethod
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        spread = {name: entry.model_extra.get("spread") for name, entry in file.entries.items() if entry.model_extra}
+        return super()._fields(file) | {
+            "name": str(file.content.get("name", cls.TITLE)),
+            "runs": file.content["runs"],
+            "spread": {name: value for name, value in spread.items() if value is not None},
+        }
 
 
 def identify_regulator(
@@ -230,20 +232,28 @@ def identify_regulator(
     for name, value in spread.items():
         if value > TURNED:
             lost.append(f"{name} differs from run to run by {100 * value:.0f} %")
+    statistics = {"rms": 1e5 * rms / span, "held": 1e5 * float(np.sqrt(np.mean(held.fun**2))) / span}
+    if predicted:
+        statistics["predicted"] = 1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span
+    statistics |= {"correlation": correlation, "least_dead_time_s": dead[0], "largest_dead_time_s": dead[1]}
     return RegulatorFit(
         name=described.name,
         values=_named(solved),
-        runs=runs,
-        rms=1e5 * rms / span,
-        predicted=1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span if predicted else float("nan"),
-        held=1e5 * float(np.sqrt(np.mean(held.fun**2))) / span,
+        units=UNITS,
+        free=NAMES,
+        covariance=np.zeros((0, 0)),
         intervals=intervals,
-        spread=spread,
-        correlation=correlation,
-        dead_time_s=dead,
         undetermined=tuple(lost),
-        series={r.name: (r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r])) for r in records},
-        sha256={r.name: r.sha256 for r in records},
+        statistics=statistics,
+        provenance={"version": __version__, "recordings": [{"name": r.name, "sha256": r.sha256} for r in records]},
+        runs=runs,
+        spread=spread,
+        fitted={
+            r.name: FittedData(
+                "time_s", "pressure_pa", r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r])
+            )
+            for r in records
+        },
     )
 
 

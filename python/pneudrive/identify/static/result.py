@@ -28,6 +28,7 @@ from pneudrive.identify.static.friction_curve import (
 from pneudrive.identify.static.model import PRESSURE_NAMES, AnyLaw, FrictionModel, at_conditions, unit_of
 from pneudrive.identify.static.observations import fingerprint, observations, recordings_of
 from pneudrive.repr_tables import Shown
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -541,11 +542,12 @@ class LawFit(SlidingFit):
         title = f"friction fit, law {self.model.friction.law}"
         return curve_of_friction(self.friction, title, speed, (gauges[0], gauges[1]), entries)
 
-    def statements(self) -> list[str]:
-        """Return sentences on undetermined parameters."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Return findings on undetermined parameters."""
         lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
-        said = [f"these values do not determine {lost}"] if lost else []
-        return said + ([f"{unseen} have no effect on steady sliding and keep their given values"] if unseen else [])
+        found = [Finding(f"these values do not determine {lost}", "open")] if lost else []
+        words = "have no effect on steady sliding and keep their given values"
+        return (*found, *([Finding(f"{unseen} {words}")] if unseen else []))
 
     def _first(self) -> dict[str, Any]:
         notes = {"notes": list(self.notes)} if self.notes else {}

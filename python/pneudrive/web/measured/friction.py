@@ -14,7 +14,6 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import ALL_RECORDINGS, AMBIENT, LEVELS, group_of, read_map
 from pneudrive.friction.sentences import flag_sentences
-from pneudrive.identify.base import shown_in
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.static.fit import fit_file
@@ -28,6 +27,7 @@ from pneudrive.identify.static.result import (
     with_map,
 )
 from pneudrive.rig.rig_file import load_rig
+from pneudrive.units import readable
 from pneudrive.web.jobs import RIG, design_python
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map
 from pneudrive.web.messages import Array, number
@@ -406,7 +406,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
         The file is not a fit.
     """
     fit = _fit(workspace, path)
-    scales = {name: shown_in(unit) for name, unit in fit.units.items()}
+    scales = {name: readable(unit) for name, unit in fit.units.items()}
     found: dict[str, Any] = {
         "ellipses": [
             {
@@ -464,7 +464,7 @@ def next_points(workspace: Workspace, path: str, points: str) -> dict[str, Any]:
     plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=count)
     expected = []
     for name, then in plan.half_widths_then.items():
-        size, unit = shown_in(fit.units[name])
+        size, unit = readable(fit.units[name])
         now = number(plan.half_widths_now[name] / size)
         expected.append({"name": name, "unit": unit, "now": now, "then": number(then / size)})
     return {
