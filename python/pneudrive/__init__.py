@@ -10,18 +10,17 @@
 from __future__ import annotations
 
 import sys
-from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING
 
-from pneudrive.lazy_names import UPPER
+from pneudrive.lazy_names import UPPER, lazily
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
 
 require_processor()
 
-if TYPE_CHECKING:
+# Imported at first use: `import pneudrive` stays fast.
+with lazily(__name__) as _HOME:
     from pneudrive import control as control
     from pneudrive import mujoco as mujoco
     from pneudrive import report as report
@@ -79,48 +78,6 @@ if TYPE_CHECKING:
     from pneudrive.validate import validate as validate
     from pneudrive.validate.motion import validate_motion as validate_motion
 
-# Public name -> module that holds it. Imported at first use: `import pneudrive` stays fast.
-_HOME = {
-    **dict.fromkeys(
-        ["Ambient", "Circuit", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"
-    ),
-    **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
-    **dict.fromkeys(["simulate", "citations"], "pneudrive.simulation.simulate"),
-    "catalogue_folders": "pneudrive.describe.files.catalogue",
-    "explore": "pneudrive.explore",
-    "export_c": "pneudrive.fmu.package",
-    "export_fmu": "pneudrive.fmu.package",
-    "lines": "pneudrive.simulation.tube_study",
-    "platform": "pneudrive.platforms",
-    **dict.fromkeys(["compare_results", "load"], "pneudrive.results"),
-    "size": "pneudrive.sizing.search",
-    "save": "pneudrive.simulation.trajectory",
-    **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),
-    "compare_campaigns": "pneudrive.friction.campaign.compare",
-    "drive_characteristic": "pneudrive.datasheet.registry",
-    "energy_balance": "pneudrive.datasheet.characteristics.air",
-    "equilibrium": "pneudrive.datasheet.equilibrium",
-    "linearise": "pneudrive.datasheet.linear",
-    "Differentiable": "pneudrive.gradients.differentiable",
-    **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
-    "select_friction_law": "pneudrive.identify.static.laws",
-    "survey": "pneudrive.identify.static.survey",
-    "Tank": "pneudrive.describe.tank",
-    "identify_volume": "pneudrive.identify.volume",
-    "next_measurements": "pneudrive.identify.design",
-    "EnsembleDesign": "pneudrive.ensemble.design",
-    "grid": "pneudrive.ensemble.distributions",
-    "simulate_many": "pneudrive.ensemble.many",
-    "sensitivity": "pneudrive.ensemble.sensitivity",
-    "identify": "pneudrive.identify.dynamic",
-    "Sensor": "pneudrive.identify.dynamic",
-    "identify_presliding": "pneudrive.identify.dynamic",
-    "identify_motion": "pneudrive.identify.follow.fit",
-    "identify_regulator": "pneudrive.identify.follow.regulator",
-    "validate": "pneudrive.validate",
-    "validate_motion": "pneudrive.validate.motion",
-    "PneudriveError": "pneudrive.errors",
-}
 # Functions that methods of lower layers forward to.
 UPPER.update(
     start="pneudrive.simulation.start",
@@ -128,6 +85,9 @@ UPPER.update(
     Pneu="pneudrive.accessor",
     figure_svg="pneudrive.report.page",
     plot="pneudrive.report.trajectory",
+    view_of_run="pneudrive.report.trajectory",
+    controllers_view="pneudrive.report.control",
+    platform_view="pneudrive.report.platform.page",
     write_fit_report="pneudrive.report.fit",
     follow_page="pneudrive.report.motion",
     motion_page="pneudrive.report.motion",
@@ -142,17 +102,6 @@ UPPER.update(
 _SUBMODULES = ("control", "ensemble", "mujoco", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> object:
-    if name in _HOME:
-        value = getattr(import_module(_HOME[name]), name)
-        globals()[name] = value
-        return value
-    if name in _SUBMODULES:
-        return import_module(f"pneudrive.{name}")
-    msg = f"module 'pneudrive' has no attribute '{name}'"
-    raise AttributeError(msg)
 
 
 def __dir__() -> list[str]:

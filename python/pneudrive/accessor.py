@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from pneudrive import units
-from pneudrive.datasheet.strokes import litres_anr, stroke_of
+from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
 from pneudrive.simulation.exhaust import exhaust_air
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.units import UnitFloat
-from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,9 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.exhaust import ExhaustAir
+    from pneudrive.views import View
 
-#: Columns of the flow into a chamber, of a drive and of a circuit.
-_CHAMBER_FLOW = re.compile(r"mass_flow_[ab]|.+\.[ab]\.mass_flow")
 _JOULE = " [J]"
 
 
@@ -120,8 +117,10 @@ class Pneu:
         """
         return upper("plot")(self._run, path, circuit)
 
-    def info(self, drive: Drive | Circuit | None = None) -> View:
-        """Return impacts with stroke times, gas into the chambers, and peak pressures.
+    def view(self, drive: Drive | Circuit | None = None) -> View:
+        """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
+
+        A run under control has its score instead.
 
         Parameters
         ----------
@@ -131,8 +130,25 @@ class Pneu:
         Returns
         -------
         View
-            ``print(run.pneu.info())`` shows a table; ``rows`` has the values in SI. A stroke time lasts from the last
-            step of the command to the impact, in runs with ``attrs["command_steps"]``.
+            ``rows`` has the values in SI. A stroke time lasts from the last step of the command to the impact, in runs
+            with ``attrs["command_steps"]``.
+
+        Raises
+        ------
+        CommandError
+            The run is not in SI.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s")
+        >>> [value.text for value in run.pneu.view().leading if "stroke" in value.value.quantity]
+        ['stroke time, to the end of chamber b 0.136 s', 'stroke time, to the end of chamber a 0.324 s']
+        """
+        return upper("view_of_run")(self._run, drive)
+
+    def info(self, drive: Drive | Circuit | None = None) -> View:
+        """Return `view`.
 
         Examples
         --------
@@ -141,27 +157,7 @@ class Pneu:
         >>> [(row.key, row.text, row.usual_unit) for row in run.pneu.info().rows if row.key == "impact 1.stroke time"]
         [('impact 1.stroke time', '0.136', 's')]
         """
-        from scipy.integrate import trapezoid
-
-        rows, attrs = [], self._run.attrs
-        steps = [float(at) for at, _ in attrs.get("command_steps", ())]
-        for count, impact in enumerate(attrs.get("impacts", ()), start=1):
-            label = f"impact {count}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
-            begun = max((at for at in steps if at <= impact["time_s"]), default=None)
-            values = {"time": (impact["time_s"], "s")}
-            values |= {} if begun is None else {"stroke time": (impact["time_s"] - begun, "s")}
-            values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
-            values |= {"peak force": (impact["peak_force_n"], "N")}
-            rows += [ShownValue(f"{label}.{name}", label, name, *value) for name, value in values.items()]
-        time, gas_kg = self._run["time"].to_numpy(), 0.0
-        for name, column in self._run.items():
-            if _CHAMBER_FLOW.fullmatch(str(name)):
-                gas_kg += float(trapezoid(np.maximum(column.to_numpy(), 0.0), time))
-            elif column.attrs.get("units") == "Pa" and column.dims == ("time",):
-                rows.append(ShownValue(f"{name}.peak", str(name), "peak pressure, absolute", float(column.max()), "Pa"))
-        litres = litres_anr(gas_kg) if drive is None else litres_anr(gas_kg, drive.gas.anr_density_kg_m3)
-        rows.append(ShownValue("air", "all chambers", f"{'air' if drive is None else 'gas'} in, l ANR", litres))
-        return View(f"{attrs.get('title', 'run')}, {time[-1]:g} s", tuple(rows))
+        return self.view(drive)
 
     def strokes(self, drive: Drive) -> list[StrokeNumbers]:
         """Return the numbers of each stroke: from each change of the command to the next.

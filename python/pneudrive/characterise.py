@@ -6,11 +6,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pneudrive.lazy_names import lazily
 
-from pneudrive.lazy_names import lazy
-
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.friction.campaign.characteristics import characterise
     from pneudrive.friction.characterisation import Characterisation, characterise_recordings
     from pneudrive.friction.friction_map import read_map, write_map
@@ -37,16 +35,3 @@ __all__ = [
 ]
 
 __path__: list[str] = []  # nothing lies below this door
-__getattr__ = lazy(
-    __name__,
-    {
-        "pneudrive.friction.campaign.characteristics": ["characterise"],
-        "pneudrive.friction.friction_map": ["read_map", "write_map"],
-        "pneudrive.friction.characterisation": ["Characterisation", "characterise_recordings"],
-        "pneudrive.friction.motion": ["Settled", "SourcePaper"],
-        "pneudrive.friction.stick_slip": ["StickSlip", "find_stick_slip"],
-        "pneudrive.signals.layout": ["Layout"],
-        "pneudrive.signals.load": ["from_run", "load_recordings"],
-        "pneudrive.signals.recording": ["Recording"],
-    },
-)

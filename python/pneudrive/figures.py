@@ -6,13 +6,15 @@ for reports (`pneudrive.report.render`) and the page read the same figure.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-import numpy as np
-
 from pneudrive.units.table import TABLE
+
+if TYPE_CHECKING:
+    import numpy as np
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
 #: Numbers of a mark, of any sequence; lists in the data of a view, with None for a number that is not finite.
@@ -110,6 +112,8 @@ class Axis:
 
     def shown(self, values: Any) -> np.ndarray:  # noqa: ANN401 - any array
         """Return SI values in the unit of the axis."""
+        import numpy as np
+
         return np.asarray(values, dtype=float) / self.size
 
 
@@ -354,6 +358,8 @@ def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
 
 def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # noqa: ANN401
     """Return values, lower and upper ends of estimates."""
+    import numpy as np
+
     rows = [(e.value, e.low, e.high) for e in estimates if e is not None]
     value, low, high = factor * np.array(rows, dtype=float).reshape(-1, 3).T
     return value, low, high
@@ -367,8 +373,8 @@ def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
         return {key: plain_data(item) for key, item in items.items()}
     if isinstance(value, Mapping):
         return {str(key): plain_data(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain_data(value.tolist())
+    if tolist := getattr(value, "tolist", None):  # of numpy, which a command without figures does not import
+        return plain_data(tolist())
     if isinstance(value, list | tuple):
         return [plain_data(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

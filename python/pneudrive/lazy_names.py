@@ -12,7 +12,7 @@ from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 _LOCK = RLock()
 
@@ -25,30 +25,44 @@ def upper(name: str) -> Any:  # noqa: ANN401 - any function
     return getattr(import_module(UPPER[name]), name)
 
 
-def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], object]:
-    """Return the ``__getattr__`` of a package.
+@contextmanager
+def lazily(package: str) -> Iterator[dict[str, str]]:
+    """Bind the names that a block imports at their first use. Type checkers and linters see usual imports.
 
     Parameters
     ----------
     package : str
-        ``__name__`` of the package.
-    homes : mapping
-        Module within the package, or its full name -> public names that it holds. Other modules of the package keep
-        their own names.
+        ``__name__`` of the package, whose modules keep their own names.
+
+    Yields
+    ------
+    dict
+        Name -> its module, complete after the block.
     """
-    home = {name: module for module, names in homes.items() for name in names}
+    homes: dict[str, str] = {}
+    bound: list[str] = []  # also modules of the package itself
+
+    def recorded(module: str, names: Sequence[str]) -> SimpleNamespace:
+        bound.extend(names)
+        homes.update(dict.fromkeys(names if module != package else (), module))
+        return SimpleNamespace(**dict.fromkeys(names))
+
+    with _imports(package, recorded):
+        yield homes
+    own = sys.modules[package]
+    for name in bound:
+        delattr(own, name)
 
     def get(name: str) -> object:
-        if name in home:
-            module = home[name] if home[name].startswith("pneudrive.") else f"{package}.{home[name]}"
-            value = getattr(import_module(module), name)
-            setattr(sys.modules[package], name, value)
+        if name in homes:
+            value = getattr(import_module(homes[name]), name)
+            setattr(own, name, value)
             return value
         if not name.startswith("_") and find_spec(f"{package}.{name}") is not None:
             return import_module(f"{package}.{name}")
         raise AttributeError(f"module '{package}' has no attribute '{name}'")
 
-    return get
+    own.__getattr__ = get  # type: ignore[method-assign]
 
 
 class _LaterModule(ModuleType):
@@ -69,12 +83,21 @@ def used_later(importer: str) -> Iterator[None]:
     importer : str
         ``__name__`` of the module with the block. Imports of other modules and threads are not affected.
     """
+    with _imports(
+        importer, lambda module, names: SimpleNamespace(**{leaf: _LaterModule(f"{module}.{leaf}") for leaf in names})
+    ):
+        yield
+
+
+@contextmanager
+def _imports(importer: str, answer: Callable[[str, Sequence[str]], SimpleNamespace]) -> Iterator[None]:
+    """Replace each ``from module import names`` of one module within a block by an answer."""
     with _LOCK:
         usual = builtins.__import__
 
         def later(name: str, *context: Any, **named: Any) -> Any:  # noqa: ANN401 - arguments of the standard library
             if len(context) > 2 and context[0] and context[0].get("__name__") == importer and context[2]:
-                return SimpleNamespace(**{leaf: _LaterModule(f"{name}.{leaf}") for leaf in context[2]})
+                return answer(name, context[2])
             return usual(name, *context, **named)
 
         builtins.__import__ = later

@@ -128,8 +128,12 @@ def text_of(card: Card) -> str:
     return "\n".join([card.title, *lines, *(f"  {note}" for note in card.notes)])
 
 
-def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
-    """Return rows as lines, each column as wide as its widest entry, with right alignment from column `right_from` on.
+def aligned(
+    rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ", left: Collection[int] = ()
+) -> str:
+    """Return rows as lines, each column as wide as its widest entry.
+
+    Columns are right-aligned from `right_from` on, except those in `left`.
 
     Examples
     --------
@@ -139,7 +143,8 @@ def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent
     """
     rows = list(rows)
     widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
-    sides = ["<" if right_from is None or index < right_from else ">" for index in range(len(widths))]
+    is_left = (right_from is None or index < right_from or index in left for index in range(len(widths)))
+    sides = ["<" if each else ">" for each in is_left]
     lines = (
         "  ".join(f"{text:{side}{width}}" for text, side, width in zip(row, sides, widths, strict=False))
         for row in rows

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
-
-import numpy as np
 
 from pneudrive.figures import Figure, Numbers, plain_data, thin
 from pneudrive.lazy_names import upper
@@ -20,8 +18,9 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection
 
+    import numpy as np
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -32,6 +31,7 @@ STATES: tuple[State, ...] = ("good", "open", "bad")
 MOST_LEADING = 5
 MOST_PICTURES = 3  # figures of a result that a notebook draws
 UNLIKE = 1.5  # ratio of an interval to twice its shorter half above which both ends are written
+VALUE = "value"  # quantity of the values in a table with one column
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class ShownCurve:
         False between the measured points.
     group : str
         Curves of one group have one colour.
-    excluded : tuple of ndarray
+    excluded : tuple of ndarray or None
         x and y of points that are not part of the curve.
     """
 
@@ -126,7 +126,7 @@ class ShownCurve:
     band: tuple[Array, Array] | None
     measured: NDArray[np.bool_]
     group: str = ""
-    excluded: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+    excluded: tuple[Array, Array] | None = None
 
     @property
     def half_band(self) -> float:
@@ -152,9 +152,10 @@ class LeadingValue:
 
     @property
     def text(self) -> str:
-        """Quantity, value and limit in the usual unit."""
+        """Quantity (or label, for the only column of a table), value and limit in the usual unit."""
         bound = f" (limit {self.limit_text})" if self.limit_text else ""
-        return f"{self.value.quantity} {self.value.text} {self.value.usual_unit}".strip() + bound
+        name = self.value.label if self.value.quantity == VALUE else self.value.quantity
+        return f"{name} {self.value.text} {self.value.usual_unit}".strip() + bound
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,7 @@ class SentCurve:
         (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
         titles = f"{curve.x_quantity}, {x_unit}".strip(", "), f"{curve.quantity}, {unit}".strip(", ")
         part = thin(curve.x)
-        low, high = (end[part] / size for end in curve.band or (np.zeros(0), np.zeros(0)))
+        low, high = (end[part] / size for end in curve.band) if curve.band else ((), ())
         points = curve.x[part] / x_size, curve.y[part] / size, low, high
         return cls(curve.key, curve.label, curve.group, *titles, *points, curve.measured[part].tolist())
 
@@ -332,6 +333,20 @@ class View(Shown):
             for label, cells in labels.items()
         ]
 
+    def value_tables(self, without: Collection[ShownValue] = ()) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+        """Return head and rows of the values: one table for all labels that share a quantity."""
+        quantities: dict[str, set[str]] = {}
+        for value in self.rows:
+            quantities.setdefault(value.label, set()).add(value.quantity)
+        groups: list[tuple[set[str], list[ShownValue]]] = []
+        for value in self.rows:
+            group = next((group for group in groups if group[0] & quantities[value.label]), None)
+            if group is None:
+                groups.append(group := (set(), []))
+            group[0].update(quantities[value.label])
+            group[1].extend([value] * (value not in without))
+        return [replace(self, rows=tuple(values)).table() for _, values in groups if values]
+
     def curve_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return head and rows of the curves: the ranges of both axes, and the mean band."""
         rows = []
@@ -381,6 +396,6 @@ def _cell(value: ShownValue | None, *, with_unit: bool) -> str:
     return f"{value.text} {value.usual_unit}".strip() if with_unit and value.text else value.text
 
 
-def _ends(values: Iterable[float], form: str) -> str:
-    ends = np.sort(np.asarray(values))[[0, -1]] + 0.0
+def _ends(values: Array, form: str) -> str:
+    ends = (values.min() + 0.0, values.max() + 0.0)
     return " .. ".join(dict.fromkeys(f"{end:{form}}" for end in ends))

@@ -17,7 +17,6 @@ from pneudrive.cli.main import run
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
 from pneudrive.control.results.measures import SCORED, score_of
 from pneudrive.errors import PneudriveWarning
-from pneudrive.report.control import boxes_figure
 from pneudrive.report.render import draw_figure
 from pneudrive.simulation.trajectory import save
 
@@ -574,8 +573,8 @@ def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, t
     assert [one.score.max_error_m for one in again.runs] == [one.score.max_error_m for one in made.runs]
     lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
     for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
-        figure = boxes_figure(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text)
-        draw_figure(figure, tmp_path / "boxes.png")
+        for shown in dataclasses.replace(made, runs=runs).view().figures:
+            draw_figure(shown.figure, tmp_path / f"{shown.name}.png")
     table = tmp_path / "score.parquet"
     table.write_bytes(table.read_bytes()[:-9])
     with pytest.raises(pn.errors.CommandError, match="cut off"):

@@ -74,7 +74,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     table = pl.read_parquet(server.folder / "results" / "two" / "score.parquet")
     for law in ("pid", "inversion"):
         for name in ("R1", "R6"):
-            own = table.filter((pl.col("law") == law) & (pl.col("reference") == made.references[name].text))
+            own = table.filter((pl.col("law") == law) & (pl.col("reference") == made.references[name]))
             shown = float(page.get_attribute(f"[data-cell='{law}/{name}']", "data-si"))
             assert shown == pytest.approx(own["max_error_m"].median(), rel=1e-15)
     assert "★" in page.inner_text("[data-cell='inversion/R1']")

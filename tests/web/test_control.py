@@ -204,7 +204,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     assert best[SLOW] == "inversion" == made.best(SLOW)
     assert card["true"] == [{"name": "moving_mass", "least": "1.3", "largest": "1.3"}]
     gain = next(one for one in card["told"]["pid"]["gains"] if one["key"] == "gain")
-    assert gain["value"] == made.tunings["pid"].gains[0].value
+    assert gain["value"] == made.about["laws"]["pid"]["gains"][0]["value"]
     settled = card_of(served, "settling_100_um_s")  # a sine has no settling: no text, and no number
     assert {cell["text"] for cell in settled["cells"] if cell["reference"] == SLOW} == {""}
     never = {cell["law"]: cell for cell in settled["cells"] if cell["reference"] == STEP}

@@ -14,7 +14,6 @@ mismatch
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,19 +27,10 @@ from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, check_used, names_in
 from pneudrive.errors import CommandError, PneudriveError, warn
 from pneudrive.lazy_names import used_later
-from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
     from pneudrive import platforms
-    from pneudrive.control import (
-        demand,
-        loop,
-        pose,
-        references,
-        source_code,
-        suited,
-        tuning,
-    )
+    from pneudrive.control import demand, loop, pose, references, source_code, tuning
     from pneudrive.control.results import card, comparison, measures
     from pneudrive.describe.files import load
     from pneudrive.report import control as control_page
@@ -84,17 +74,9 @@ def tune(
     terminal.check_outputs(out, (".toml",))
     described = load.load_described(drive)
     found = tuning.tune(described, law, setup=setup)
-    typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
-    terminal.show_table(
-        ("gain", "<value", "<meaning", "<follows from"),
-        [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.numbers],
-    )
-    typer.echo(f"\n{aligned(found.plant.rows())}\n\n" + "\n".join(found.limits))
+    terminal.show_view(found.view())
     _try_out(described, found, setup)
-    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; best first:")
-    laws = suited.suitability(described, setup)
-    rows = [(each.law, "suits" if each.suits else "does not suit", each.reason) for each in laws]
-    terminal.show_table(("<controller", "<suits", "<because"), rows)
+    terminal.show_view(demand.view_of_suitability(demand.suitability(described, setup)))
     terminal.write_outputs((out, replace(found, source=drive).save))
 
 
@@ -106,18 +88,12 @@ def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> 
     except PneudriveError as error:
         warn(f"the law was not tried on this drive: {error.what}")
         return
-    typer.echo(f"\nSimulated on this drive as described, along {prepared.reference.text}:")
-    score, reach = _show_run(run.provenance), prepared.reference.reach()
-    if score.lost or score.max_error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
-        missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
+    title = f"Simulated on this drive as described, along {prepared.reference.text}"
+    terminal.show_view(replace(measures.view_of_score(run.provenance), title=title))
+    error_m, reach = run.provenance["score"]["max_error_m"], prepared.reference.reach()
+    if run.provenance["score"]["lost"] or error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
+        missed = f"{found.law} misses by up to {1e3 * error_m:.3g} mm where it was tried"
         warn(f"{missed}: take another law or drive")
-
-
-def _show_run(provenance: dict[str, Any]) -> measures.Score:
-    score = measures.Score(**provenance["score"])
-    typer.echo(aligned(score.rows()))
-    terminal.show_events(provenance["events"])
-    return score
 
 
 def run(
@@ -184,13 +160,7 @@ def run(
     terminal.check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
     found = loop.run_prepared(prepared, seed, terminal.watch())
-    model, drive_name = prepared.tuning.belief.name, prepared.circuit.name
-    of = "" if model == drive_name else f", told of {model},"
-    title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
-    typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
-    _show_run(found.provenance)
-    if "law_failure" in found.provenance:
-        typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
+    terminal.show_view(measures.view_of_score(found.provenance))
     terminal.write_outputs(
         (out, lambda path: trajectory.save(found.dataset(), path)),
         (plot, lambda path: control_page.plot_control(found.dataset(), path)),
@@ -211,14 +181,9 @@ def _run_platform(
         out.mkdir(parents=True, exist_ok=True)
     payloads = None if payload is None else names_in(payload)
     run = pose.run_pose(circuit, reference=path, payload=payloads, progress=terminal.watch().tell, **options)
-    about, score = run.attrs, pose.PoseScore.read(run.attrs["score"])
-    loaded = f", payload {about['payload']}" if about["payload"] else ""
-    title = f"{about['law']} on {circuit.name} along {path}, setup {about['setup']}, seed {about['seed']}{loaded}"
-    typer.echo(f"{title}, simulated:\n{aligned(score.table(), right_from=1)}\n" + "\n".join(score.notes()))
-    if score.spread():
-        typer.echo(f"\n{aligned(score.spread(), right_from=1)}")
-    terminal.show_events(about["events"])
-    draw = partial(control_page.plot_pose, run)
+    score = pose.PoseScore.read(run.attrs["score"])
+    terminal.show_view(score.view(run.attrs))
+    draw = partial(control_page.plot_control, run)
     of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
     terminal.write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
@@ -264,7 +229,7 @@ def benchmark(
     --------
     pneudrive control benchmark axis.toml --laws pid,nmpc --out compared
     """
-    found = comparison.compare_watched(
+    found = comparison.benchmark(
         load.load_described(drive),
         laws if laws == "all" else names_in(laws),
         references if references == "standard" else names_in(references),
@@ -276,17 +241,11 @@ def benchmark(
         setup=setup,
         threads=threads,
         out=out,
-        watch=terminal.watch(),
+        progress=terminal.watch().tell,
         keep_runs=keep_runs,
         allow_code=allow_code,
     )
-    count = len({run.seed for run in found.runs})
-    of = f"spread {found.spread}: 50 / 95 / 100 % of {count} stay below" if found.spread else "median of the seeds"
-    for name, path in found.references.items():
-        typer.echo(f"\n{name if name == path.text else f'{name}, {path.text}'}, simulated, {of}")
-        terminal.show_table(*found.table(name, spread=bool(found.spread), only=SHOWN))
-    for (law, reason), count in Counter((run.law, run.reason) for run in found.runs if run.reason).items():
-        typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
+    terminal.show_view(control_page.controllers_view(found, SHOWN))
     terminal.show_paths(out / card.SCORES, control_page.write_control_report(found, out))
 
 
@@ -314,7 +273,7 @@ def reference(
     tuned = tuning.tune(load.load_described(drive))
     stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
     path = references.named_or_read(along, stroke_m, speed_m_s)
-    typer.echo(f"{path.text}\n{aligned(demand.feasibility(tuned, path).rows())}")
+    terminal.show_view(demand.feasibility(tuned, path).view())
     terminal.write_outputs((plot, partial(control_page.plot_reference, path, tuned.plant)))
     references.check_reach(path, stroke_m, speed_m_s)
 

@@ -17,7 +17,6 @@ from pneudrive.cli import terminal
 from pneudrive.cli.options import Port, changed, command_of, names_in
 from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import used_later
-from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
     from pneudrive import platforms, report, units
@@ -31,24 +30,18 @@ with used_later(__name__):
     from pneudrive.platforms import outputs
     from pneudrive.report import trajectory as pictures
     from pneudrive.report.platform import page
+    from pneudrive.simulation import run_view, trajectory, tube_study
     from pneudrive.simulation import simulate as simulation
-    from pneudrive.simulation import trajectory, tube_study
     from pneudrive.web import serve
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
 
-MOST_IMPACTS = 5  # printed impacts; the file has all of them
 #: Ending of the folder in which the chunks of a file that is not finished lie.
 PARTS = ".parts"
-ABOUT_TUBES = (
-    "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
-    "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
-    "stroke, the emptying chamber at supply pressure; the choked speed is the limit that the exhaust path alone causes."
-)
 #: Endings of pictures, and of files that show or hold a run.
 PICTURES, OF_RUNS = (".svg", ".png", ".pdf"), (".html", ".mp4", ".gif", ".parquet", ".csv")
 
@@ -122,7 +115,8 @@ def simulate(
         budget=budget,
         arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
-    _show_run(described.name, result.columns, result.provenance)
+    view = run_view.run_view(result.columns, result.provenance)
+    terminal.show_view(replace(view, findings=()))  # warnings are on stderr
     terminal.write_outputs(
         (out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described))
     )
@@ -135,27 +129,6 @@ def _save(result: simulation.Run, path: Path) -> None:
         trajectory.save(result.dataset(), path)
     else:
         trajectory.save_columns(result.columns, result.provenance, path)
-
-
-def _show_run(name: str, columns: dict, provenance: dict) -> None:
-    time, statistics = columns["time_s"], provenance["statistics"]
-    typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
-    for column, x in columns.items():
-        of, _, last = column.rpartition(".")
-        if last == "position_m":
-            typer.echo(
-                f"{of and f'{of}: '}position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, "
-                f"between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
-            )
-    for impact in provenance["impacts"][:MOST_IMPACTS]:
-        of = f"{impact['cylinder']}: " if impact.get("cylinder") else ""
-        typer.echo(
-            f"{of}impact at {impact['time_s']:.4f} s on the end of chamber {impact['end']}: "
-            f"{impact['speed_m_s']:.3f} m/s, {impact['energy_j']:.3g} J, {impact['depth_m'] * 1e3:.3f} mm deep, "
-            f"{impact['peak_force_n']:.0f} N"
-        )
-    if len(provenance["impacts"]) > MOST_IMPACTS:
-        typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} more impacts")
 
 
 def sweep(
@@ -361,25 +334,8 @@ def lines(
     terminal.check_outputs(out, (".csv", ".parquet"), plot)
     described = cast("pn.Drive", load.load_described(drive))
     study = tube_study.study(described, names_in(length), names_in(diameter), terminal.watch())
-    rows = [("without tubes", "", study.attrs["without_tubes"])]
-    if "as_described" in study.attrs:
-        rows.append(("as described", "", study.attrs["as_described"]))
-    for d in study.diameter.to_numpy():
-        for m in study.length.to_numpy():
-            values = study.sel(diameter=d, length=m)
-            rows.append((f"{1e3 * d:g} mm", f"{m:g} m", {str(name): float(values[name]) for name in study.data_vars}))
-    full = rows[0][2]["mean_speed"]
-    heads = ("bore", "length", "C dm3/(s bar)", "choked m/s", "out s", "back s", "mean m/s", "end m/s", "of the speed")
-    table = [heads, *((bore, long, *_tube_cells(values, full)) for bore, long, values in rows)]
-    typer.echo(f"{study.attrs['title']}\n{aligned(table, right_from=0)}\n\n{ABOUT_TUBES}")
+    terminal.show_view(pictures.view_of_tubes(study))
     terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
-
-
-def _tube_cells(values: Mapping[str, Any], full_speed: float) -> list[str]:
-    columns = ("vent_speed", "stroke_time_out", "stroke_time_back", "mean_speed", "end_speed")
-    numbers = [f"{values[name]:.3f}" if values[name] == values[name] else "never" for name in columns]
-    ratio = values["mean_speed"] / full_speed
-    return [f"{1e8 * values['vent_conductance']:.3f}", *numbers, f"{100.0 * ratio:.0f} %" if ratio == ratio else ""]
 
 
 def _save_tubes(study: xr.Dataset, path: Path) -> None:
@@ -431,10 +387,13 @@ def platform(
     if out is not None and run is None:
         page.draw_platform(machine, path=out, dark=dark)
     elif run is None:
-        _show_platform(machine)
+        terminal.show_view(machine.view())
     else:
         columns = page.read_platform_run(machine, run)
-        _show_platform_run(machine, columns) if out is None else _write_platform(machine, columns, out, dark=dark)
+        if out is None:
+            terminal.show_view(page.platform_run_view(machine, columns))
+        else:
+            _write_platform(machine, columns, out, dark=dark)
     terminal.show_paths(out)
 
 
@@ -448,34 +407,6 @@ def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, da
         trajectory.save_columns(columns | outputs.platform_outputs(machine, columns), {"title": machine.name}, out)
     else:
         page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
-
-
-def _show_platform_run(machine: platforms.Platform, columns: dict) -> None:
-    typer.echo(f"{machine.name}, {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s")
-    ranges = page.run_ranges(machine, columns | outputs.platform_outputs(machine, columns))
-    typer.echo(aligned([page.RANGE_HEAD, *ranges], right_from=2))
-
-
-def _show_platform(machine: platforms.Platform) -> None:
-    home = machine.home
-    typer.echo(f"{machine.name}: {machine.text(home)}, with every leg at half of its stroke")
-    rows = [("leg", "position mm", "stroke mm", "load N")]
-    for leg, x, force in zip(machine.legs, machine.inverse(home), machine.load(home), strict=True):
-        rows.append((leg.name, f"{1e3 * x:.4g}", f"{1e3 * leg.stroke_m:.4g}", f"{force:.4g}"))
-    typer.echo(aligned(rows, right_from=1))
-    values = ", ".join(f"{value:.4g}" for value in machine.singular_values(home))
-    typer.echo(f"singular values, without unit: {values}\n")
-    table = [("coordinate", "from", "limited by", "to", "limited by", "singular value", "largest load N")]
-    for k, (key, limits) in enumerate(machine.workspace().limits.items()):
-        poses, ends = [home.copy(), home.copy()], []
-        for pose, limit in zip(poses, limits, strict=True):
-            pose[k] = limit.value
-            ends += [machine.text(pose).split(", ")[k].partition(" = ")[2], limit.reason]
-        least = min(float(machine.singular_values(pose)[-1]) for pose in poses)
-        most = max(float(abs(machine.load(pose)).max()) for pose in poses)
-        table.append((key, *ends, f"{least:.3g}", f"{most:.4g}"))
-    typer.echo(aligned(table, right_from=5))
-    typer.echo("One coordinate moves at a time, the others stay at half strokes. Loads hold the platform at rest.")
 
 
 def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser: bool = True) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import sys
 import time
 from tempfile import TemporaryFile
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import typer
@@ -15,15 +17,16 @@ import typer
 from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 from pneudrive.progress import Watch
+from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
     from pneudrive.report import render
     from pneudrive.simulation import trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
-    from typing import Any
+    from typing import Literal
 
     from rich.console import Console
 
@@ -60,11 +63,15 @@ def console() -> Console:
     """Return a console without markup, as names of recordings and seals may contain brackets."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+    return Console(width=_width(), highlight=False, markup=False)
+
+
+def _width() -> int:
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
 
 
 def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
-    """Print a table in the width of the terminal.
+    """Print a table. In a narrow terminal, `rich` folds its cells; its import would delay each short command.
 
     Parameters
     ----------
@@ -73,12 +80,18 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 
     left : int
         Number of left-aligned columns; others are right-aligned unless their head begins with "<".
     """
+    rows, names = list(rows), [head.removeprefix("<") for head in heads]
+    to_left = [index for index, head in enumerate(heads) if index < left or head.startswith("<")]
+    lines = aligned([names, *rows], 0, "", to_left).splitlines()
+    if max(map(len, lines)) <= _width():
+        typer.echo("\n".join([typer.style(lines[0], bold=True), *lines[1:]]))
+        return
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for index, head in enumerate(heads):
-        right = index >= left and not head.startswith("<")
-        table.add_column(head.removeprefix("<"), justify="right" if right else "left", no_wrap=index == 0 and left == 1)
+    for index, name in enumerate(names):
+        side: Literal["left", "right"] = "left" if index in to_left else "right"
+        table.add_column(name, justify=side, no_wrap=index == 0 and left == 1)
     for row in rows:
         table.add_row(*row)
     console().print(table)
@@ -86,33 +99,32 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 
 
 def show_lines(*lines: object) -> None:
     """Print lines, wrapped at the width of the terminal."""
-    shown = console()
-    for line in lines:
-        shown.print(line)
+    for line in "\n".join(map(str, lines)).splitlines():
+        typer.echo(fill(line, _width(), break_long_words=False, break_on_hyphens=False))
 
 
 def show_view(view: View) -> None:
     """Print a result: headline, leading values, findings, values, curves, tables, and notes. "!" marks a bad one."""
-    console().print(view.title, style="bold")
+    typer.echo(typer.style(view.title, bold=True))
     leading = (("!" if value.state == "bad" else "-", value.text) for value in view.leading)
     findings = (("!" if f.state == "bad" else "-", f"{f.text} {f.remedy}".rstrip()) for f in view.findings)
     show_lines(*(f"{mark} {text}" for mark, text in (*leading, *findings)))
+    values = view.value_tables(without=[value.value for value in view.leading])
     tables = ((table.caption, (table.head, table.rows)) for table in view.tables)
-    for caption, (head, rows) in (("", view.table()), ("", view.curve_table()), *tables):
+    for caption, (head, rows) in (*(("", table) for table in (*values, view.curve_table())), *tables):
         if rows:
             show_lines(*([caption] if caption else ()))
-            show_table(head, rows[:MOST_ROWS])
+            show_table(_aligned_heads(head, rows), rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
             show_lines(f"{len(rows) - MOST_ROWS} further rows are in the files.")
     show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
 
 
-def show_events(events: Iterable[Mapping[str, Any]]) -> None:
-    """Print what happened during a run: a line for each event, with the leg of a platform."""
-    for event in events:
-        unit = "" if event["unit"] == "1" else f" {event['unit']}"
-        of = f"{event['leg']}, " if "leg" in event else ""
-        typer.echo(f"{event['time_s']:.3f} s  {of}{event['kind']}: {event['text']} {event['value']:.4g}{unit}")
+def _aligned_heads(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the heads with "<" at each column that has a cell that does not begin with a number."""
+    columns = zip(*rows, strict=True)
+    are_numbers = [all(not cell or cell[0] in "+-." or cell[0].isdigit() for cell in column) for column in columns]
+    return [name if is_number else f"<{name}" for name, is_number in zip(head, are_numbers, strict=True)]
 
 
 def check_outputs(

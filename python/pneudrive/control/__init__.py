@@ -11,25 +11,22 @@ All results are simulated: no law has run on a machine.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pneudrive.lazy_names import lazily
 
-from pneudrive.lazy_names import lazy
-
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.control.controller import Controller
-    from pneudrive.control.demand import Feasibility, feasibility
+    from pneudrive.control.demand import Feasibility, Suitability, feasibility, suitability
     from pneudrive.control.loop import run
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import signals
     from pneudrive.control.pose import PosePath, PoseScore, pose_path, run_pose
     from pneudrive.control.references import reference
-    from pneudrive.control.results.card import StoredComparison, read_comparison
-    from pneudrive.control.results.comparison import ControlComparison, benchmark, standard
+    from pneudrive.control.results.card import ControlComparison, read_comparison
+    from pneudrive.control.results.comparison import benchmark, standard
     from pneudrive.control.results.measures import Score, score
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
-    from pneudrive.control.suited import Suitability, suitability
     from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
 
 __all__ = [
@@ -44,7 +41,6 @@ __all__ = [
     "Reference",
     "Score",
     "Setup",
-    "StoredComparison",
     "Suitability",
     "TunedGain",
     "Tuning",
@@ -66,24 +62,3 @@ __all__ = [
     "suitability",
     "tune",
 ]
-
-__getattr__ = lazy(
-    __name__,
-    {
-        "results.card": ["StoredComparison", "read_comparison"],
-        "results.comparison": ["ControlComparison", "benchmark", "standard"],
-        "controller": ["Controller"],
-        "source_code": ["export"],
-        "own_law": ["signals"],
-        "pose": ["PosePath", "PoseScore", "pose_path", "run_pose"],
-        "demand": ["Feasibility", "feasibility"],
-        "loop": ["run"],
-        "results.measures": ["Score", "score"],
-        "mismatch": ["Mismatch", "read_mismatch", "ready_mismatches"],
-        "motion": ["Reference"],
-        "references": ["reference"],
-        "setup": ["Setup", "read_setup"],
-        "suited": ["Suitability", "suitability"],
-        "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
-    },
-)

@@ -1,20 +1,31 @@
-"""Whether a drive can follow a reference: the inverse of its model, run along the reference."""
+"""Whether a drive can follow a reference, by the inverse of its model, and which controllers suit it, by trial."""
 
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive import _core
+from pneudrive.control.loop import prepare, run_prepared
+from pneudrive.control.mismatch import Mismatch
 from pneudrive.control.motion import rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.control.tuning import laws
+from pneudrive.errors import PneudriveError
 from pneudrive.simulation.simulate import require
+from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
     from pneudrive.control.motion import Reference
+    from pneudrive.control.setup import Setup
     from pneudrive.control.tuning import Tuning
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).
 SHARE = 0.85
@@ -51,7 +62,7 @@ class Demand(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Feasibility(Shown):
+class Feasibility(Viewed):
     """Whether a drive can follow a reference.
 
     Attributes
@@ -83,23 +94,36 @@ class Feasibility(Shown):
         """Whether the unslowed reference stays within the stroke and uses at most 85 % of each limit."""
         return self.factor == 1.0
 
-    def rows(self) -> list[tuple[str, str]]:
-        """Return name and value with unit of each number."""
+    def view(self) -> View:
+        """Return positions, the fraction of each limit, and whether the drive can follow."""
         reach, own = self.reference.reach(), self.demand
         low, high = (1e-5 * p for p in (own.lowest_pressure_pa, own.highest_pressure_pa))
-        rows = [
-            ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"),
-            (
-                "largest speed",
-                f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the drive's",
-            ),
-            ("valve", f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"),
-            ("force", f"{_percent(own.force_share)} of the supply's; pressures {low:.3g} .. {high:.3g} bar abs"),
+        speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the drive's"
+        force = f"{_percent(own.force_share)} of the supply's; pressures {low:.3g} .. {high:.3g} bar abs"
+        shares = (
+            ("largest speed", own.speed_share, speed),
+            ("valve", own.valve_share, f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"),
+            ("force", own.force_share, force),
+        )
+        leading = [
+            LeadingValue(ShownValue(name, name, VALUE, text), state="good" if share <= SHARE else "bad")
+            for name, share, text in shares
         ]
+        positions = f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"
+        rows = [ShownValue("positions", "positions", VALUE, positions)]
         if self.reference.points_missed_m is not None:
-            rows.append(("points missed by", f"{1e6 * self.reference.points_missed_m:.3g} um at most"))
-        without = [("left out", ", ".join(self.left_out))] if self.left_out else []
-        return [*rows, *without, ("feasible", self._verdict())]
+            missed = f"{1e6 * self.reference.points_missed_m:.3g} um at most"
+            rows.append(ShownValue("points missed by", "points missed by", VALUE, missed))
+        if self.left_out:
+            rows.append(ShownValue("left out", "left out", VALUE, ", ".join(self.left_out)))
+        state: State = "good" if self.is_feasible else "bad"
+        return View(
+            self.reference.text,
+            (*rows, *(value.value for value in leading)),
+            state=state,
+            leading=tuple(leading),
+            findings=(Finding(f"Feasible: {self._verdict()}", state),),
+        )
 
     def _verdict(self) -> str:
         limit = f"{100.0 * SHARE:.0f} % of each limit"
@@ -114,9 +138,6 @@ class Feasibility(Shown):
         slower = self.reference.stretched(self.factor)
         written = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
         return f"no: {limit} would be kept if it were slower by {rounded_up(self.factor):g}{written}"
-
-    def _card(self) -> Card:
-        return Card(self.reference.text, rows=self.rows())
 
 
 def _percent(share: float) -> str:
@@ -174,3 +195,80 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
         plant.speed_m_s,
         tuple(plant.left_out),
     )
+
+
+# --- Choice of a controller: each is tried on the drive as described and with half of its mass.
+
+#: Reference of the trial, the fraction of its way that the error may reach, and the masses that are tried (assumed).
+ALONG, MOST, MASSES = "R3", 0.1, (1.0, 0.5)
+BASELINES = ("pid", "fuzzy")
+CYCLE = "limit-cycle"
+
+
+class Suitability(NamedTuple):
+    """Result of a controller on a drive.
+
+    Attributes
+    ----------
+    law : str
+    suits : bool
+    max_error_m : float
+        Largest error of the trials; infinite if one failed.
+    reason : str
+    """
+
+    law: str
+    suits: bool
+    max_error_m: float
+    reason: str
+
+
+def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real", *, seed: int = 1) -> list[Suitability]:
+    """Try each controller on a drive along R3, as described and with half of its mass; the best one comes first.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    setup : Setup, str or path-like
+        Sensors and converter.
+    seed : int
+        Seed of the noise.
+    """
+    found = [_tried(drive, law, setup, seed) for law in laws()]
+    return sorted(found, key=lambda one: (not one.suits, one.law in BASELINES, one.max_error_m))
+
+
+def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int) -> Suitability:
+    worst = 0.0
+    for mass in MASSES:
+        of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
+        mismatch = None if mass == 1.0 else Mismatch.model_validate({"moving_mass": mass})
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
+                run = run_prepared(prepared, seed)
+        except PneudriveError as error:
+            return Suitability(law, False, float("inf"), f"{of}: {error.what}")
+        score, events = run.provenance["score"], run.provenance["events"]
+        reach = prepared.reference.reach()
+        worst = max(worst, float(score["max_error_m"]))
+        if score["lost"]:
+            return Suitability(law, False, worst, f"{of} it is lost")
+        if any(event["kind"] == CYCLE for event in events) and law not in BASELINES:
+            return Suitability(law, False, worst, f"{of} it oscillates")
+        if worst > MOST * (reach.highest_m - reach.lowest_m):
+            return Suitability(law, False, worst, f"{of} it misses by {1e3 * worst:.3g} mm")
+    reason = f"errors up to {1e3 * worst:.3g} mm"
+    return Suitability(law, True, worst, f"a baseline: {reason}" if law in BASELINES else reason)
+
+
+def view_of_suitability(found: Sequence[Suitability]) -> View:
+    """Return whether each controller suits a drive, with the reason."""
+    rows = [
+        ShownValue(f"{one.law}.{name}", one.law, name, text)
+        for one in found
+        for name, text in (("suits", "suits" if one.suits else "does not suit"), ("because", one.reason))
+    ]
+    title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
+    return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")

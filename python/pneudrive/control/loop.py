@@ -321,30 +321,45 @@ def _missed(along: Reference, setup: Setup) -> Iterator[str]:
 
 
 def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
-    circuit, tuning, name = prepared.circuit, prepared.tuning, prepared.setup_name
-    assumed = [f"setup {name}: {prepared.setup.about}"] if name in ready_setups() else []
-    assumed.append("supervisor: its thresholds and times")
-    missed = prepared.reference.points_missed_m
-    return ({} if missed is None else {"points_missed_m": missed}) | {
+    circuit, tuning, reference = prepared.circuit, prepared.tuning, prepared.reference
+    model = tuning.belief.name
+    named = {"points_missed_m": reference.points_missed_m, "model": None if model == circuit.name else model}
+    known = {key: value for key, value in named.items() if value is not None}
+    setup = prepared.setup, prepared.setup_name
+    return (
+        known
+        | provenance_of(circuit, tuning, setup, reference.text, seed, prepared.rtol)
+        | {
+            "factors": dict(tuning.factors.to_dict()),
+            "belief_hash": tuning.belief.description_hash,
+            "mismatch": prepared.mismatch,
+            "deviations": prepared.truth.values,
+            "motion": reference.core(),
+        }
+    )
+
+
+def provenance_of(
+    circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int, rtol: float
+) -> dict[str, Any]:
+    """Return the provenance that runs of an axis and of a platform share; `setup` has its name."""
+    read, name = setup
+    assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
+    return {
         "title": circuit.name,
         "description_hash": circuit.description_hash,
         "version": __version__,
         "solver": SOLVER,
-        "rtol": prepared.rtol,
+        "rtol": rtol,
         "law": tuning.law,
         "gains": {gain.key: gain.value for gain in tuning.gains},
-        "factors": dict(tuning.factors.to_dict()),
         "period_s": tuning.period_s,
-        "belief_hash": tuning.belief.description_hash,
         "setup": name,
-        "mismatch": prepared.mismatch,
-        "deviations": prepared.truth.values,
         "seed": seed,
-        "reference": prepared.reference.text,
-        "motion": prepared.reference.core(),
+        "reference": reference,
         "simulated": "yes",
         "citations": list(circuit.cited),
-        "assumed": [*circuit.assumed(), *assumed],
+        "assumed": [*circuit.assumed(), *assumed, "supervisor: its thresholds and times"],
         "labels": dict(circuit.labels),
     }
 

@@ -15,8 +15,9 @@ from pneudrive.control.setup import USUAL, Supervision
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.own_code import split
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
+from pneudrive.views import VALUE, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -134,7 +135,7 @@ class LawModel(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Tuning(Shown):
+class Tuning(Viewed):
     """A law with all its gains, for its model of the drive.
 
     Attributes
@@ -233,14 +234,22 @@ class Tuning(Shown):
             temporary.write_text(self.to_toml(Path(path).parent), encoding="utf-8")
         return Path(path)
 
-    def _card(self) -> Card:
-        rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.numbers]
-        factors = self.factors.values
-        scaled = [("factors", " ".join(f"{one:g}" for one in factors), f"of {_factored(self.law)}", "given")]
-        rows += scaled if set(factors) != {1.0} else []
-        plant = [(name, value, "", "") for name, value in self.plant.rows()]
+    def view(self) -> View:
+        """Return the gains with their rules, the drive as assumed, and the limits."""
+        rows = [
+            ShownValue(f"{gain.key}.{name}", gain.key, name, text)
+            for gain in self.numbers
+            for name, text in (
+                (VALUE, str(gain)),
+                ("meaning", gain.meaning),
+                ("follows from", "given" if gain.given else gain.rule),
+            )
+        ]
+        rows += [ShownValue(name, name, "assumed drive, near mid-stroke", text) for name, text in self.plant.rows()]
         title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
-        return Card(title, ("", "", "meaning", "rule"), [*rows, *plant], self.limits)
+        factors = " ".join(f"{factor:g}" for factor in self.factors.values)
+        given = () if set(self.factors.values) == {1.0} else (f"given factors {factors} of {_factored(self.law)}",)
+        return View(title, tuple(rows), notes=(*given, *self.limits))
 
 
 def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:

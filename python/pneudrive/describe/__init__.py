@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pneudrive.lazy_names import lazily
 
-from pneudrive.lazy_names import lazy
-
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.components import Component
     from pneudrive.describe.drive import Drive
@@ -49,24 +47,3 @@ __all__ = [
     "component_kinds",
     "friction_laws",
 ]
-
-__getattr__ = lazy(
-    __name__,
-    {
-        "circuit": ["Circuit"],
-        "components": ["Component", "component_kinds"],
-        "tables.dependences": [
-            "DirectionDependence",
-            "Dwell",
-            "Harmonic",
-            "PositionDependence",
-            "Relaxation",
-            "SealPressure",
-            "SideLoad",
-        ],
-        "drive": ["Drive"],
-        "tables.friction": ["Friction", "friction_laws"],
-        "formulas.law": ["FrictionLaw"],
-        "tables.parts": ["Ambient", "Cylinder", "EndStop", "Gas", "Initial", "Load", "Spring", "Supply", "Valve"],
-    },
-)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pneudrive.lazy_names import lazily
 
-from pneudrive.lazy_names import lazy
-
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
     from pneudrive.ensemble.distributions import Lognormal as Lognormal
     from pneudrive.ensemble.distributions import Normal as Normal
@@ -28,26 +26,3 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.store import DaskExecutor as DaskExecutor
     from pneudrive.ensemble.store import Executor as Executor
     from pneudrive.ensemble.store import InProcess as InProcess
-
-__getattr__ = lazy(
-    __name__,
-    {
-        "design": ["EnsembleDesign"],
-        "distributions": ["Lognormal", "Normal", "Triangular", "Uniform", "grid"],
-        "store": ["DaskExecutor", "Executor", "InProcess"],
-        "many": ["simulate_many"],
-        "outputs": [
-            "Output",
-            "final",
-            "integral",
-            "largest",
-            "mean",
-            "own",
-            "samples",
-            "settling",
-            "smallest",
-            "time_when",
-        ],
-        "sensitivity": ["sensitivity"],
-    },
-)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +88,7 @@ class LegDynamics(NamedTuple):
     couplings: Array
 
 
-class Platform(Shown):
+class Platform(Viewed):
     """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
 
     Places are in m. Tilts are the angles 2 asin(e) in rad, and e is the vector part of the unit quaternion. For a
@@ -104,8 +104,6 @@ class Platform(Shown):
         Pose with every leg at half of its stroke.
     """
 
-    picture_home: ClassVar[str] = "pneudrive.report.platform.scene:platform_svg"
-
     def __init__(self, core: CorePlatform, circuit: Circuit) -> None:
         self.core = core
         self.name = core.name
@@ -116,12 +114,9 @@ class Platform(Shown):
         middle = np.array([0.0 if np.isnan(leg.stroke_m) else 0.5 * leg.stroke_m for leg in self.legs])
         self.home = angles(core, core.locate(middle[None])[0])[0]
 
-    def _card(self) -> Card:
-        each = zip(self.legs, self.inverse(self.home), self.load(self.home), strict=True)
-        rows = [(leg.name, f"{1e3 * x:.4g} mm", f"{1e3 * leg.stroke_m:.4g} mm", f"{f:.4g} N") for leg, x, f in each]
-        values = ", ".join(f"{value:.3g}" for value in self.singular_values(self.home))
-        notes = [f"at {self.text(self.home)}", f"singular values, without unit: {values}"]
-        return Card(f"Platform {self.name}", ("leg", "position", "stroke", "load"), rows, notes)
+    def view(self) -> View:
+        """Return strokes and loads of the legs at half strokes, the limits of each coordinate, and the drawing."""
+        return upper("platform_view")(self)
 
     @property
     def is_delta(self) -> bool:

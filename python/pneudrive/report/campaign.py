@@ -202,7 +202,7 @@ def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
         else:
             marks += [Band(c.x, low, high, look=own), Line(c.x, c.y, c.label, own, 1.0)]
             marks.append(Markers(c.x[c.measured], c.y[c.measured], look=own, size=3.6))
-        if c.excluded[0].size:
+        if c.excluded and c.excluded[0].size:
             marks.append(Markers(*c.excluded, look=own._replace(marker="x")))
     (_, x_unit), (_, unit) = readable(shown[0].x_unit), readable(shown[0].unit)
     x = Axis(f"{shown[0].x_quantity} / ({x_unit})", "wide")

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from itertools import product
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 from pneudrive.figures import LOOKS, MEASURED, MODEL, Axis, Figure, Line, Look, Markers, Panel, Rule, ramp, stack, thin
+from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
+from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
+from pneudrive.views import ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,12 +25,23 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
-#: Names of rows in the table of provenance -> attribute that lists them.
-LISTS = {"warning": "warnings", "assumed": "assumed"}
 WITHOUT = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
 ENDINGS = (*PICTURES, ".html")
+ABOUT_TUBES = (
+    "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
+    "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
+    "stroke, the emptying chamber at supply pressure; the choked speed is the limit that the exhaust path alone causes."
+)
+#: Column of a table of tubes -> variable of the study.
+TUBE_COLUMNS = (
+    ("choked m/s", "vent_speed"),
+    ("out s", "stroke_time_out"),
+    ("back s", "stroke_time_back"),
+    ("mean m/s", "mean_speed"),
+    ("end m/s", "end_speed"),
+)
 #: Panels: label, name of the variable or last part of it, its unit.
 PANELS = (
     ("position / mm", "position", "m"),
@@ -122,33 +138,34 @@ def _has_something(run: xr.Dataset, name: str) -> bool:
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
+def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> View:
+    """Return the view of a run with its picture. `described` is its drive, for the gas; default: air."""
+    about = attributes(run)
+    if "score" in about:
+        return view_of_controlled_run(run)
+    figure = ShownFigure("trajectory", f"{about.get('title') or 'Trajectory'}, simulated.", over_time(run))
+    return replace(run_view(columns(run), about, described), figures=(figure,))
+
+
 def _write_page(
     figure: matplotlib.figure.Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None
 ) -> None:
-    """Write a page that loads nothing: platforms, the picture, then its provenance."""
+    """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
-    from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
-    from pneudrive.report.platform.page import platform_section
+    from pneudrive.report.page import PageTable, Report, Section, inline, svg_text, view_section
+    from pneudrive.report.platform.page import platform_run_view
 
+    about, view = attributes(run), view_of_run(run, circuit)
     names = ("version", "solver", "rtol", "description_hash", "statistics")
-    about = attributes(run)
     rows = [(name, str(about[name])) for name in names if name in about]
-    rows += [(name, text) for name in ("warning", "assumed") for text in about.get(LISTS[name], [])]
-    title = str(run.attrs.get("title") or "Trajectory")
-    picture = Picture("trajectory", f"{title}, simulated.", figure)
-    table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
-    position = run["position"].to_numpy() * 1e3 if "position" in run else None
-    lines = [f"{run.sizes['time']} samples to {float(run.time[-1]):g} s."]
-    if position is not None:
-        lines.append(
-            f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and "
-            f"{position.max():.3f} mm."
-        )
+    rows += [("assumed", text) for text in about.get("assumed", [])]
     machines = platforms(circuit) if circuit is not None else []
-    sections = [platform_section(platform, columns(run)) for platform in machines]
-    sections.append(Section("trajectory", "Trajectory", (picture, table)))
-    report = Report(title, lines, sections, synthetic=True)
-    report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
+    table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
+    sections = [view_section("platform", platform_run_view(platform, columns(run))) for platform in machines]
+    sections += [view_section("trajectory", view), Section("provenance", "Provenance", (table,))]
+    verdict = [finding.text for finding in view.findings if finding.state == "bad"]
+    report = Report(str(about.get("title") or "Trajectory"), verdict, sections, synthetic=True)
+    report.pictures = {shown.name: inline(svg_text(figure), shown.name, shown.caption) for shown in view.figures}
     with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")
 
@@ -172,6 +189,11 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.
     CommandError
         If the suffix is unknown, or the file cannot be written.
     """
+    return draw_figure(tubes_figure(study), path, synthetic=True)
+
+
+def tubes_figure(study: xr.Dataset) -> Figure:
+    """Draw mean speed and stroke time over the length of the tubes, a curve for each bore."""
     panels, bores, length = [], study.diameter.to_numpy(), study.length.to_numpy()
     for label, name in (("mean speed of the stroke / (m/s)", "mean_speed"), ("stroke time / s", "stroke_time_out")):
         curves = [
@@ -181,5 +203,23 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.
         ]  # fmt: skip
         without = Rule(y=study.attrs["without_tubes"][name], label="without tubes", look=WITHOUT, width=1.1)
         panels.append(Panel([*curves, without], y=Axis(label, low=0.0)))
-    x = Axis("length of each tube / m", low=0.0)
-    return draw_figure(Figure(panels, x, columns=2, row_in=2.9, rest_in=0.0), path, synthetic=True)
+    return Figure(panels, Axis("length of each tube / m", low=0.0), columns=2, row_in=2.9, rest_in=0.0)
+
+
+def view_of_tubes(study: xr.Dataset) -> View:
+    """Return speeds and stroke times of a drive for each bore and length of its tubes, with the picture."""
+    drives = {"without tubes": study.attrs["without_tubes"]}
+    drives |= {"as described": study.attrs["as_described"]} if "as_described" in study.attrs else {}
+    for d, m in product(study.diameter.to_numpy(), study.length.to_numpy()):
+        values = study.sel(diameter=d, length=m)
+        drives[f"{1e3 * d:g} mm {m:g} m"] = {str(name): float(values[name]) for name in study.data_vars}
+    full = study.attrs["without_tubes"]["mean_speed"]
+    rows = []
+    for label, values in drives.items():
+        texts = {"C dm3/(s bar)": f"{1e8 * values['vent_conductance']:.3f}"}
+        texts |= {head: f"{values[key]:.3f}" if values[key] == values[key] else "never" for head, key in TUBE_COLUMNS}
+        ratio = values["mean_speed"] / full
+        texts |= {"of the speed": f"{100.0 * ratio:.0f} %" if ratio == ratio else ""}
+        rows += [ShownValue(f"{label}.{head}", label, head, text) for head, text in texts.items()]
+    figure = ShownFigure("tubes", f"{study.attrs['title']}: speed and stroke time.", tubes_figure(study))
+    return View(str(study.attrs["title"]), tuple(rows), notes=(ABOUT_TUBES,), figures=(figure,))

@@ -24,9 +24,7 @@ Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the tru
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pneudrive.lazy_names import lazy
+from pneudrive.lazy_names import lazily
 from pneudrive.rig.interface import (
     Changeable,
     Envelope,
@@ -40,7 +38,7 @@ from pneudrive.rig.interface import (
     Sampling,
 )
 
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.rig.description import AnalogSensor, Encoder, EncoderClock, TimeClock
     from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, schedule, uniform_in_position
     from pneudrive.rig.rig_file import load_rig, shipped_rigs
@@ -75,13 +73,3 @@ __all__ = [
     "sweep",
     "uniform_in_position",
 ]
-
-__getattr__ = lazy(
-    __name__,
-    {
-        "rig_file": ["load_rig", "shipped_rigs"],
-        "motion": ["Limits", "Motion", "cycles", "dwell", "move", "schedule", "uniform_in_position"],
-        "description": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
-        "simulated": ["RigSession", "SimulatedRig", "Trace", "sweep"],
-    },
-)

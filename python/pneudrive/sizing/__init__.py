@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pneudrive.lazy_names import lazily
 
-from pneudrive.lazy_names import lazy
-
-if TYPE_CHECKING:
+with lazily(__name__):
     from pneudrive.sizing.search import size as size
     from pneudrive.sizing.task import SizingTask as SizingTask
-
-__getattr__ = lazy(__name__, {"search": ["size"], "task": ["SizingTask"]})

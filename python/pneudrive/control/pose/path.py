@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,13 +13,15 @@ import numpy as np
 
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import moves_of_text
+from pneudrive.control.results.measures import event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
 from pneudrive.errors import DescriptionError, PneudriveError, nearest
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -230,7 +232,8 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
 # --- Score of a platform along a path of its pose.
 
 
-class Tracked(NamedTuple):
+@dataclass(frozen=True)
+class Tracked:
     """Error of one coordinate or leg, reference less actual value; m or rad.
 
     Attributes
@@ -257,17 +260,19 @@ class Tracked(NamedTuple):
         """Return the root of the mean square in percent of the amplitude, or with its unit if the reference stands."""
         return self._written(self.rmse) if np.isnan(self.percent) else f"{self.percent:.3g} %"
 
-    def row(self, name: str) -> tuple[str, str, str, str]:
-        """Return name and values with units."""
+    def shown(self, name: str) -> list[ShownValue]:
+        """Return RMS error, its fraction of the amplitude, and largest error, with units."""
         share = "" if np.isnan(self.percent) else f"{self.percent:.3g} %"
-        return name, self._written(self.rmse), share, self._written(self.max_error)
+        texts = (("RMSE", self._written(self.rmse)), ("of amplitude", share))
+        texts += (("largest error", self._written(self.max_error)),)
+        return [ShownValue(f"{name}.{quantity}", name, quantity, text) for quantity, text in texts]
 
     def _written(self, value: float) -> str:
         return f"{1e6 * value:.3g} um" if self.unit == "m" else f"{np.degrees(1e3 * value):.3g} mdeg"
 
 
 @dataclass(frozen=True, repr=False)
-class PoseScore(Shown):
+class PoseScore(Viewed):
     """Score of a platform along a path. A path that repeats is scored in its last 4 s or its last period.
 
     Attributes
@@ -300,14 +305,7 @@ class PoseScore(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all measures by name."""
-        return asdict(self) | {
-            "coordinates": {name: one._asdict() for name, one in self.coordinates.items()},
-            "legs": {name: one._asdict() for name, one in self.legs.items()},
-            "payload_spread": {
-                payload: {name: one._asdict() for name, one in each.items()}
-                for payload, each in self.payload_spread.items()
-            },
-        }
+        return asdict(self)
 
     @classmethod
     def read(cls, score: Mapping[str, Any]) -> PoseScore:
@@ -326,35 +324,45 @@ class PoseScore(Shown):
         errors = {key: tracked(score[key]) for key in ("coordinates", "legs")}
         return cls(**{**score, **errors, "payload_spread": spread})
 
-    def table(self) -> list[tuple[str, ...]]:
-        """Return a row for each coordinate and leg: RMS error, fraction of the amplitude, largest error."""
-        each = [*self.coordinates.items(), *self.legs.items()]
-        return [("", "RMSE", "of amplitude", "largest error"), *(one.row(name) for name, one in each)]
+    def view(self, about: Mapping[str, Any] | None = None) -> View:
+        """Return errors of coordinates and legs, effort, and the spread over payloads.
 
-    def spread(self) -> list[tuple[str, ...]]:
-        """Return a row for each payload with the RMS error of each coordinate, and the range over the payloads."""
-        if not self.payload_spread:
-            return []
-        each = list(self.payload_spread.values())
-        rows = [("payload", *self.coordinates)]
-        rows += [(payload, *(one.error() for one in own.values())) for payload, own in self.payload_spread.items()]
-        ends = [[own[name].rmse for own in each] for name in self.coordinates]
-        ranges = (
-            each[0][name]._replace(rmse=max(own) - min(own)) for name, own in zip(self.coordinates, ends, strict=True)
-        )
-        return [*rows, ("spread", *(one.error() for one in ranges))]
-
-    def notes(self) -> list[str]:
-        """Return the other measures as sentences."""
-        air = f"air {1e3 * self.air_anr_m3_s:.3g} l/s ANR"
+        Parameters
+        ----------
+        about : mapping, optional
+            Provenance of the run: its title and its events.
+        """
+        air = f"{1e3 * self.air_anr_m3_s:.3g} l/s ANR"
         if self.air_per_cycle_anr_m3 is not None:
             air += f", {1e3 * self.air_per_cycle_anr_m3:.3g} l ANR per cycle"
-        return [
-            air,
-            f"smallest singular value {self.singular_value:.3g}, largest force {100.0 * self.force_share:.0f} % of the "
-            f"supply's, largest speed {100.0 * self.speed_share:.0f} % of a leg's",
-            f"saturated {100.0 * self.saturated_share:.2g} %, stops hit: {self.stops_hit}",
-        ]
+        effort = {
+            "air": air,
+            "smallest singular value": f"{self.singular_value:.3g}",
+            "largest force": f"{100.0 * self.force_share:.0f} % of the supply's",
+            "largest speed": f"{100.0 * self.speed_share:.0f} % of a leg's",
+            "saturated": f"{100.0 * self.saturated_share:.2g} %",
+        }
+        hit = (Finding(f"Stops hit: {self.stops_hit}.", "bad" if self.stops_hit else "good"),)
+        rows = [value for of in (self.coordinates, self.legs) for name, one in of.items() for value in one.shown(name)]
+        return View(
+            "Score of a pose, simulated" if about is None else run_title(about),
+            tuple(rows),
+            state="bad" if self.stops_hit else "good",
+            leading=tuple(LeadingValue(ShownValue(key, "run", key, text)) for key, text in effort.items()),
+            findings=hit,
+            tables=(*self._spread(), *event_table(() if about is None else about["events"])),
+        )
+
+    def _spread(self) -> Iterator[ShownTable]:
+        """Yield the table of the RMS errors of each payload, and their range over the payloads."""
+        each = list(self.payload_spread.items())
+        if each:
+            rows = [(payload, *(one.error() for one in own.values())) for payload, own in each]
+            ranges = []
+            for name in self.coordinates:
+                ends = [own[name].rmse for _, own in each]
+                ranges.append(replace(each[0][1][name], rmse=max(ends) - min(ends)).error())
+            yield ShownTable("Errors over the payloads.", ("payload", *self.coordinates), (*rows, ("spread", *ranges)))
 
     def to_csv(self) -> str:
         """Return RMS and largest error, m or rad, and RMS in percent of the amplitude, of each coordinate and leg."""
@@ -362,7 +370,3 @@ class PoseScore(Shown):
         for name, one in [*self.coordinates.items(), *self.legs.items()]:
             lines.append(f"{name},{one.unit},{one.rmse!r},{one.max_error!r},{one.amplitude!r},{one.percent!r}")
         return "\n".join([*lines, ""])
-
-    def _card(self) -> Card:
-        head, *rows = self.table()
-        return Card("score of a pose, simulated", head, rows, self.notes())

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import __version__, _core, units
+from pneudrive import _core, units
 from pneudrive.control.axis import supply_of
-from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, whole_number
+from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, whole_number
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.pose.legs import check_path, demands, leg_reference, leg_tunings
 from pneudrive.control.pose.path import PoseScore, Tracked, pose_path
 from pneudrive.control.results.measures import LAST_S, air_of
-from pneudrive.control.setup import read_setup, ready_setups, told
+from pneudrive.control.setup import read_setup, told
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.outputs import pose_columns
 from pneudrive.progress import Watch
-from pneudrive.simulation.simulate import SOLVER, Run, positive
+from pneudrive.simulation.simulate import Run, positive
 from pneudrive.simulation.start import check_tolerance
 
 if TYPE_CHECKING:
@@ -133,25 +133,11 @@ def run_pose(
     spread = {str(own): one.coordinates for own, one in zip(payloads, scores, strict=True)} if len(runs) > 1 else {}
     score = replace(scores[0], payload_spread=spread)
     columns, _, events = runs[0]
-    assumed = [f"setup {setup_name}: {read.about}"] if setup_name in ready_setups() else []
-    provenance = {
-        "title": circuit.name,
-        "description_hash": circuit.description_hash,
-        "version": __version__,
-        "solver": SOLVER,
-        "rtol": rtol,
-        "law": tunings[0].law,
+    shared = provenance_of(circuit, tunings[0], (read, setup_name), path.text, seed, rtol)
+    provenance = shared | {
         "gains": {one.belief.name: {gain.key: gain.value for gain in one.gains} for one in tunings},
-        "period_s": tunings[0].period_s,
-        "setup": setup_name,
-        "seed": seed,
-        "reference": path.text,
         "dynamics": dynamics,
         "payload": str(payloads[0] or ""),
-        "simulated": "yes",
-        "citations": list(circuit.cited),
-        "assumed": [*circuit.assumed(), *assumed, "supervisor: its thresholds and times"],
-        "labels": dict(circuit.labels),
         "score": score.to_dict(),
         "events": events,
     }

@@ -15,22 +15,22 @@ from pneudrive.errors import CommandError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table
 from pneudrive.files.writing import open_to_append
-from pneudrive.repr_tables import Card, Shown
-from pneudrive.simulation.trajectory import read_columns, whole
-from pneudrive.views import ShownValue, View
+from pneudrive.lazy_names import upper
+from pneudrive.simulation.trajectory import read_columns, whole, write_frame
+from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     import numpy as np
 
-    from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
 RUNS, SCORES, KEPT, ABOUT = "runs", "score.csv", "scores.jsonl", "comparison.json"
 TABLE = "score.parquet"
 SO_FAR = "so-far.jsonl"  # a line for each finished run; removed after the tables are written
 SHARES = (0.5, 0.95, 1.0)  # quantiles over the members of a spread that are reported
+LONGEST_NAME = 24  # letters of a reference in a table
 _TRUE = "true_"  # prefix of the columns of true values in the tables
 
 
@@ -66,15 +66,55 @@ class ControlledRun(NamedTuple):
         return read_columns(self.file, names)
 
 
-class ScoreCard:
-    """Runs of laws along references, with the scores of each law."""
+@dataclass(frozen=True, repr=False)
+class ControlComparison(Viewed):
+    """Simulated comparison of laws, as its folder holds it.
 
+    Attributes
+    ----------
+    folder : Path
+    drive : str
+        Name of the drive.
+    references : dict
+        Name -> text.
+    setup, mismatch, spread : str
+        Names. An empty one: the drive is as described, and each run has its own seed.
+    count : int
+        Seeds, or members of the spread, of each law along each reference.
+    about : dict
+        All of ``comparison.json``: the gains and the assumed drive of each law, and the request.
+    runs : tuple of ControlledRun
+        As long as the comparison is not finished those that are done, without their true values.
+    """
+
+    folder: Path
+    drive: str
+    references: dict[str, str]
+    setup: str
+    mismatch: str
+    spread: str
+    count: int
+    about: dict[str, Any]
     runs: tuple[ControlledRun, ...]
 
     @property
     def laws(self) -> list[str]:
         """Names of the laws."""
-        return list(dict.fromkeys(run.law for run in self.runs))
+        return list(self.about["laws"])
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all runs are done."""
+        return (self.folder / TABLE).is_file()
+
+    @property
+    def truth(self) -> dict[str, tuple[float, float]]:
+        """Least and largest value of each deviation of the true drive."""
+        each: dict[str, list[float]] = {}
+        for run in self.runs:
+            for name, value in run.truth.items():
+                each.setdefault(name, []).append(value)
+        return {name: (min(values), max(values)) for name, values in each.items()}
 
     def of(self, law: str, along: str) -> list[ControlledRun]:
         """Return the runs of a law along a reference, by seed."""
@@ -102,53 +142,61 @@ class ScoreCard:
         low, high = found[math.floor(place)], found[math.ceil(place)]
         return low if low == high else low + (place - math.floor(place)) * (high - low)
 
-    def rows(self, along: str) -> list[tuple[str, ...]]:
-        """Return a row for each law: its name and the medians, with units."""
-        return [
-            (law, *(written(name, self.middle(law, along, name)) for name in SHOWN), self._lost(law, along))
-            for law in self.laws
-        ]
-
-    def spread_rows(self, along: str) -> list[tuple[str, ...]]:
-        """Return a row for each law: its name, and quantiles (50, 95 and 100 %) of the measures of a spread."""
-        return [
-            (
-                law,
-                *(
-                    " / ".join(written(name, self.within(law, along, name, share)) or "-" for share in SHARES)
-                    for name in SPREAD_SHOWN
-                ),
-                self._lost(law, along),
-            )
-            for law in self.laws
-        ]
-
-    def table(self, along: str, *, spread: bool, only: Collection[str] = ()) -> tuple[list[str], list[tuple[str, ...]]]:
-        """Return head and rows: quantiles over a spread, or medians without empty columns.
-
-        Parameters
-        ----------
-        along : str
-        spread : bool
-        only : collection of str
-            Measures of the medians; default: all.
-        """
-        if spread:
-            return ["law", *(SHOWN[name][0] for name in SPREAD_SHOWN), "lost"], self.spread_rows(along)
-        heads, rows = ["law", *(title for title, *_ in SHOWN.values()), "lost"], self.rows(along)
-        wanted = (1 + list(SHOWN).index(name) for name in only or SHOWN)
-        kept = [0, *(k for k in (*wanted, len(heads) - 1) if any(row[k] for row in rows))]
-        return [heads[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
-
     def best(self, along: str, measure: str = "max_error_m") -> str | None:
         """Return the law with the smallest measure along a reference; None where each law failed."""
         errors = {law: self.middle(law, along, measure) for law in self.laws}
         known = {law: error for law, error in errors.items() if error is not None}
         return min(known, key=lambda law: known[law]) if known else None
 
-    def _lost(self, law: str, along: str) -> str:
-        lost = sum(run.score is None or run.score.lost for run in self.of(law, along))
-        return f"{lost} of {len(self.of(law, along))}" if lost else ""
+    def lost(self, law: str, along: str) -> int:
+        """Return the number of runs that failed or were lost."""
+        return sum(run.score is None or run.score.lost for run in self.of(law, along))
+
+    def values(self, along: str, measures: Collection[str] = ()) -> list[ShownValue]:
+        """Return the measures that apply to a reference for each law: medians, or 50, 95 and 100 % of a spread.
+
+        Parameters
+        ----------
+        along : str
+        measures : collection of str
+            Default: all, and of a spread those in `SPREAD_SHOWN`.
+        """
+        shares = SHARES if self.spread else SHARES[:1]
+        label = along if len(along) <= LONGEST_NAME else f"reference {list(self.references).index(along) + 1}"
+        out = []
+        for name in SPREAD_SHOWN if self.spread else measures or SHOWN:
+            cells = {
+                law: [written(name, self.within(law, along, name, share)) for share in shares] for law in self.laws
+            }
+            if any(map(any, cells.values())):
+                texts = (
+                    (law, " / ".join(cell or "-" * (len(shares) > 1) for cell in each)) for law, each in cells.items()
+                )
+                out += [
+                    ShownValue(f"{along}.{law}.{name}", f"{label}: {SHOWN[name][0]}", law, text) for law, text in texts
+                ]
+        lost = {law: (self.lost(law, along), len(self.of(law, along))) for law in self.laws}
+        texts = ((law, f"{count} of {total}" if count else "") for law, (count, total) in lost.items())
+        rows = [ShownValue(f"{along}.{law}.lost", f"{label}: lost", law, text) for law, text in texts]
+        return out + (rows if any(count for count, _ in lost.values()) else [])
+
+    def view(self) -> View:
+        """Return the best law along each reference, the measures of all laws, their tracks, and the true drive."""
+        return upper("controllers_view")(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the score and true values of each run as CSV or Parquet: a row for each law, reference and seed.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        import polars as pl
+
+        rows = [row_of(run, self.references[run.reference]) for run in self.runs]
+        write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
+        return Path(path)
 
 
 def told(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
@@ -193,71 +241,16 @@ def begin(folder: Path, about: Mapping[str, Any]) -> None:
         raise CommandError(f"{path} cannot be written", value=str(error)) from None
 
 
-def row_of(run: ControlledRun, reference: Reference) -> dict[str, Any]:
+def row_of(run: ControlledRun, reference: str) -> dict[str, Any]:
     """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, true values."""
     names = [one.name for one in fields(Score)]
-    row: dict[str, Any] = {"law": run.law, "reference": reference.text, "seed": run.seed, "reason": run.reason}
+    row: dict[str, Any] = {"law": run.law, "reference": reference, "seed": run.seed, "reason": run.reason}
     row |= dict.fromkeys(names) if run.score is None else run.score.to_dict()
     row["run"] = run.file.name if run.file.is_file() else None
     return row | {f"{_TRUE}{name}": value for name, value in run.truth.items()}
 
 
-@dataclass(frozen=True, repr=False)
-class StoredComparison(ScoreCard, Shown):
-    """Simulated comparison of laws, as stored in its folder.
-
-    Attributes
-    ----------
-    folder : Path
-    drive : str
-        Name of the drive.
-    references : dict
-        Name -> text.
-    setup, mismatch, spread : str
-        Names.
-    count : int
-        Seeds, or members of the spread, of each law along each reference.
-    about : dict
-        All of ``comparison.json``: what the laws were told, what was asked for.
-    runs : tuple of ControlledRun
-        As long as the comparison is not finished those that are done, without what was true.
-    """
-
-    folder: Path
-    drive: str
-    references: dict[str, str]
-    setup: str
-    mismatch: str
-    spread: str
-    count: int
-    about: dict[str, Any]
-    runs: tuple[ControlledRun, ...]
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether all runs are done."""
-        return (self.folder / TABLE).is_file()
-
-    def view(self) -> View:
-        """Return the medians of each controller along each reference."""
-        rows = [
-            ShownValue(f"{along}.{law}.{name}", f"{law} along {along}", title, written(name, value))
-            for along in self.references
-            for law in self.laws
-            for name, (title, *_) in SHOWN.items()
-            if (value := self.middle(law, along, name)) is not None
-        ]
-        return View(f"Controllers of {self.drive}, {len(self.runs)} simulated runs", tuple(rows))
-
-    def _card(self) -> Card:
-        rows = [
-            (law, *(written("max_error_m", self.middle(law, one, "max_error_m")) for one in self.references))
-            for law in self.laws
-        ]
-        return Card(f"{self.drive}, largest error, median, simulated", ("", *self.references), rows)
-
-
-def read_comparison(folder: str | Path) -> StoredComparison:
+def read_comparison(folder: str | Path) -> ControlComparison:
     """Read the folder of a comparison that `compare` made.
 
     Parameters
@@ -292,7 +285,7 @@ def read_comparison(folder: str | Path) -> StoredComparison:
             raise TypeError("laws or plant")
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise CommandError(f"{path} is damaged", value=str(error), remedy="Run the comparison again.") from None
-    return StoredComparison(place, runs=runs, **asked)
+    return ControlComparison(place, runs=runs, **asked)
 
 
 def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, ...]:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
@@ -16,26 +16,14 @@ from pneudrive.control.loop import RTOL, Prepared, prepare, whole_number
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, reference, standard_references
-from pneudrive.control.results.card import (
-    SCORES,
-    SO_FAR,
-    TABLE,
-    ControlledRun,
-    ScoreCard,
-    begin,
-    row_of,
-    tell,
-    told,
-)
-from pneudrive.control.results.measures import written
+from pneudrive.control.results import card
+from pneudrive.control.results.card import ControlComparison, ControlledRun
 from pneudrive.control.results.store import Store, key_of, mark_of
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.tuning import Tuning, alone, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError
-from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.repr_tables import Card, Shown
-from pneudrive.simulation.trajectory import write_frame
+from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -51,74 +39,6 @@ if TYPE_CHECKING:
 MOST_SEEDS = 100_000
 MEMBERS = 200  # members of a spread by default
 SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
-
-
-@dataclass(frozen=True, repr=False)
-class ControlComparison(ScoreCard, Shown):
-    """Simulated comparison of laws.
-
-    Attributes
-    ----------
-    drive : str
-        Name of the drive.
-    tunings : dict
-        Name of a law -> `Tuning`.
-    references : dict
-        Name -> `Reference`.
-    setup : Setup
-    setup_name : str
-    runs : tuple of ControlledRun
-    mismatch, spread : str
-        Name of how the drive differs from its description, and of the spread of its members; empty: it does not.
-    """
-
-    drive: str
-    tunings: dict[str, Tuning]
-    references: dict[str, Reference]
-    setup: Setup
-    setup_name: str
-    runs: tuple[ControlledRun, ...]
-    mismatch: str = ""
-    spread: str = ""
-
-    def save(self, path: str | Path) -> Path:
-        """Write the score and true values of each run as CSV or Parquet: a row for each law, reference and seed.
-
-        Raises
-        ------
-        CommandError
-            The file cannot be written.
-        """
-        import polars as pl
-
-        rows = [row_of(run, self.references[run.reference]) for run in self.runs]
-        write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
-        return Path(path)
-
-    def about(self, count: int, rtol: float) -> dict[str, Any]:
-        """Return the description of the comparison for its folder.
-
-        Parameters
-        ----------
-        count : int
-            Number of seeds or members.
-        rtol : float
-        """
-        about = {"drive": self.drive, "setup": self.setup_name, "setup_about": self.setup.about}
-        about |= {"mismatch": self.mismatch, "spread": self.spread, "count": count, "rtol": rtol}
-        about |= {"references": {along: one.text for along, one in self.references.items()}, **told(self.tunings)}
-        missed = {
-            along: one.points_missed_m for along, one in self.references.items() if one.points_missed_m is not None
-        }
-        return about | ({"points_missed_m": missed} if missed else {})
-
-    def _card(self) -> Card:
-        head = ("", *self.references)
-        shown = "max_error_m"
-        rows = [
-            (law, *(written(shown, self.middle(law, one, shown)) for one in self.references)) for law in self.tunings
-        ]
-        return Card(f"{self.drive}, largest error, median of the seeds, simulated", head, rows)
 
 
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
@@ -160,6 +80,7 @@ def benchmark(
     allow_code: str | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
+    named: str = "",
 ) -> ControlComparison:
     """Run laws along references with several seeds, and score them.
 
@@ -199,6 +120,8 @@ def benchmark(
         SHA-256 of the file of a law of one's own that only a controller's file names.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
+    named : str
+        Name of the drive on a command line. The folder stores it, so that the command can be repeated.
 
     Raises
     ------
@@ -207,76 +130,53 @@ def benchmark(
     Cancelled
         `cancel` was set; finished runs are kept.
     """
-    of: dict[str, Any] = {"mismatch": mismatch, "spread": spread, "members": members, "threads": threads}
-    of |= {"out": out, "seeds": seeds, "setup": setup, "believes": believes, "keep_runs": keep_runs, "rtol": rtol}
-    of["allow_code"] = allow_code
-    return compare_watched(drive, laws, references, **of, watch=Watch(progress, cancel))
-
-
-def compare_watched(
-    drive: Drive | Circuit,
-    asked_laws: str | object | Sequence[str | Path | Tuning | object],
-    references: References,
-    *,
-    out: str | Path,
-    seeds: int = 5,
-    setup: Setup | str | Path = "real",
-    believes: Drive | Circuit | None = None,
-    mismatch: Mismatch | str | Path | None = None,
-    spread: Mismatch | str | Path | None = None,
-    members: int | None = None,
-    threads: int | None = None,
-    keep_runs: bool | None = None,
-    rtol: float = RTOL,
-    allow_code: str | None = None,
-    named: str = "",
-    watch: Watch = UNWATCHED,
-) -> ControlComparison:
-    """Compare, and report progress to a watch. Arguments and errors are those of `compare`.
-
-    `named` is the drive's name on a command line. The folder stores it, so that the command can be repeated.
-    """
     folder, own = _folder(out), _spread(spread, mismatch)
     count = _count(seeds, members, is_spread=own is not None)
     read, name = read_setup(setup)
-    tunings = _tunings(drive, asked_laws, {"setup": read, "believes": believes, "allow_code": allow_code})
+    tunings = _tunings(drive, laws, {"setup": read, "believes": believes, "allow_code": allow_code})
     at_once = _threads(threads, tunings)
     to_follow = _references(drive if believes is None else believes, references)
     prepared = {
-        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol, mismatch=mismatch)
+        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol, mismatch=mismatch)._replace(
+            setup_name=name
+        )
         for law, tuning in tunings.items()
         for along, one in to_follow.items()
     }
-    prepared = {of: one._replace(setup_name=name) for of, one in prepared.items()}
-    keeps = own is None if keep_runs is None else keep_runs
-    store = Store.of(folder, keeps=keeps, mark=mark_of(folder, tunings))
-    first = next(iter(prepared.values()))
-    truths = _truths(first, own)
-    made = ControlComparison(drive.name, tunings, to_follow, read, name, (), first.mismatch, own[1] if own else "")
+    store = Store.of(folder, keeps=own is None if keep_runs is None else keep_runs, mark=mark_of(folder, tunings))
+    truths = _truths(first := next(iter(prepared.values())), own)
     keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
-    about = made.about(count, rtol) | {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
-    asked = {"drive": named, "laws": asked_laws, "references": references, "setup": setup, "mismatch": mismatch}
+    about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
+    about |= {"spread": own[1] if own else "", "count": count, "rtol": rtol, **_references_told(to_follow)}
+    about |= card.told(tunings) | {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
+    asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
-    begin(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
+    card.begin(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
 
-    (folder / SO_FAR).unlink(missing_ok=True)
+    (folder / card.SO_FAR).unlink(missing_ok=True)
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
 
-    def one_of(asked: tuple[str, str, int]) -> ControlledRun:
-        law, along, seed = asked
+    def one_of(law: str, along: str, seed: int) -> ControlledRun:
         run = store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
         with store.lock:
-            tell(folder, run)
+            card.tell(folder, run)
         return run
 
-    found = dict(zip(each, _on_threads(one_of, each, at_once, watch), strict=True))
+    found = dict(zip(each, _on_threads(one_of, each, at_once, Watch(progress, cancel)), strict=True))
     runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
-    made = replace(made, runs=runs)
-    for table in (SCORES, TABLE):
+    made = replace(card.read_comparison(folder), runs=runs)
+    for table in (card.SCORES, card.TABLE):
         made.save(folder / table)
-    (folder / SO_FAR).unlink(missing_ok=True)
+    (folder / card.SO_FAR).unlink(missing_ok=True)
     return made
+
+
+def _references_told(references: Mapping[str, Reference]) -> dict[str, Any]:
+    """Return the texts of the references, and how far those that were made of points miss their points."""
+    missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
+    texts = {along: one.text for along, one in references.items()}
+    return {"references": texts} | ({"points_missed_m": missed} if missed else {})
 
 
 def _threads(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
@@ -325,14 +225,14 @@ def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[i
 
 
 def _on_threads(
-    call: Callable[[tuple[str, str, int]], ControlledRun],
+    call: Callable[[str, str, int], ControlledRun],
     asked: Sequence[tuple[str, str, int]],
     threads: int,
     watch: Watch,
 ) -> Iterator[ControlledRun]:
     """Yield the runs in the order of their requests. After a failure, runs that have not begun are dropped."""
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(call, one) for one in asked]
+        futures = [pool.submit(call, *one) for one in asked]
         try:
             yield from (future.result() for future in watch.each(futures, "runs"))
         finally:
@@ -341,20 +241,20 @@ def _on_threads(
 
 
 def _tunings(
-    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], told: dict[str, Any]
+    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], options: dict[str, Any]
 ) -> dict[str, Tuning]:
     each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}
     for one in each:
         if isinstance(one, Tuning):
-            name, tuning = one.law, alone(one, believes=told["believes"])
+            name, tuning = one.law, alone(one, believes=options["believes"])
         elif is_own(one):
-            tuning = tune(drive, one, **told)
+            tuning = tune(drive, one, **options)
             name = tuning.law
         elif str(one).endswith(".toml"):
-            name, tuning = Path(str(one)).stem, tune(drive, controller=str(one), **told)
+            name, tuning = Path(str(one)).stem, tune(drive, controller=str(one), **options)
         else:
-            name, tuning = str(one), tune(drive, str(one), **told)
+            name, tuning = str(one), tune(drive, str(one), **options)
         if name in out:
             raise CommandError(f"two laws are called {name}", remedy="Keep one of them, or rename its file.")
         out[name] = tuning

@@ -12,11 +12,11 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import attributes
+from pneudrive.views import VALUE, Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -35,7 +35,7 @@ LOST_M = 0.02  # a run with a larger error is lost
 
 
 @dataclass(frozen=True, repr=False)
-class Score(Shown):
+class Score(Viewed):
     """Score of a run; error is reference less position. None if the measure does not apply to the reference.
 
     Inf if an event never occurs.
@@ -104,14 +104,9 @@ class Score(Shown):
         """Return all measures by name."""
         return asdict(self)
 
-    def rows(self) -> list[tuple[str, str]]:
-        """Return title and value with unit of each applicable measure, and whether the run is lost."""
-        rows = [(title, written(name, getattr(self, name))) for name, (title, *_) in SHOWN.items()]
-        lost = [("lost", f"yes: an error exceeded {1e3 * LOST_M:g} mm")] if self.lost else []
-        return [row for row in rows if row[1]] + lost
-
-    def _card(self) -> Card:
-        return Card("score, simulated", rows=self.rows())
+    def view(self) -> View:
+        """Return the applicable measures, as text with their units."""
+        return view_of_score({"score": self.to_dict()})
 
 
 #: Measure -> its title in tables, factor to the unit of tables, that unit.
@@ -156,6 +151,54 @@ def written(name: str, value: float | None) -> str:
     if factor * value >= THOUSAND and unit in _LARGER:
         factor, unit = factor / THOUSAND, _LARGER[unit]
     return f"{factor * value:.3g} {unit}"
+
+
+#: Measures that decide on a run.
+LEADING = ("rmse_m", "max_error_m", "settling_100_um_s", "rest_error_m", "air_anr_m3_s")
+
+
+def view_of_score(about: Mapping[str, Any]) -> View:
+    """Return the score and the events of a run under control from its provenance, without figures."""
+    score = Score(**about["score"])
+    texts = {name: written(name, getattr(score, name)) for name in SHOWN}
+    values = {name: ShownValue(name, SHOWN[name][0], VALUE, text) for name, text in texts.items() if text}
+    findings = [Finding(f"Lost: an error exceeded {1e3 * LOST_M:g} mm.", "bad")] if score.lost else []
+    if "law_failure" in about:
+        findings.append(Finding(f"{about['law_failure']} Another law took over.", "bad"))
+    return View(
+        run_title(about) if "law" in about else "Score, simulated",
+        tuple(values.values()),
+        state="bad" if findings else "open" if about.get("events") else "good",
+        leading=tuple(
+            LeadingValue(values[name], state="bad" if score.lost and name == "max_error_m" else "good")
+            for name in LEADING
+            if name in values
+        ),
+        findings=tuple(findings),
+        tables=tuple(event_table(about.get("events") or ())),
+    )
+
+
+def run_title(about: Mapping[str, Any]) -> str:
+    """Return a headline: law, drive, reference, setup and seed of a run under control."""
+    model = f", told of {about['model']}," if about.get("model") else ""
+    loaded = f", payload {about['payload']}" if about.get("payload") else ""
+    named = f"{about['law']}{model} on {about['title']} along {about['reference']}"
+    return f"{named}, setup {about['setup']}, seed {about['seed']}{loaded}, simulated"
+
+
+def event_table(events: Iterable[Mapping[str, Any]]) -> Iterator[ShownTable]:
+    """Yield the table of the events of a run, with the leg of a platform; none without events."""
+    rows = [
+        (
+            f"{event['time_s']:.3f} s",
+            f"{event['leg']}, {event['kind']}" if "leg" in event else event["kind"],
+            f"{event['text']} {event['value']:.4g} {'' if event['unit'] == '1' else event['unit']}".rstrip(),
+        )
+        for event in events
+    ]
+    if rows:
+        yield ShownTable("Events.", ("time", "event", "meaning"), tuple(rows))
 
 
 def score(run: xr.Dataset) -> Score:

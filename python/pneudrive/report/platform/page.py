@@ -14,10 +14,11 @@ from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
-from pneudrive.report.page import PageTable, Picture, Report, Section
+from pneudrive.report.page import Report, view_section
 from pneudrive.report.platform.scene import FONT, LOOKS, platform_scene
 from pneudrive.report.render import draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
+from pneudrive.views import ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -43,7 +44,6 @@ SHORTEST_S, LONGEST_S = 2.0, 20.0
 ROW_IN = 1.35  # height of a row of panels
 MOST_POSES = 400  # of a path
 MOST_SAMPLES = 4000  # of a curve
-RANGE_HEAD = ("", "quantity", "least", "most")
 #: Panels of legs: label, and the form of its columns.
 LEG_PANELS = (
     ("position / mm", "{leg}.position_m"),
@@ -224,31 +224,62 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
         The run has no column of this platform, or the file cannot be written.
     """
     target = check_target(path, (".html",))
-    time = columns["time_s"]
-    lines = [f"{len(time)} samples from {time[0]:g} s to {time[-1]:g} s."]
-    report = Report(f"Run of {platform.name}", lines, [platform_section(platform, columns)], synthetic=True)
+    part = view_section("platform", platform_run_view(platform, columns))
+    report = Report(f"Run of {platform.name}", [], [part], synthetic=True)
     with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")
     return target
 
 
-def run_ranges(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, str, str, str]]:
-    """Return name, quantity, least and largest value of each curve of a run with its outputs."""
-    rows = []
-    for label, each in _panels(platform, columns):
+def platform_view(platform: Platform) -> View:
+    """Return strokes and loads of the legs at half strokes, the limits of each coordinate, and the drawing."""
+    home, limits = platform.home, platform.workspace()
+    legs = zip(platform.legs, platform.inverse(home), platform.load(home), strict=True)
+    rows = [
+        ShownValue(f"{leg.name}.{name}", leg.name, name, text)
+        for leg, x, force in legs
+        for name, text in (
+            ("position", f"{1e3 * x:.4g} mm"),
+            ("stroke", f"{1e3 * leg.stroke_m:.4g} mm"),
+            ("load", f"{force:.4g} N"),
+        )
+    ]
+    table = []
+    for k, (key, both) in enumerate(limits.limits.items()):
+        poses, ends = np.array([home, home]), []
+        for pose, limit in zip(poses, both, strict=True):
+            pose[k] = limit.value
+            ends += [platform.text(pose).split(", ")[k].partition(" = ")[2], limit.reason]
+        least = float(platform.singular_values(poses)[:, -1].min())
+        table.append((key, *ends, f"{least:.3g}", f"{float(abs(platform.load(poses)).max()):.4g}"))
+    values = ", ".join(f"{value:.4g}" for value in platform.singular_values(home))
+    head = ("coordinate", "from", "limited by", "to", "limited by", "singular value", "largest load N")
+    caption = "One coordinate moves at a time, the others stay at half strokes. Loads hold the platform at rest."
+    scene = platform_scene(platform, np.atleast_2d(home))
+    picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", _paper(scene, -1))
+    return View(
+        f"{platform.name}: {platform.text(home)}, with every leg at half of its stroke",
+        tuple(rows),
+        notes=(f"singular values, without unit: {values}",),
+        tables=(ShownTable(caption, head, tuple(table)),),
+        figures=(picture,),
+    )
+
+
+def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
+    """Return the ranges of the curves of a run, the drawing at its end, and its curves."""
+    found = {**columns, **platform_outputs(platform, columns)}
+    rows, time = [], columns["time_s"]
+    for label, each in _panels(platform, found):
         for name, curve in each.items():
             ends = (round(float(end), 6) + 0.0 for end in Axis(label).shown((curve.min(), curve.max())))
             rows.append((name, label, *(f"{end:.4g}" for end in ends)))
-    return rows
-
-
-def platform_section(platform: Platform, columns: Mapping[str, Array]) -> Section:
-    """Return the drawing of a run, its curves, and the range of each."""
-    found = {**columns, **platform_outputs(platform, columns)}
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
-    picture = Picture(platform.name, caption, run_figure(platform, found))
-    table = PageTable(RANGE_HEAD, tuple(run_ranges(platform, found)), "Ranges of the run", numbers_from=2)
-    return Section("platform", f"Platform {platform.name}", (picture, table))
+    return View(
+        f"Platform {platform.name}, {len(time)} samples to {time[-1]:g} s",
+        tables=(ShownTable("Ranges of the run.", ("", "quantity", "least", "most"), tuple(rows)),),
+        figures=(ShownFigure(platform.name, caption, run_figure(platform, found)),),
+    )
 
 
 def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, dict[str, Array]]]:

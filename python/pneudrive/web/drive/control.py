@@ -15,7 +15,7 @@ from pneudrive.control.controller import Controller
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
-from pneudrive.control.results.card import StoredComparison, read_comparison
+from pneudrive.control.results.card import ControlComparison, read_comparison
 from pneudrive.control.results.comparison import standard
 from pneudrive.control.results.measures import SHOWN, Score, written
 from pneudrive.control.setup import ready_setups
@@ -23,6 +23,7 @@ from pneudrive.control.tuning import laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch
+from pneudrive.views import View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
@@ -362,12 +363,8 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
         with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
             job = _job(card.about["asked"], workspace, path, is_new=False)
     told = card.about["laws"]
-    true: dict[str, list[float]] = {}
-    for run in card.runs:
-        for name, value in run.truth.items():
-            true.setdefault(name, []).append(value)
     failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
-    tables = {track: card.table(track, spread=False) for track in card.references} if card.is_finished else {}
+    tables = {track: View("", tuple(card.values(track))).table() for track in card.references if card.is_finished}
     return {
         **{key: getattr(card, key) for key in ("drive", "mismatch", "spread", "count")},
         "setup": [card.setup, str(card.about.get("setup_about", ""))],
@@ -391,14 +388,16 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
         "tables": {track: {"heads": heads, "rows": rows} for track, (heads, rows) in tables.items()},
         "told": told,
         "plant": card.about["plant"],
-        "true": [{"name": name, "least": f"{min(of):.4g}", "largest": f"{max(of):.4g}"} for name, of in true.items()],
+        "true": [
+            {"name": name, "least": f"{low:.4g}", "largest": f"{high:.4g}"} for name, (low, high) in card.truth.items()
+        ],
         "failed": failed[:20],
         "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
         "python": job.python if job else f"import pneudrive as pn\n\ncard = pn.control.read_comparison({path!r})\n",
     }
 
 
-def _cell(card: StoredComparison, law: str, track: str, measure: str) -> dict[str, Any]:
+def _cell(card: ControlComparison, law: str, track: str, measure: str) -> dict[str, Any]:
     """Return a measure of a controller along a reference: median, least and largest, or 95 and 100 % limits."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
     middle, *others = (card.within(law, track, measure, share) for share in shares)
@@ -409,7 +408,7 @@ def _cell(card: StoredComparison, law: str, track: str, measure: str) -> dict[st
         "range": [written(measure, other) for other in others],
         "value": number(middle),
         "best": card.best(track, measure) == law and number(middle) is not None,
-        "lost": sum(run.score is None or run.score.lost for run in card.of(law, track)),
+        "lost": card.lost(law, track),
     }
 
 

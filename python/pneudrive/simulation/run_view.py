@@ -1,0 +1,114 @@
+"""Values of a simulated run: strokes, impacts, gas, peak pressures, positions. Columns of the core need no NumPy."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pneudrive._core import Column
+from pneudrive.constants import ANR_DENSITY_KG_M3
+from pneudrive.errors import is_severe
+from pneudrive.simulation.trajectory import meaning
+from pneudrive.views import Finding, LeadingValue, ShownValue, View
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+
+#: Columns of the flow into a chamber, of a drive and of a circuit.
+_CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")
+LITRE = 1e-3  # m3
+MOST_STROKES = 2  # stroke times among the leading values
+
+
+def run_view(
+    columns: Mapping[str, Any], provenance: Mapping[str, Any], described: Drive | Circuit | None = None
+) -> View:
+    """Return the view of a run without its figures.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name of a column in a file -> array or `pneudrive._core.Column`, SI.
+    provenance : mapping
+        Attributes of the run; a run from a CSV file has none.
+    described : Drive or Circuit, optional
+        The one of the run: its gas, for the volume at the reference atmosphere (ANR). Default: air.
+    """
+    time, steps = columns["time_s"], (provenance.get("statistics") or {}).get("steps")
+    title = f"{provenance.get('title', 'run')}: {len(time)} samples to {time[-1]:g} s"
+    impacts: list[Mapping[str, Any]] = list(provenance.get("impacts") or ())
+    findings = [Finding(text, "bad" if is_severe(text) else "open") for text in provenance.get("warnings") or ()]
+    is_hazard = any(finding.state == "bad" for finding in findings)
+    flows = [values for name, values in columns.items() if _CHAMBER_FLOW.fullmatch(name)]
+    density = ANR_DENSITY_KG_M3 if described is None else described.gas.anr_density_kg_m3
+    litres = sum(_gained(time, flow) for flow in flows) / density / LITRE
+    air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} in, l ANR", litres)
+    peaks = list(_peaks(columns))
+    begun = {number: _begun(provenance, impact) for number, impact in enumerate(impacts)}
+    of_stroke = {at: impacts[number] for number, at in reversed(begun.items()) if at is not None}
+    leading = [
+        ShownValue(
+            f"stroke time {number}", "run", f"stroke time, to the end of chamber {hit['end']}", hit["time_s"] - at, "s"
+        )
+        for number, (at, hit) in enumerate(sorted(of_stroke.items())[:MOST_STROKES], start=1)
+    ]
+    hardest = max((impact["energy_j"] for impact in impacts), default=None)
+    leading += [] if hardest is None else [ShownValue("hardest impact", "run", "hardest impact", hardest, "J")]
+    peak = max((float(each.value) for each in peaks), default=None)
+    leading += [] if peak is None else [ShownValue("peak pressure", "run", "peak pressure, absolute", peak, "Pa")]
+    return View(
+        title if steps is None else f"{title}, {steps} steps of the solver",
+        (*_positions(columns), *_impacts(impacts, begun), *peaks, air),
+        state="bad" if is_hazard else "good",
+        leading=tuple(
+            LeadingValue(value, state="bad" if is_hazard and value.key == "hardest impact" else "good")
+            for value in (*leading, *([air] if flows else []))
+        ),
+        findings=tuple(findings),
+    )
+
+
+def _begun(provenance: Mapping[str, Any], impact: Mapping[str, Any]) -> float | None:
+    """Return the time of the last step of the command before an impact, s."""
+    steps = (float(at) for at, _ in provenance.get("command_steps") or ())
+    return max((at for at in steps if at <= impact["time_s"]), default=None)
+
+
+def _positions(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
+    for column, x in columns.items():
+        if column.rpartition(".")[2] == "position_m":
+            label = meaning(column)[0]
+            for name, value in (("start", x[0]), ("end", x[-1]), ("lowest", x.min()), ("highest", x.max())):
+                yield ShownValue(f"{label}.{name}", label, name, f"{1e3 * value:.3f} mm")
+
+
+def _impacts(impacts: list[Mapping[str, Any]], begun: Mapping[int, float | None]) -> Iterator[ShownValue]:
+    for number, impact in enumerate(impacts):
+        label = f"impact {number + 1}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
+        at = begun[number]
+        values = {"end of chamber": (impact["end"], ""), "time": (impact["time_s"], "s")}
+        values |= {} if at is None else {"stroke time": (impact["time_s"] - at, "s")}
+        values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
+        values |= {"depth": (impact["depth_m"], "m"), "peak force": (impact["peak_force_n"], "N")}
+        for name, (value, unit) in values.items():
+            yield ShownValue(f"{label}.{name}", label, name, value, unit)
+
+
+def _peaks(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
+    for column, values in columns.items():
+        name, unit, _ = meaning(column)
+        if unit == "Pa":
+            yield ShownValue(f"{name}.peak", name, "peak pressure, absolute", float(values.max()), "Pa")
+
+
+def _gained(time: Any, flow: Any) -> float:  # noqa: ANN401 - array or column
+    """Return the integral of the positive part of a flow."""
+    if not isinstance(flow, Column):
+        import numpy as np
+
+        return float(np.trapezoid(np.maximum(flow, 0.0), time))
+    inward = [max(flow[k], 0.0) for k in range(len(flow))]
+    return sum(0.5 * (inward[k] + inward[k + 1]) * (time[k + 1] - time[k]) for k in range(len(flow) - 1))
