@@ -19,7 +19,7 @@ from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
-    from pneudrive import platforms, report, units
+    from pneudrive import platforms, report
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
     from pneudrive.ensemble import engine as samples
@@ -215,7 +215,7 @@ def sweep(
         if is_file:
             gathered.save(out)
             chunks.remove()
-        _show_members(gathered)
+        terminal.show_view(gathered.view())
     terminal.show_paths(out)
 
 
@@ -280,29 +280,6 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
                 remedy=nearest(column, known),
             )
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
-
-
-def _show_members(gathered: many.Members) -> None:
-    """Print how many members there are, and the spread of each output."""
-    import numpy as np
-
-    study, frame = gathered.study, gathered.frame
-    typer.echo(f"{study.variation.drive.name}: {frame.height} members, {gathered.failed} failed")
-    for member, reason in frame.filter(frame["status"] != 0).select("member", "reason").head(1).rows():
-        typer.echo(f"  member {member}: {reason}")
-    rows, notes = [], []
-    for output, values in zip(study.outputs, gathered.values, strict=True):
-        if values.ndim > 1:
-            continue
-        factor, unit = units.readable(output.unit)
-        finite = values[np.isfinite(values)]
-        quantiles = np.quantile(finite, [0.0, 0.05, 0.5, 0.95, 1.0]) if finite.size else ()
-        rows.append((output.name, unit, *([f"{x / factor:.5g}" for x in quantiles] or ["-"] * 5)))
-        if finite.size < values.size:
-            missing = f"{output.name} has no value in {values.size - finite.size} of {values.size} members"
-            notes.append(f"{missing}: its row is of the others")
-    terminal.show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)
-    typer.echo("".join(f"{note}\n" for note in notes), nl=False)
 
 
 def lines(

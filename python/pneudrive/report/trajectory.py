@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 WITHOUT = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
+MOST_SHOWN = 4000  # samples of a view
 ENDINGS = (*PICTURES, ".html")
 ABOUT_TUBES = (
     "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
@@ -98,10 +99,10 @@ def plot(
     return drawn(lambda: render(spec), path, ENDINGS, write)
 
 
-def over_time(run: xr.Dataset) -> Figure:
-    """Draw one panel for each kind of variable, on one time axis."""
+def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
+    """Draw one panel for each kind of variable, on one time axis, from at most `most` samples."""
     check_si(run)
-    part = thin(run.time, 20_000)
+    part = thin(run.time, most)
     time, panels = run.time.to_numpy()[part], []
     for label, variables in _panels(run):
         lines = [
@@ -143,7 +144,7 @@ def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> Vi
     about = attributes(run)
     if "score" in about:
         return view_of_controlled_run(run)
-    figure = ShownFigure("trajectory", f"{about.get('title') or 'Trajectory'}, simulated.", over_time(run))
+    figure = ShownFigure("trajectory", f"{about.get('title') or 'Trajectory'}, simulated.", over_time(run, MOST_SHOWN))
     return replace(run_view(columns(run), about, described), figures=(figure,))
 
 
