@@ -94,6 +94,7 @@ UPPER.update(
     campaign_view="pneudrive.report.campaign",
     comparison_view="pneudrive.report.comparison",
     plot_sizing="pneudrive.report.sizing",
+    sizing_view="pneudrive.report.sizing",
     write_sizing_report="pneudrive.report.sizing",
     with_platform_outputs="pneudrive.platforms.outputs",
     Reproduction="pneudrive.studies.bracha.reproduction",

@@ -240,7 +240,7 @@ def warn(message: str) -> None:
 
 def is_severe(finding: str) -> bool:
     """Return whether a finding endangers people, the machine or the order; the core marks its findings alike."""
-    return finding.startswith(SEVERE)
+    return finding.removeprefix("! ").startswith(SEVERE)
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

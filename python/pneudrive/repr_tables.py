@@ -171,7 +171,7 @@ def _short(card: Card) -> Card:
     notes = [*severe, *map(_cut, others[:MOST_NOTES])]
     if len(others) > MOST_NOTES:
         notes.append(f"... {len(others) - MOST_NOTES} more lines")
-    return Card(_cut(card.title), [_cut(text) for text in card.head], rows, notes)
+    return Card(" ".join(card.title.split()), [_cut(text) for text in card.head], rows, notes)
 
 
 def _cut(text: str) -> str:

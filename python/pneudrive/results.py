@@ -17,7 +17,7 @@ import polars as pl
 import xarray as xr
 
 from pneudrive.campaign.storage.folder import RIG
-from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_ATMOSPHERE_PA
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.control.results.card import ABOUT as BENCHMARK
 from pneudrive.control.results.card import read_comparison
 from pneudrive.describe.all_values import values_of
@@ -28,7 +28,6 @@ from pneudrive.describe.files.load import OF_A_CIRCUIT, load_described
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
-from pneudrive.files.content import read_json
 from pneudrive.files.csv_tables import csv_names
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
@@ -40,7 +39,7 @@ from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
-from pneudrive.sizing.result import SUMMARY, WRITTEN, in_words
+from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.units import in_unit, readable
 from pneudrive.units.table import TABLE
 from pneudrive.validate.validation import CHANNELS
@@ -53,15 +52,6 @@ if TYPE_CHECKING:
 
 #: Column -> kind of a table that has it.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
-#: Quantities of a sized drive in result.json -> words, factor from the stored number (SI, air in kg), unit.
-_SIZED = {
-    "time_out": ("time out", 1.0, "s"),
-    "time_back": ("time back", 1.0, "s"),
-    "end_speed": ("end speed", 1.0, "m/s"),
-    "energy": ("impact", 1.0, "J"),
-    "peak_pressure": ("peak pressure, absolute", 1.0, "Pa"),
-    "air": ("air of a cycle, l ANR", ANR_LITRES_PER_KG, ""),
-}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 SHOWN_PLACES = 5  # of a curve in a table
 SAME_PA = 1.0  # rounding of a pressure
@@ -75,7 +65,7 @@ class StoredResult(Shown):
     Attributes
     ----------
     kind : str
-        ``"sizing"``, ``"validation"`` or ``"characterisation"``.
+        ``"validation"`` or ``"characterisation"``.
     path : Path
     content : mapping
         All that is stored.
@@ -105,7 +95,7 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     -------
     object
         Drive, Circuit, Tank or Regulator; a fit of any kind; run, friction map or ensemble as `xarray.Dataset`;
-        evaluated campaign; comparison of controllers; sizing, validation and characterisation as `StoredResult`.
+        evaluated campaign; comparison of controllers; sizing; validation and characterisation as `StoredResult`.
 
     Raises
     ------
@@ -139,7 +129,7 @@ def _load_folder(path: Path) -> Any:  # noqa: ANN401
     if (path / BENCHMARK).is_file():
         return read_comparison(path)
     if (path / SUMMARY).is_file():
-        return StoredResult("sizing", path, read_json(path / SUMMARY, CommandError))
+        return SizingResult.load(path)
     if (path / "map.parquet").is_file():
         fits = {file.stem: read_fit(file) for file in sorted(path.glob("fit*.toml"))}
         return StoredResult("characterisation", path, {"map": read_map(path / "map.parquet"), "fits": fits})
@@ -193,19 +183,6 @@ def _dataset(frame: pl.DataFrame, attrs: dict[str, Any]) -> xr.Dataset:
     return xr.Dataset(variables, attrs=attrs)
 
 
-def _sizing_view(content: Mapping[str, Any]) -> View:
-    rows = []
-    for rank, drive in enumerate(content["ranked"][:WRITTEN], start=1):
-        label = f"rank {rank}"
-        rows.append(ShownValue(f"{label}.parts", label, "parts", in_words(drive["parts"])))
-        for key, (words, factor, unit) in _SIZED.items():
-            if drive.get(key) is not None:
-                rows.append(ShownValue(f"{label}.{words}", label, words, factor * float(drive[key]), unit))
-    ready = "" if content.get("ready") or not content["feasible"] else ", but a check is open"
-    answer = f"{'feasible' if content['feasible'] else 'not feasible'}{ready}"
-    return View(f"Sizing of {content['task']['name']}: {answer}", tuple(rows))
-
-
 def _validation_view(content: Mapping[str, Any]) -> View:
     rows = []
     for record, (column, title) in product(content["record"], CHANNELS.items()):
@@ -251,7 +228,7 @@ def _curve(
     return ShownCurve(label, label, x, y, *axes, band, np.ones(len(x), dtype=bool))
 
 
-_VIEWS = {"sizing": _sizing_view, "validation": _validation_view, "characterisation": _characterisation_view}
+_VIEWS = {"validation": _validation_view, "characterisation": _characterisation_view}
 
 
 def _ensemble_view(found: xr.Dataset) -> View:

@@ -137,10 +137,15 @@ def test_maps_and_fits_are_compared_with_their_bands(folder):
 
 
 def test_two_sizings_are_compared(tmp_path):
-    drive = {"parts": {"cylinder": "festo-dsbg-32-100", "valve": "smc-sy3000"}, "time_out": 0.2, "air": 1e-3}
+    parts = {"cylinder": "festo-dsbg-32-100", "valve": "smc-sy3000", "tube": "smc-tu0604", "flow_control": "none"}
+    task = {"name": "lift", "mass": "2 kg", "stroke": "100 mm", "time": "0.3 s", "supply": {"pressure": "6 bar gauge"}}
+    drive = {"parts": parts, "setting": {}, "draws": 16, "met": 16, "probability_bound": 0.8, "air": 1e-3}
+    drive |= {"time_out": 0.2, "time_back": 0.2, "end_speed": 0.5, "energy": 1.0, "peak_pressure": 7e5, "sizes": []}
+    drive |= {"margins": {"energy out": 0.5}, "worst": {"energy out": [1.0, 2.0, "J"]}, "measure": "", "explains": 0.0}
+    counts = dict.fromkeys(("enumerated", "left", "tuned"), 1) | {"pruned": {}, "complete": True}
     for name, time in (("a", 0.2), ("b", 0.25)):
         (tmp_path / name).mkdir()
-        content = {"task": {"name": "lift"}, "feasible": True, "ready": True, "ranked": [drive | {"time_out": time}]}
+        content = counts | {"task": task, "ranked": [drive | {"time_out": time}]}
         (tmp_path / name / "result.json").write_text(json.dumps(content))
     air = next(row for row in pn.load(tmp_path / "a").view().rows if row.quantity == "air of a cycle, l ANR")
     assert air.value == pytest.approx(1e-3 / 1.185 * 1e3)  # stored in kg

@@ -19,7 +19,6 @@ with used_later(__name__):
     from pneudrive.datasheet import registry, sheet
     from pneudrive.describe.files import load
     from pneudrive.report import datasheet as sheet_page
-    from pneudrive.report import sizing as sizing_page
     from pneudrive.simulation import trajectory
     from pneudrive.sizing import result as results
     from pneudrive.sizing import search
@@ -75,19 +74,11 @@ def size(
         draws=samples,
         draws_best=search.DRAWS_BEST_OF * samples,
         out=out,
-        provisional=lambda made: terminal.show_lines(results.sentences(made)[0]),
+        provisional=lambda made: terminal.show_lines(made.answer),
     )
-    sentences, first = results.sentences(found), 1 + len(found.open_checks)
-    terminal.show_lines(*sentences[:first])
-    best, parts = list(enumerate(found.by_cylinder[: results.WRITTEN], start=1)), results.PARTS
-    if best:
-        rows = [(str(rank), *results.row_of(drive)[parts:]) for rank, drive in best]
-        terminal.show_table(("", *results.HEAD[parts:]), rows)
-        terminal.show_lines(*(f"{rank:2d}  {' + '.join(d.parts.values())}; {results.set_to(d)}" for rank, d in best))
-        terminal.show_lines(f"The best of each cylinder; {len(found.ranked)} choices meet the task.")
-    terminal.show_lines(f"{found.task.name}: {found.state}", *sentences[first:])
+    terminal.show_view(found.view())
     if out is not None:
-        page = sizing_page.write_sizing_report(found, out)
+        page = found.report(out)
         tables = (out / name for name in (results.TABLE, results.SUMMARY, results.REASONS))
         terminal.show_paths(*sorted(out.glob("*.toml")), *tables, page)
     if found.interrupted:

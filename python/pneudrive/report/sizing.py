@@ -1,9 +1,10 @@
-"""Page of a sizing: candidates and their limits, the best one with its values, the task, and the command."""
+"""Sizing: its view, and its page with the values of the best choice, the task, and the command."""
 
 from __future__ import annotations
 
 import platform
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__
@@ -12,16 +13,17 @@ from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.page import Items, PageTable, Paragraph, Report
+from pneudrive.report.page import Items, Paragraph, Report, view_section
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
-from pneudrive.report.tables import plural
 from pneudrive.report.topics import Topic
-from pneudrive.sizing.choices import WITHOUT
-from pneudrive.sizing.result import HEAD, PARTS, READ, WRITTEN, row_of, sentences, set_to
+from pneudrive.sizing.checks import READ, read
+from pneudrive.sizing.result import WRITTEN, maker_type
+from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, follows_from
 from pneudrive.sizing.task import values_of as task_values
+from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -33,18 +35,87 @@ if TYPE_CHECKING:
     from pneudrive.sizing.checks import SizedDrive
     from pneudrive.sizing.result import SizingResult
 
-#: What is told of the best choice: words, figure, factor from SI, unit.
-FIGURES = (
-    ("time out", "time_out", 1.0, "s"),
-    ("time back", "time_back", 1.0, "s"),
+#: Quantities without a limit in the table of ranges: words, figure, factor from SI, unit.
+FREE = (
     ("end speed, the worse stroke", "end_speed", 1.0, "m/s"),
-    ("energy at the end, the worse stroke", "energy", 1.0, "J"),
     ("peak pressure", "peak_pressure", 1e-5, "bar abs"),
     ("air of a cycle", "air", ANR_LITRES_PER_KG, "l ANR"),
     ("load ratio out", "load_ratio_out", 100.0, "%"),
     ("load ratio back", "load_ratio_back", 100.0, "%"),
 )
 _KEY = re.compile(r"\[([\w-]+)\]")
+
+
+def sizing_view(found: SizingResult) -> View:
+    """Return answer, open checks with their remedies, candidates with their limits, and time over air."""
+    topic, best, cheaper = Topic("sizing", "candidates"), found.by_cylinder[:WRITTEN], found.cheaper[:WRITTEN]
+    is_open = found.feasible or (found.miss is None and bool(found.provisional))
+    ranking = ((str(place), drive.part_names, drive.needles) for place, drive in enumerate(best, 1))
+    missed = ((drive.part_names, f"{drive.air_litres_anr:.3g}", drive.missed) for drive in cheaper)
+    tables = (
+        ShownTable(topic.say("ranking"), ("", "parts", "settings"), tuple(ranking)),
+        _ranges(best or cheaper, Topic("sizing", "limits").say("table")),
+        ShownTable(topic.say("cheaper" if best else "nearest"), ("parts", "air l ANR", "misses"), tuple(missed)),
+    )
+    figure = ShownFigure("candidates", topic.texts["pictures"]["candidates"], candidate_figure(found))
+    return View(
+        found.answer,
+        tuple(value for place, drive in enumerate(best, 1) for value in drive_values(drive, place)),
+        state="good" if found.ready else "open" if is_open else "bad",
+        leading=tuple(_leading(found)),
+        findings=tuple(found.findings),
+        notes=tuple(found.remarks),
+        tables=tuple(table for table in tables if table.rows),
+        figures=(figure,) if found.simulated else (),
+    )
+
+
+def _leading(found: SizingResult) -> Iterator[LeadingValue]:
+    """Yield what the task limits, and the air, of the best choice."""
+    task, best = found.task, found.best
+    if best is None:
+        return
+    limits = {"time out": task.outward_s, "time back": task.back_s, "impact": best.worst["energy out"][1]}
+    values = {value.quantity: value for value in drive_values(best, 1)}
+    yield from (LeadingValue(values[name], limit) for name, limit in limits.items())
+    yield LeadingValue(values["air of a cycle, l ANR"])
+    yield LeadingValue(ShownValue("margin", "1", "margin", 100.0 * best.margin, "%"))
+
+
+def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
+    """Return the range of 98 % of the samples of each quantity of each choice, with limit and margin."""
+    names = dict.fromkeys(name for drive in shown for name in drive.worst)
+    rows = []
+    for name in names:
+        limits = {read(*drive.worst[name][1:]) for drive in shown if name in drive.worst}
+        common = limits.pop() if len(limits) == 1 else ""  # others stand in the cells
+        label = f"{name}, limit {common}" if common else name
+        rows.append((label, *(_against(drive, name, is_common=bool(common)) for drive in shown)))
+    for words, name, factor, unit in FREE:
+        ends = [_ends(drive, name, factor) for drive in shown]
+        if words not in names and any(ends):
+            rows.append((f"{words}, {unit}", *ends))
+    return ShownTable(
+        caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in enumerate(shown, 1))), tuple(rows)
+    )
+
+
+def _against(drive: SizedDrive, name: str, *, is_common: bool) -> str:
+    """Return the range of a value, its limit unless it is common to all choices, and its margin."""
+    if name not in drive.worst:
+        return "–"
+    value, limit, unit = drive.worst[name]
+    of = "" if is_common else f" of {read(limit, unit)}"
+    ends = _ends(drive, name, READ.get(unit, (1.0,))[0]) or read(value, unit)
+    return f"{ends}{of} ({100.0 * drive.margins[name]:.0f}\u00a0%)"
+
+
+def _ends(drive: SizedDrive, name: str, factor: float) -> str:
+    """Return the range of 98 % of the samples. Empty in folders of earlier versions."""
+    if name not in drive.intervals:
+        return ""
+    low, high = (f"{factor * end:.3g}" if end < float("inf") else "no end" for end in drive.intervals[name])
+    return f"{low} … {high}"
 
 
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> matplotlib.figure.Figure:
@@ -120,91 +191,14 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    parts = [_candidates(found), _limits(found), *_best(found), _task(found), _method(found), *_sources(found)]
-    return Report(f"{found.task.name}: sizing, simulated", _verdict(found), parts, synthetic=True).write(folder)
-
-
-def _verdict(found: SizingResult) -> list[str]:
-    """Return the answer in one sentence, its reasons, and the second-best choice."""
-    lines, cheaper = sentences(found), _cheaper(found)
-    if found.best is not None and cheaper:
-        first = cheaper[0]
-        said = f"{plural(len(cheaper), 'choice')} of less air missed a limit; {_called(first)}: {_missed(first)}."
-        lines.insert(-1 - len(found.notes), said)
-    return [f"{line[:1].upper()}{line[1:]}" for line in lines]
-
-
-def _ends(one: SizedDrive, name: str, factor: float) -> str:
-    """Return the range of 98 % of the samples. Empty in folders of earlier versions."""
-    if name not in one.intervals:
-        return ""
-    low, high = (f"{factor * end:.3g}" if end < float("inf") else "no end" for end in one.intervals[name])
-    return f"{low} … {high}"
-
-
-def _called(one: SizedDrive) -> str:
-    return " + ".join(name for name in one.parts.values() if name != WITHOUT)
-
-
-def _cheaper(found: SizingResult) -> list[SizedDrive]:
-    """Return the simulated choices that miss a limit and use less air than the best one, least air first."""
-    most = float("inf") if found.best is None else found.best.air
-    ranked = {one.name for one in found.ranked}
-    missed = (one for one in found.simulated if one.name not in ranked and one.air < most)
-    return sorted(missed, key=lambda one: one.air)
-
-
-def _missed(one: SizedDrive) -> str:
-    """Return the limits that a choice misses, and the amounts, in words."""
-    said = []
-    for name, (value, limit, unit) in one.worst.items():
-        if one.margins[name] < 0.0:
-            said.append(f"{name} {_read(value, unit)}, limit {_read(limit, unit)}")
-    return "; ".join(said) or f"{one.met} of {one.draws} draws keep all limits together"
-
-
-def _read(value: float, unit: str) -> str:
-    """Return a value, in SI, as a number. Infinite if the stroke does not end."""
-    factor, read = READ.get(unit, (1.0, unit))
-    return f"{factor * value:.3g} {read}" if value < float("inf") else "the stroke does not end"
-
-
-def _candidates(found: SizingResult) -> Section:
-    topic, cheaper = Topic("sizing", "candidates"), _cheaper(found)[:WRITTEN]
-    rows = [
-        (str(place), _called(one), *row_of(one)[PARTS:-1]) for place, one in enumerate(found.by_cylinder[:WRITTEN], 1)
-    ]
-    heads = ("", "parts", *HEAD[PARTS:-1])
-    lost = ((_called(one), f"{one.air_litres_anr:.3g}", _missed(one)) for one in cheaper)
-    what = topic.say("cheaper" if found.ranked else "nearest")
-    return topic.section(
-        topic.text(),
-        PageTable(heads, tuple(rows), topic.say("ranking"), numbers_from=2) if rows else None,
-        topic.table(lost, "missed", what=what) if cheaper else None,
-        topic.picture("candidates", candidate_figure(found)) if found.simulated else None,
+    topic, view = Topic("sizing", "candidates"), found.view()
+    notes = (topic.say(), Topic("sizing", "limits").say())
+    candidates = view_section(
+        "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     )
-
-
-def _limits(found: SizingResult) -> Section | None:
-    shown = [*found.by_cylinder[:WRITTEN], *(_cheaper(found)[:WRITTEN] if not found.ranked else ())]
-    if not shown:
-        return None
-    topic, names = Topic("sizing", "limits"), list(dict.fromkeys(name for one in shown for name in one.worst))
-    limits = {name: {_read(*one.worst[name][1:]) for one in shown if name in one.worst} for name in names}
-    common = {name: one.pop() for name, one in limits.items() if len(one) == 1}  # others stand in the cells
-    rows = tuple((_called(one), *(_against(one, name, name in common) for name in names), one.binding) for one in shown)
-    heads = [f"{name}, limit {common[name]}" if name in common else name for name in names]
-    return topic.section(topic.text(), PageTable(("parts", *heads, "binds"), rows, topic.say("table")))
-
-
-def _against(one: SizedDrive, name: str, is_common: bool) -> str:
-    """Return the range of a value, its limit unless it is common to all rows, and its margin."""
-    if name not in one.worst:
-        return "–"
-    value, limit, unit = one.worst[name]
-    factor, _ = READ.get(unit, (1.0, unit))
-    of = "" if is_common else f" of {_read(limit, unit)}"
-    return f"{_ends(one, name, factor) or _read(value, unit)}{of} ({100.0 * one.margins[name]:.0f}\u00a0%)"
+    parts = [candidates, *_best(found), _task(found), _method(found), *_sources(found)]
+    lines = [f"{line[:1].upper()}{line[1:]}" for line in found.sentences]
+    return Report(f"{found.task.name}: sizing, simulated", lines, parts, synthetic=True).write(folder)
 
 
 def _best(found: SizingResult) -> list[Section]:
@@ -219,16 +213,11 @@ def _best(found: SizingResult) -> list[Section]:
     ]
     named = {f"{key} = " for key, *_ in values}
     rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
-    said = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
-    figures = [(what, ends, unit) for what, name, factor, unit in FIGURES if (ends := _ends(best, name, factor))]
+    parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
     topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
+    drawing = topic.picture("circuit", draw_circuit(circuit), parts=best.part_names)
     return [
-        topic.section(
-            Items((*said, set_to(best))),
-            topic.picture("circuit", draw_circuit(circuit), parts=_called(best)),
-            topic.table(figures) if figures else None,
-            synthetic=False,
-        ),
+        topic.section(Items((*parts, best.needles)), drawing, synthetic=False),
         sourced.section(sourced.table(values), Items(rest), synthetic=False),
     ]
 
@@ -256,7 +245,7 @@ def _method(found: SizingResult) -> Section:
         options += f" --max-candidates {asked['most']}" if asked["most"] != MOST else ""
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
     return topic.section(
-        Items((sentences(found)[-1 - len(found.notes)], topic.say("moments"), topic.say("stroke"))),
+        Items((found.extent, topic.say("moments"), topic.say("stroke"))),
         topic.text(version=__version__, python=platform.python_version()),
         *(Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip())),
         synthetic=False,

@@ -15,7 +15,9 @@ import numpy as np
 from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
+from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.strokes import DRAWN
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -237,12 +239,17 @@ class MachineCheck(NamedTuple):
         """Whether the drive must not be ordered yet: the check is not kept, or not decided."""
         return self.is_kept is not True
 
-    def __str__(self) -> str:
-        state = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
+    @property
+    def finding(self) -> Finding:
+        """The check in words, with its remedies if it is open."""
+        kept = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
         value, limit = (f"{three(one)} {self.unit}" if one is not None else "" for one in self[1:3])
         limit = limit or ("of the machine" if self.is_kept else "not on the sheet")
-        line = f"{self.name}: {value}, limit {limit}: {state} ({self.rule})"
-        return f"{OPEN_CHECK}{line}. Remedy: {'; or '.join(self.remedies)}" if self.is_open else line
+        line = f"{self.name}: {value}, limit {limit}: {kept} ({self.rule})."
+        if not self.is_open:
+            return Finding(line)
+        state = "open" if self.is_kept is None else "bad"
+        return Finding(OPEN_CHECK + line, state, f"Remedy: {'; or '.join(self.remedies)}." if self.remedies else "")
 
 
 def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
@@ -339,6 +346,16 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
 
 # --- Simulation results of a choice of parts, over the spreads or from nominal runs, and the ranking key.
 
+#: Unit -> factor from SI, and unit in which people read it.
+READ = {"Pa": (1e-5, "bar abs")}
+
+
+def read(value: float, unit: str) -> str:
+    """Return a value, in SI, as a number. Infinite if the stroke does not end."""
+    factor, shown = READ.get(unit, (1.0, unit))
+    return f"{factor * value:.3g} {shown}" if value < math.inf else "the stroke does not end"
+
+
 #: Airs that differ by less than this factor rank by margin.
 SAME_AIR = 1.02
 
@@ -411,6 +428,26 @@ class SizedDrive:
     def name(self) -> str:
         """Names of its parts in one word."""
         return "+".join(self.parts.values())
+
+    @property
+    def part_names(self) -> str:
+        """Names of its parts, without empty slots."""
+        return " + ".join(name for name in self.parts.values() if name != WITHOUT)
+
+    @property
+    def needles(self) -> str:
+        """Settings of its needles, in words."""
+        closed = {name.replace("_", " "): share for name, share in self.setting.items() if share < 1.0}
+        shares = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in closed.items())
+        return f"needles: {shares} of fully open" if shares else "needles fully open"
+
+    @property
+    def missed(self) -> str:
+        """Limits that it misses, and the amounts, in words."""
+        missed = (name for name in self.worst if self.margins[name] < 0.0)
+        limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in missed)
+        said = "; ".join(f"{name} {value}, limit {limit}" for name, value, limit in limits)
+        return said or f"{self.met} of {self.draws} draws keep all limits together"
 
     @property
     def is_feasible(self) -> bool:

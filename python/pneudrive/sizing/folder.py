@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive import __version__
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
+from pneudrive.files.content import read_text
 from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
 from pneudrive.simulation.trajectory import whole
 from pneudrive.sizing.checks import SizedDrive
@@ -120,7 +121,7 @@ class SizingFolder:
             return
         found = []
         for line in lines.read_text("utf-8").splitlines():
-            one = read_choice(line)
+            one = _choice(line)
             if isinstance(one, SizedDrive):
                 self._of[one.name, one.draws] = one
             elif one is not None:
@@ -159,7 +160,27 @@ class SizingFolder:
             raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None
 
 
-def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
+def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
+    """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
+    simulated: dict[str, SizedDrive] = {}
+    short: set[str] = set()
+    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
+        one = _choice(line)
+        if isinstance(one, SizedDrive):
+            before = simulated.get(one.name)
+            simulated[one.name] = one if before is None or one.draws >= before.draws else before
+        elif one is not None and one[1].nominal < 0.0:
+            short.add(one[0])
+    return list(simulated.values()), len(short)
+
+
+def read_drive(content: dict[str, Any]) -> SizedDrive:
+    """Return a simulated drive from plain data; earlier versions wrote no intervals."""
+    changed = {name: {key: tuple(one) for key, one in content.get(name, {}).items()} for name in ("worst", "intervals")}
+    return SizedDrive(**content | changed | {"sizes": tuple(content["sizes"])})
+
+
+def _choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
     """Read a line: a drive that was simulated, or the name and settings of one that was tuned.
 
     None for an incomplete line, because the search was killed while writing it or is still writing it.
@@ -171,10 +192,7 @@ def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
             more = {key: one[key] for key in ("least", "air") if key in one}
             setting, times = Setting(*one["setting"]), tuple(one.get("times", ()))
             return one["name"], Tuned(setting, one["nominal"], (name, limit, value), **more, times=times)
-        one["worst"] = {name: tuple(each) for name, each in one["worst"].items()}
-        one["sizes"] = tuple(one["sizes"])
-        one["intervals"] = {name: tuple(ends) for name, ends in one.get("intervals", {}).items()}
-        return SizedDrive(**one)
+        return read_drive(one)
     except (ValueError, KeyError, TypeError):
         return None
 

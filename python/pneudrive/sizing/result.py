@@ -1,4 +1,4 @@
-"""Results of a sizing: the result of each choice of parts, the ranking, and the nearest miss."""
+"""Result of a sizing: its answer in words, open checks, the nearest miss, savings of air, and its folder."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pydantic import ValidationError
+
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.errors import NOT_READY
+from pneudrive.errors import NOT_READY, CommandError
+from pneudrive.files.content import read_json
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
-from pneudrive.sizing.checks import Provisional, SizedDrive
+from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
+from pneudrive.sizing.folder import LINES, read_choices, read_drive
 from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import Setting, circuit_of, cycle_s
+from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
+from pneudrive.views import Finding, ShownValue, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     import numpy as np
     from matplotlib.figure import Figure
@@ -30,22 +35,25 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
-    from pneudrive.sizing.checks import MachineCheck, Shortage
+    from pneudrive.sizing.checks import Shortage
     from pneudrive.sizing.strokes import DriveStrokes
-    from pneudrive.sizing.task import SizingTask
-
-
-# --- The answer to a task in one sentence, its air and energy in a year, and ways to save air.
+    from pneudrive.views import View
 
 #: Electricity for a cubic metre of air (ANR) at 6 to 8 bar gauge, kWh, lowest, usual, highest (assumed: screw
 #: compressors with 6 to 7.5 kW for a cubic metre in a minute, without leaks of the mains).
 KWH_PER_M3 = (0.10, 0.11, 0.125)
 LITRES_PER_M3 = 1e3
+#: Places of the ranking whose files are written.
+WRITTEN = 10
+TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
+#: Heads of the numbers in ranking.csv, in the order of `values_of`.
+RANKING = ("time out s", "back s", "end m/s", "energy J", "peak bar abs", "air l ANR")
+RANKING += ("met", "at least", "margin", "binds")
+#: Word in the name of a limit -> unit.
+_UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
 
 
-def named(parts: Mapping[str, str]) -> dict[str, str]:
-    """Return maker and type of the parts of a drive, without empty slots."""
-    return {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
+# --- A sized drive in words and values.
 
 
 def maker_type(name: str) -> str:
@@ -60,104 +68,37 @@ def maker_type(name: str) -> str:
     if name not in known:
         return name
     words = known[name].title.split()
-    last = next((place for place, word in enumerate(words) if any(map(str.isdigit, word))), len(words) - 1)
+    last = next((index for index, word in enumerate(words) if any(map(str.isdigit, word))), len(words) - 1)
     return " ".join(words[: last + 1]).rstrip(",")
 
 
 def in_words(parts: Mapping[str, str]) -> str:
     """Return the parts of a drive, in words."""
     words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
-    own = named(parts)
-    rest = [f"{word} {own[slot]}" for slot, word in words.items() if slot in own]
-    return f"{own['cylinder']} with " + ", ".join(rest)
-
-
-def sentence(
-    task: SizingTask, best: SizedDrive | None, checks: Sequence[MachineCheck], provisional: Sequence[Provisional]
-) -> str:
-    """Return the answer in one sentence.
-
-    Parameters
-    ----------
-    task : SizingTask
-    best : SizedDrive or None
-        The first of the ranking.
-    checks : sequence of MachineCheck
-        Its checks.
-    provisional : sequence of Provisional
-        Results of nominal runs, while there is no ranking; empty if nothing meets the task.
-    """
-    if best is not None:
-        figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
-        figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
-        figures.append(f"{three(best.air_litres_anr)} l ANR a cycle of {three(cycle_s(task))} s")
-        if task.end_speed_m_s is not None:
-            figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
-        figures.append(f"impact {three(best.energy)} of {three(best.worst['energy out'][1])} J")
-        figures[-1] += " (assumed limit)" if any(check.rule.startswith("assumed") for check in checks) else ""
-        figures.append(f"margin {three(100.0 * best.margin)} %")
-        first = f"; measure the {best.measure} first" if best.measure else ""
-        drive = f"{in_words(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
-        left = [check for check in checks if check.is_open]
-        number = "one check of the best choice is" if len(left) == 1 else f"{len(left)} checks of the best choice are"
-        return f"{NOT_READY}{number} open. {drive}" if left else f"Take {drive}"
-    if provisional:
-        one = provisional[0]
-        times = " s and ".join(map(three, one.times))
-        air = three(one.air * ANR_LITRES_PER_KG)
-        return (
-            f"Provisional, by nominal runs: {in_words(one.parts)}: {times} s out and back, "
-            f"{air} l ANR a cycle of {three(cycle_s(task))} s, "
-            f"margin {three(100.0 * one.margin)} %."
-        )
-    return "Nothing in the catalogue meets the task."
-
-
-def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
-    """Return air, energy and cost of a year, in words; empty if the task does not give the cycles per hour."""
-    if task.cycles_per_hour is None:
-        return []
-    cycles = task.cycles_per_hour * task.hours_per_year
-    low, high = drive.intervals.get("air", (drive.air, drive.air))
-    air = [one * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for one in (low, drive.air, high)]
-    energy = [volume * own for volume, own in zip(air, KWH_PER_M3, strict=True)]
-    said = (
-        f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
-        f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
+    titles = {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
+    return f"{titles['cylinder']} with " + ", ".join(
+        f"{words[slot]} {titles[slot]}" for slot in words if slot in titles
     )
-    if task.price_per_kwh is not None:
-        low_, usual, high_ = (three(one * task.price_per_kwh) for one in energy)
-        said += f"), {usual} {task.currency} ({low_} … {high_} {task.currency}"
-    said += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
-    return [said]
 
 
-def notes(most: int | None, interrupted: bool) -> list[str]:
-    """Return remarks on a search.
+def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
+    """Return the values of a drive at a place of the ranking, from 1."""
+    values = {
+        "time out": (drive.time_out, "s"),
+        "time back": (drive.time_back, "s"),
+        "end speed, m/s": (drive.end_speed, ""),
+        "impact": (drive.energy, "J"),
+        "peak pressure, absolute": (drive.peak_pressure, "Pa"),
+        "air of a cycle, l ANR": (drive.air_litres_anr, ""),
+        "met": (f"{drive.met} of {drive.draws}", ""),
+        "at least": (f"{drive.probability_bound:.4f}", ""),
+        "margin": (f"{100.0 * drive.margin:.0f} %", ""),
+        "binds": (drive.binding, ""),
+    }
+    return [ShownValue(f"rank {place}.{name}", str(place), name, *value) for name, value in values.items()]
 
-    Parameters
-    ----------
-    most : int or None
-        Tuned choices that ended it; None if it came to its end.
-    interrupted : bool
-    """
-    said = []
-    if interrupted:
-        said.append("The search was interrupted: the ranking is that of the results so far.")
-    elif most is not None:
-        more = f"--max-candidates {2 * most} (in Python: most={2 * most})"
-        said.append(f"The search ended after {most} tuned choices; other choices may rank before these: {more}.")
-    return said
 
-
-# --- Results of a sizing: the result of each choice of parts, the ranking, and the nearest miss.
-
-#: Places of the ranking whose files are written.
-WRITTEN = 10
-TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
-#: Limit -> factor from SI and unit in which people read it.
-_UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
-READ = {"Pa": (1e-5, "bar abs")}
+# --- The result.
 
 
 @dataclass(frozen=True)
@@ -182,7 +123,7 @@ class NearestMiss:
 
 
 @dataclass(frozen=True, repr=False)
-class SizingResult(Shown):
+class SizingResult(Viewed):
     """Result of `pneudrive.size`.
 
     Attributes
@@ -234,6 +175,9 @@ class SizingResult(Shown):
     notes: tuple[str, ...] = field(default=())
     asked: Mapping[str, int] = field(default_factory=dict)
 
+    #: Kind of the result in words.
+    kind = "sizing"
+
     @property
     def feasible(self) -> bool:
         """Whether any choice meets the limits of the task; see `ready`."""
@@ -265,18 +209,126 @@ class SizingResult(Shown):
     def by_cylinder(self) -> list[SizedDrive]:
         """Best drive of each cylinder, in the order of the ranking."""
         first: dict[str, SizedDrive] = {}
-        for one in self.ranked:
-            first.setdefault(one.parts["cylinder"], one)
+        for drive in self.ranked:
+            first.setdefault(drive.parts["cylinder"], drive)
         return list(first.values())
+
+    @property
+    def cheaper(self) -> list[SizedDrive]:
+        """Simulated choices that miss a limit and use less air than the best one, least air first."""
+        most, ranked = math.inf if self.best is None else self.best.air, {drive.name for drive in self.ranked}
+        missed = (drive for drive in self.simulated if drive.name not in ranked and drive.air < most)
+        return sorted(missed, key=lambda drive: drive.air)
+
+    @property
+    def answer(self) -> str:
+        """The answer in one sentence; provisional, by nominal runs, while there is no ranking."""
+        task, best = self.task, self.best
+        if best is not None:
+            figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
+            figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
+            figures.append(f"{three(best.air_litres_anr)} l ANR a cycle of {three(cycle_s(task))} s")
+            if task.end_speed_m_s is not None:
+                figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
+            is_assumed = any(check.rule.startswith("assumed") for check in self.checks)
+            limit = f"{three(best.worst['energy out'][1])} J{' (assumed limit)' if is_assumed else ''}"
+            figures += [f"impact {three(best.energy)} of {limit}", f"margin {three(100.0 * best.margin)} %"]
+            first = f"; measure the {best.measure} first" if best.measure else ""
+            drive = f"{in_words(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
+            left = len(self.open_checks)
+            number = "one check of the best choice is" if left == 1 else f"{left} checks of the best choice are"
+            return f"{NOT_READY}{number} open. {drive}" if left else f"Take {drive}"
+        if self.provisional and self.miss is None:
+            drive = self.provisional[0]
+            return (
+                f"Provisional, by nominal runs: {in_words(drive.parts)}: {' s and '.join(map(three, drive.times))} s "
+                f"out and back, {three(drive.air * ANR_LITRES_PER_KG)} l ANR a cycle of {three(cycle_s(task))} s, "
+                f"margin {three(100.0 * drive.margin)} %."
+            )
+        return "Nothing in the catalogue meets the task."
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Checks of the best drive with their remedies, or the nearest miss."""
+        findings = [check.finding for check in self.checks]
+        if self.miss is not None:
+            parts = " + ".join(name for name in self.miss.parts.values() if name != "*")
+            text = f"Nearest miss: {parts}; it misses: {self.miss.limit}."
+            findings.append(Finding(text, "bad", self.miss.gives))
+        return findings
+
+    @property
+    def remarks(self) -> list[str]:
+        """State, air of a year, savings, cheaper choices, second-best cylinder, possible values, and the search."""
+        lines, cheaper = [f"{self.task.name}: {self.state}", *self._yearly()], self.cheaper
+        lines += [f"{saving}." for saving in self.savings]
+        lines += [
+            f"Next best cylinder: {in_words(drive.parts)}, {three(drive.air_litres_anr)} l ANR a cycle, "
+            f"margin {three(100.0 * drive.margin)} %."
+            for drive in self.by_cylinder[1:2]
+        ]
+        if self.best is not None and cheaper:
+            number = "1 choice" if len(cheaper) == 1 else f"{len(cheaper)} choices"
+            lines.append(f"{number} of less air missed a limit; {cheaper[0].part_names}: {cheaper[0].missed}.")
+        lines += [f"Nearest possible {value}." for value in (self.miss.possible if self.miss else ())]
+        return [*lines, self.extent, *self.notes]
+
+    @property
+    def extent(self) -> str:
+        """Number of choices that each stage of the search has left."""
+        cut = ", ".join(f"{name} {count}" for name, count in sorted(self.pruned.items(), key=lambda cut: -cut[1]))
+        return (
+            f"{self.enumerated} choices of parts, {self.left} left after pruning ({cut or 'none pruned'}); "
+            f"{self.tuned} tuned, {len(self.simulated)} simulated over the spreads, {len(self.ranked)} meet the task."
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """The answer, the findings with their remedies, and the remarks."""
+        return [self.answer, *(f"{f.text} {f.remedy}".rstrip() for f in self.findings), *self.remarks]
+
+    def _yearly(self) -> list[str]:
+        """Return air, energy and cost of a year; empty if the task does not give the cycles per hour."""
+        task, best = self.task, self.best
+        if task.cycles_per_hour is None or best is None:
+            return []
+        cycles = task.cycles_per_hour * task.hours_per_year
+        low, high = best.intervals.get("air", (best.air, best.air))
+        air = [mass * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for mass in (low, best.air, high)]
+        energy = [volume * need for volume, need in zip(air, KWH_PER_M3, strict=True)]
+        text = (
+            f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
+            f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
+        )
+        if task.price_per_kwh is not None:
+            least, usual, most = (three(each * task.price_per_kwh) for each in energy)
+            text += f"), {usual} {task.currency} ({least} … {most} {task.currency}"
+        text += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
+        return [text]
 
     def circuit(self, place: int = 0) -> Circuit:
         """Return the circuit at a place of the ranking, with its settings, ready to run."""
         drive = self.ranked[place]
         return circuit_of(self.task, drive.parts, Setting(**drive.setting))
 
+    def view(self) -> View:
+        """Return answer, open checks and candidates; see `pneudrive.report.sizing.sizing_view`."""
+        return upper("sizing_view")(self)
+
     def save(self, folder: str | Path) -> list[Path]:
         """Write table, summary and the files of the ten best into a folder."""
-        return write(self, Path(folder))
+        return _write(self, Path(folder))
+
+    @classmethod
+    def load(cls, folder: str | Path) -> SizingResult:
+        """Read the result from the folder of a search, without the choices that were left out.
+
+        Raises
+        ------
+        CommandError
+            The folder does not contain a result, or it is damaged.
+        """
+        return _read(Path(folder))
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
@@ -286,69 +338,8 @@ class SizingResult(Shown):
         """Write report.html into a folder; see `pneudrive.report.sizing.write_sizing_report`."""
         return upper("write_sizing_report")(self, folder)
 
-    def _card(self) -> Card:
-        title = f"sizing of {self.task.name}: {self.state}"
-        return Card(title, HEAD, [row_of(one) for one in self.ranked[:WRITTEN]], sentences(self))
 
-
-HEAD = (
-    *("cylinder", "valve", "tube", "flow control", "time out s", "back s", "end m/s", "energy J", "peak bar abs"),
-    *("air l ANR", "met", "at least", "margin", "binds"),
-)
-
-#: Columns of `HEAD` that name parts.
-PARTS = 4
-
-
-def set_to(one: SizedDrive) -> str:
-    """Return the settings of a drive's needles, in words."""
-    said = [f"{name.replace('_', ' ')} {100.0 * share:.3g} %" for name, share in one.setting.items() if share < 1.0]
-    return f"needles: {', '.join(said)} of fully open" if said else "needles fully open"
-
-
-def row_of(one: SizedDrive) -> tuple[str, ...]:
-    """Write a drive as a row of a table under `HEAD`."""
-    figures = (one.time_out, one.time_back, one.end_speed, one.energy, 1e-5 * one.peak_pressure, one.air_litres_anr)
-    return (
-        *one.parts.values(),
-        *map(three, figures),
-        f"{one.met} of {one.draws}",
-        f"{one.probability_bound:.4f}",
-        f"{100.0 * one.margin:.0f} %",
-        one.binding,
-    )
-
-
-def sentences(result: SizingResult) -> list[str]:
-    """Return the answer, open checks, its reasons, the second-best cylinder, and the size of the search."""
-    cut = ", ".join(f"{name} {count}" for name, count in sorted(result.pruned.items(), key=lambda one: -one[1]))
-    said = [sentence(result.task, result.best, result.checks, () if result.miss else result.provisional)]
-    best = result.best
-    if best is not None:
-        said += [f"{one}." for one in result.open_checks]
-        said += yearly(best, result.task)
-        said += [f"{one}." for one in (*result.savings, *(check for check in result.checks if not check.is_open))]
-        said += [
-            f"Next best cylinder: {in_words(one.parts)}, {three(one.air_litres_anr)} l ANR a cycle, "
-            f"margin {three(100.0 * one.margin)} %."
-            for one in result.by_cylinder[1:2]
-        ]
-    if result.miss is not None:
-        parts = " + ".join(name for name in result.miss.parts.values() if name != "*")
-        said.append(f"Nearest miss: {parts}; it misses: {result.miss.limit}. {result.miss.gives}")
-        said += [f"Nearest possible {one}." for one in result.miss.possible]
-    said.append(
-        f"{result.enumerated} choices of parts, {result.left} left after pruning ({cut or 'none pruned'}); "
-        f"{result.tuned} tuned, {len(result.simulated)} simulated over the spreads, {len(result.ranked)} meet the task."
-    )
-    return said + list(result.notes)
-
-
-def answer_of(stored: Mapping[str, Any]) -> str:
-    """Return the answer of a stored result. Earlier versions wrote "Take" although a check was open."""
-    answer = str((stored.get("said") or [""])[0])
-    is_open = any(check.get("is_kept") is not True for check in stored.get("checks", ()))
-    return NOT_READY + answer.removeprefix("Take ") if is_open and answer.startswith("Take ") else answer
+# --- The nearest miss.
 
 
 def nearest_miss(
@@ -369,15 +360,16 @@ def nearest_miss(
         By the safe bounds.
     """
     if simulated:
-        one = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
-        value, limit, unit = one.worst[one.binding]
-        return NearestMiss(one.parts, one.binding, _gives(one.binding, limit, value, unit, "1 % of the draws pass"))
+        drive = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
+        value, limit, unit = drive.worst[drive.binding]
+        gives = _gives(drive.binding, limit, value, unit, "1 % of the draws pass")
+        return NearestMiss(drive.parts, drive.binding, gives)
     if short:
-        choice, tuned = max(short, key=lambda one: one[1].nominal)
+        choice, tuned = max(short, key=lambda pair: pair[1].nominal)
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    parts, bound = max(pruned, key=lambda one: one[1].share)
+    parts, bound = max(pruned, key=lambda pair: pair[1].share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.limit == "force" and bound.share > 0.0:
         spread = task.supply.spread_pa  # the bound uses its upper end
@@ -389,66 +381,97 @@ def nearest_miss(
     return NearestMiss(parts, bound.limit, gives)
 
 
-def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
+def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str:
     factor, read = READ.get(unit, (1.0, unit))
     if not math.isfinite(value):
         return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
     # As many digits as distinguish the two values.
     digits = next((n for n in range(3, 17) if f"{limit:.{n}g}" != f"{value:.{n}g}"), 3)
     return (
-        f"The limit of {name} is {factor * limit:.{digits}g} {read}; {what} {factor * value:.{digits}g} {read}: "
+        f"The limit of {name} is {factor * limit:.{digits}g} {read}; {source} {factor * value:.{digits}g} {read}: "
         "relax it to this value, or change supply pressure, tubes or catalogue."
     )
 
 
-def write(result: SizingResult, folder: Path) -> list[Path]:
+# --- The folder.
+
+
+def _write(result: SizingResult, folder: Path) -> list[Path]:
     """Write ranking, summary and the circuit files of the ten best; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    rows = [",".join(HEAD), *(",".join(row_of(one)) for one in result.ranked)]
-    files = {TABLE: "\n".join(rows) + "\n", SUMMARY: json.dumps(_strict(summary(result)), indent=1) + "\n"}
-    lost = [",".join((*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"')) for one in result.dropped]
-    files[REASONS] = "\n".join((",".join((*SLOTS, "choices", "limit", "reason")), *lost)) + "\n"
-    for place in range(min(len(result.ranked), WRITTEN)):
-        files[f"{place + 1:02d}.toml"] = result.circuit(place).to_toml()
+    ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in result.ranked]
+    reasons = [(*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"') for one in result.dropped]
+    tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
+    tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
+    files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
+    files[SUMMARY] = json.dumps(_strict(_summary(result)), indent=1) + "\n"
+    files |= {f"{place + 1:02d}.toml": result.circuit(place).to_toml() for place in range(len(result.ranked[:WRITTEN]))}
     for name, text in files.items():
         with whole(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return [folder / name for name in files]
 
 
-def summary(result: SizingResult) -> dict[str, Any]:
+#: Fields of a result that its file holds as they are.
+_STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
+
+
+def _summary(result: SizingResult) -> dict[str, Any]:
     """Return the result as plain data."""
-    best = result.best
     return {
         "task": result.task.to_dict(),
-        "feasible": result.feasible,
-        "ready": result.ready,
-        "complete": result.complete,
-        "enumerated": result.enumerated,
-        "left": result.left,
-        "pruned": dict(result.pruned),
-        "provisional": [vars(one) for one in result.provisional],
-        "tuned": result.tuned,
+        **{name: getattr(result, name) for name in _STORED},
+        "provisional": [vars(drive) for drive in result.provisional],
         "simulated": len(result.simulated),
-        "ranked": [one.to_dict() for one in result.ranked],
+        "ranked": [drive.to_dict() for drive in result.ranked],
         "miss": None if result.miss is None else vars(result.miss),
-        "assumed": result.circuit().assumed() if best is not None else [],
+        "assumed": result.circuit().assumed() if result.feasible else [],
         "savings": [saving._asdict() for saving in result.savings],
         "checks": [check._asdict() for check in result.checks],
-        "interrupted": result.interrupted,
-        "notes": list(result.notes),
-        "asked": dict(result.asked),
-        "said": sentences(result),
+        "said": result.sentences,
     }
 
 
-def _strict(given: Any) -> Any:  # noqa: ANN401 - plain data
+def _read(folder: Path) -> SizingResult:
+    stored = read_json(folder / SUMMARY, CommandError)
+    try:
+        ranked = tuple(read_drive(_finite(drive)) for drive in stored["ranked"])
+        simulated, _ = read_choices(folder / LINES)
+        miss = stored.get("miss")
+        return SizingResult(
+            SizingTask.model_validate(stored["task"]),
+            *(stored[name] for name in ("enumerated", "left", "pruned", "tuned")),
+            tuple(simulated) or ranked,
+            ranked,
+            None if miss is None else NearestMiss(**miss),
+            stored["complete"],
+            tuple(Provisional(**_finite(drive)) for drive in stored.get("provisional", ())),
+            savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
+            checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
+            interrupted=stored.get("interrupted", False),
+            notes=tuple(stored.get("notes", ())),
+            asked=stored.get("asked", {}),
+        )
+    except (KeyError, TypeError, ValueError, ValidationError) as error:
+        raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None
+
+
+def _strict(content: Any) -> Any:  # noqa: ANN401 - plain data
     """Return plain data that any reader of JSON accepts, with null for values that are not finite."""
-    if isinstance(given, dict):
-        return {key: _strict(one) for key, one in given.items()}
-    if isinstance(given, list | tuple):
-        return [_strict(one) for one in given]
-    return None if isinstance(given, float) and not math.isfinite(given) else given
+    if isinstance(content, dict):
+        return {key: _strict(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_strict(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def _finite(content: Any) -> Any:  # noqa: ANN401 - plain data
+    """Return the plain data of a drive with infinity for null: a stroke that does not end."""
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_finite(value) for value in content]
+    return math.inf if content is None else content
 
 
 # --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.

@@ -22,7 +22,7 @@ from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import machine_checks, rank_of
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import Pruning, nearest_possible
-from pneudrive.sizing.result import SizingResult, nearest_miss, notes, savings, sentences
+from pneudrive.sizing.result import SizingResult, nearest_miss, savings
 from pneudrive.sizing.spreads import hardest, simulated
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
@@ -223,7 +223,7 @@ class Search:
         if tell is not None:
             tell(made)
         if self.folder is not None:
-            self.folder.tell(sentences(made)[0])
+            self.folder.tell(made.answer)
 
     def _made(self, left: int, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
@@ -259,9 +259,17 @@ class Search:
             savings=tuple(self.savings),
             checks=tuple(machine_checks(ranked[0], self._candidate(ranked[0]).choice, self.task)) if ranked else (),
             interrupted=interrupted,
-            notes=tuple(notes(None if complete else self.most, interrupted)),
+            notes=self._notes(complete, interrupted),
             asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
+
+    def _notes(self, complete: bool, interrupted: bool) -> tuple[str, ...]:
+        """Return remarks on a search that did not come to its end."""
+        if interrupted:
+            return ("The search was interrupted: the ranking is that of the results so far.",)
+        more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
+        note = f"The search ended after {self.most} tuned choices; other choices may rank before these: {more}."
+        return () if complete else (note,)
 
     def _candidate(self, drive: SizedDrive) -> SizingCandidate:
         return next(one for one in self.candidates if one.choice.name == drive.name)

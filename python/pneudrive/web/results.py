@@ -16,7 +16,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.fmu.description import read_fmu
 from pneudrive.report.page import FIGURES, POLICY, REPORT
-from pneudrive.sizing.result import SUMMARY, answer_of
+from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.guard import REPORTS, new_token
@@ -127,9 +127,8 @@ def _of_view(workspace: Workspace, path: str) -> str:
 
 
 def _of_sizing(workspace: Workspace, path: str) -> str:
-    summary = workspace.folder(path) / SUMMARY
-    stored = read_json(summary, PneudriveError) if summary.is_file() else {}
-    return answer_of(stored).partition(":")[0] or "not finished"
+    folder = workspace.folder(path)
+    return SizingResult.load(folder).answer.partition(":")[0] if (folder / SUMMARY).is_file() else "not finished"
 
 
 def _of_task(workspace: Workspace, path: str) -> str:

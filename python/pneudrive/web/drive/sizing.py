@@ -10,9 +10,9 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
-from pneudrive.sizing.checks import MachineCheck, SizedDrive
-from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
-from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, answer_of, set_to
+from pneudrive.sizing.checks import READ
+from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choices
+from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import plain, problems_of
@@ -20,6 +20,8 @@ from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from pneudrive.sizing.checks import SizedDrive
 
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
@@ -61,11 +63,10 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     folder = workspace.folder(path)
     if not folder.exists():
         return {"waits": True}
-    about = _json(folder / ABOUT, path, "task", "draws")
-    simulated, short = _choices(folder / LINES)
-    summary = _json(folder / SUMMARY, path) if (folder / SUMMARY).is_file() else {}
-    asked, early = summary.get("asked"), folder / PROVISIONAL
-    places = {"+".join(one["parts"].values()): place for place, one in enumerate(summary.get("ranked", []))}
+    about, early = _json(folder / ABOUT, path, "task", "draws"), folder / PROVISIONAL
+    done = SizingResult.load(folder) if (folder / SUMMARY).is_file() else None
+    simulated, short = read_choices(folder / LINES)
+    places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
     task = SizingTask.model_validate(about["task"])
     fraction = 1.0 - task.margin
     return plain(
@@ -75,16 +76,16 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
             "draws": about["draws"][0],
             "limits": {"out": task.outward_s * fraction, "back": task.back_s * fraction},
             "candidates": [_candidate(one, places.get(one.name), path) for one in simulated],
-            "meets": len(summary.get("ranked", [])),
+            "meets": len(places),
             "short": short,
-            "done": bool(summary) and not summary.get("interrupted", False),
+            "done": done is not None and not done.interrupted,
             "searched": is_held(folder / LOCK),
-            "feasible": summary.get("feasible"),
-            "checks": [MachineCheck(**one)._asdict() for one in summary.get("checks", [])],
-            "miss": summary.get("miss"),
-            "said": [answer_of(summary), *summary.get("said", [])[1:]] if summary else [],
-            "provisional": read_text(early, CommandError).strip() if early.is_file() and not summary else "",
-            "asked": asked if asked and is_of_command(asked) else None,
+            "feasible": done and done.feasible,
+            "checks": [check._asdict() for check in done.checks] if done else [],
+            "miss": done and done.miss and vars(done.miss),
+            "said": done.sentences if done else [],
+            "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
+            "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
         }
     )
 
@@ -96,20 +97,6 @@ def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
     if not isinstance(found, dict) or not all(found.get(key) for key in keys):
         raise CommandError(f"{path.name} in {name} is damaged", remedy="Size the task again.")
     return found
-
-
-def _choices(path: Path) -> tuple[list[SizedDrive], int]:
-    """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
-    simulated: dict[str, SizedDrive] = {}
-    short: set[str] = set()
-    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
-        one = read_choice(line)
-        if isinstance(one, SizedDrive):
-            before = simulated.get(one.name)
-            simulated[one.name] = one if before is None or one.draws >= before.draws else before
-        elif one is not None and one[1].nominal < 0.0:
-            short.add(one[0])
-    return list(simulated.values()), len(short)
 
 
 def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
@@ -124,7 +111,7 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
     return {
         **{name: getattr(one, name) for name in SENT},
         "parts": dict(one.parts),
-        "setting": set_to(one),
+        "setting": one.needles,
         "at_least": one.probability_bound,
         "air": one.air_litres_anr,
         "intervals": {
