@@ -95,6 +95,8 @@ UPPER.update(
     comparison_view="pneudrive.report.comparison",
     plot_sizing="pneudrive.report.sizing",
     sizing_view="pneudrive.report.sizing",
+    sheet_view="pneudrive.report.datasheet",
+    characteristic_view="pneudrive.report.datasheet",
     write_sizing_report="pneudrive.report.sizing",
     with_platform_outputs="pneudrive.platforms.outputs",
     Reproduction="pneudrive.studies.bracha.reproduction",

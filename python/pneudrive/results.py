@@ -35,6 +35,7 @@ from pneudrive.friction.friction_map import AMBIENT, read_map
 from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.follow.regulator import Regulator
 from pneudrive.identify.static.result import FrictionFit
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import Run
@@ -269,6 +270,8 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
 def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
     """Return the kind of a result in words."""
     if isinstance(result, xr.Dataset):
+        if "characteristic" in result.attrs:
+            return "characteristic"
         kinds = {"member": "ensemble", "time": "run", "row": "friction map"}
         if kinds.keys().isdisjoint(result.dims):
             raise CommandError("this data set is not a result", rule="a run, a friction map or an ensemble")
@@ -285,7 +288,9 @@ def view_of(result: Any) -> View:  # noqa: ANN401 - any result
         The result is a description, which has no view.
     """
     if isinstance(result, xr.Dataset):
-        return {"ensemble": _ensemble_view, "run": _run_view, "friction map": _map_view}[kind_of(result)](result)
+        if (kind := kind_of(result)) == "characteristic":
+            return upper("characteristic_view")(result)
+        return {"ensemble": _ensemble_view, "run": _run_view, "friction map": _map_view}[kind](result)
     if hasattr(result, "view"):
         return result.view()
     raise CommandError(f"a {kind_of(result)} has no values to show")

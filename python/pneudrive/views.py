@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 State: TypeAlias = Literal["good", "open", "bad"]
 STATES: tuple[State, ...] = ("good", "open", "bad")
 MOST_LEADING = 5
+_NUMBERS = {"", "–", "-", "+", *"0123456789"}  # first letters of a number in a table
 MOST_PICTURES = 3  # figures of a result that a notebook draws
 UNLIKE = 1.5  # ratio of an interval to twice its shorter half above which both ends are written
 VALUE = "value"  # quantity of the values in a table with one column
@@ -174,6 +175,13 @@ class ShownTable:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def numbers_from(self) -> int:
+        """First of the last columns whose cells are numbers or empty, at least 1."""
+        columns = list(zip(*self.rows, strict=True))
+        texts = [k for k, column in enumerate(columns) if any(cell[:1] not in _NUMBERS for cell in column)]
+        return max(texts, default=0) + 1
 
 
 @dataclass(frozen=True)

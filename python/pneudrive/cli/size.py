@@ -16,6 +16,7 @@ from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
+    from pneudrive.datasheet import characteristic as kinds
     from pneudrive.datasheet import registry, sheet
     from pneudrive.describe.files import load
     from pneudrive.report import datasheet as sheet_page
@@ -24,13 +25,10 @@ with used_later(__name__):
     from pneudrive.sizing import search
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import xarray as xr
 
 
 EXIT_INTERRUPTED = 130
-MOST_VALUES = 24  # values of one result on the terminal
 
 
 def size(
@@ -112,7 +110,7 @@ def datasheet(
     out.parent.mkdir(parents=True, exist_ok=True)
     terminal.check_outputs(out, sheet_page.SUFFIXES)
     found = sheet.build(load.load_described(drive), recordings or [], layout, terminal.watch(), intervals=intervals)
-    terminal.show_lines(*found.headlines)
+    terminal.show_view(found.view())
     terminal.show_paths(sheet_page.write_datasheet(found, out))
 
 
@@ -152,7 +150,7 @@ def characteristic(
     texts = pairs_in("--set", set or (), "command = 0.6")
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
     found = registry.found_under(load.load_described(drive), name, terminal.watch(), intervals=intervals, **settings)
-    _show_characteristic(found)
+    terminal.show_view(sheet_page.characteristic_view(found))
     terminal.write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 
 
@@ -173,54 +171,6 @@ def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
     return values if is_list else value
 
 
-def _show_characteristic(found: xr.Dataset) -> None:
-    terminal.show_lines(found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}")
-    rows = [
-        (
-            sheet.in_words(name),
-            coordinates,
-            sheet.written_value(value, found[name].attrs["units"], low, high),
-            found[name].attrs["long_name"],
-        )
-        for name, coordinates, value, low, high in _rows_of(found, sheet.written_value)
-        if found[name].size <= MOST_VALUES
-    ]
-    terminal.show_table(("result", "<at", "<value", "<meaning"), rows)
-    long = [sheet.in_words(str(name)) for name in _results(found) if found[name].size > MOST_VALUES]
-    if long:
-        terminal.show_lines(f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}")
-    terminal.show_lines(f"Interval: {found.attrs.get('interval', 'not asked for')}")
-
-
-def _results(found: xr.Dataset) -> list[str]:
-    """Return the results without the ends of their intervals; single numbers come first."""
-    names = [str(name) for name in found.data_vars]
-    plain = [name for name in names if not (name.endswith(("_low", "_high")) and name.rpartition("_")[0] in names)]
-    return sorted(plain, key=lambda name: found[name].ndim)
-
-
-def _rows_of(
-    found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
-) -> list[tuple[str, str, float, float | None, float | None]]:
-    """Return each value with its formatted coordinates and its interval."""
-    import numpy as np
-
-    def coordinate(dim: str, index: int) -> str:
-        value = found[dim].to_numpy()[index]
-        is_number = found[dim].dtype.kind == "f"
-        return f"{dim} {write(float(value), found[dim].attrs['units'])}" if is_number else str(value)
-
-    rows = []
-    for name in _results(found):
-        value, dims = found[name].to_numpy(), found[name].dims
-        ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
-        for index in np.ndindex(value.shape):
-            named = (coordinate(str(dim), k) for dim, k in zip(dims, index, strict=True) if dim in found.coords)
-            low, high = (None if end is None else float(end[index]) for end in ends)
-            rows.append((name, ", ".join(named), float(value[index]), low, high))
-    return rows
-
-
 def _save(found: xr.Dataset, path: Path) -> None:
     """Write all results in SI: rows of a table, or the data set as netCDF."""
     with trajectory.whole(path) as temporary:
@@ -231,7 +181,7 @@ def _save(found: xr.Dataset, path: Path) -> None:
         with temporary.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
             writer.writerow(("result", "at", "value", "low", "high", "unit", "meaning"))
-            for name, coordinates, *values in _rows_of(found):
+            for name, coordinates, *values in kinds.value_rows(found):
                 numbers = ("" if value is None else repr(value) for value in values)
                 about = found[name].attrs
                 writer.writerow((name, coordinates, *numbers, about["units"], about["long_name"]))

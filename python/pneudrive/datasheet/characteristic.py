@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.documented import parts_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from types import ModuleType
 
     import xarray as xr
@@ -155,3 +155,37 @@ def characteristic(name: str, *, algorithm: str, definition: str = "", **more: A
 def characteristics_in(module: ModuleType) -> list[Characteristic]:
     """Return the characteristics of a module in their order."""
     return _of_module[module.__name__]
+
+
+def results_of(found: xr.Dataset) -> list[str]:
+    """Return the results without the ends of their intervals; single numbers come first."""
+    names = [str(name) for name in found.data_vars]
+    plain = [name for name in names if not (name.endswith(("_low", "_high")) and name.rpartition("_")[0] in names)]
+    return sorted(plain, key=lambda name: found[name].ndim)
+
+
+def value_rows(
+    found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
+) -> Iterator[tuple[str, str, float, float | None, float | None]]:
+    """Yield result, formatted coordinates, value, and both ends of its interval.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        From `pneudrive.drive_characteristic`.
+    write : callable
+        Formats a coordinate with its unit.
+    """
+
+    def coordinate(dim: str, index: int) -> str:
+        value = found[dim].to_numpy()[index]
+        is_number = found[dim].dtype.kind == "f"
+        return f"{dim} {write(float(value), found[dim].attrs['units'])}" if is_number else str(value)
+
+    for name in results_of(found):
+        value, dims = found[name].to_numpy(), found[name].dims
+        ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
+        for index in np.ndindex(value.shape):
+            named = (coordinate(str(dim), k) for dim, k in zip(dims, index, strict=True) if dim in found.coords)
+            low, high = (None if end is None else float(end[index]) for end in ends)
+            yield name, ", ".join(named), float(value[index]), low, high

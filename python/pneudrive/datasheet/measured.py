@@ -24,6 +24,7 @@ from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout
 from pneudrive.validate.static import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
 from pneudrive.validate.validation import Validation, validate
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.drive_recording import VolumeRecording
     from pneudrive.validate.signals import Signals
     from pneudrive.validate.validation import RecordResult
+    from pneudrive.views import State
 
     Array = NDArray[np.float64]
 
@@ -223,24 +225,24 @@ class MeasuredBeside:
     names: tuple[str, ...]
 
     @property
-    def verdicts(self) -> list[tuple[bool | None, str]]:
-        """Sentences with their outcome; None where nothing was tested."""
-        out = [] if self.validation is None else [(verdict.met, verdict.text) for verdict in self.validation.verdicts]
+    def findings(self) -> list[Finding]:
+        """Outcomes: "open" where nothing was tested."""
+        outcomes = [(verdict.met, verdict.text) for verdict in (self.validation.verdicts if self.validation else ())]
         if self.numbers:
-            good = sum(number.agrees for number in self.numbers)
-            out.append(
-                (
-                    good == len(self.numbers),
-                    f"{good} of {len(self.numbers)} numbers agree with the recordings",
-                )
-            )
+            good, count = sum(number.agrees for number in self.numbers), len(self.numbers)
+            outcomes.append((good == count, f"{good} of {count} numbers agree with the recordings"))
         if self.friction is not None:
             m = self.friction.metrics
-            fit = f"fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %)"
             is_single = math.isnan(m.fit_percent)  # all points equal: nothing that a law could follow
-            said = f"friction law against measured friction: {'one level only' if is_single else fit}"
-            out.append((None if is_single else self.friction.met, f"{said}, largest difference {m.largest:.2g} N"))
-        return out
+            fit = f"fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %)"
+            text = f"friction law against measured friction: {'one level only' if is_single else fit}"
+            outcomes.append((None if is_single else self.friction.met, f"{text}, largest difference {m.largest:.2g} N"))
+        words: dict[bool | None, tuple[str, State]] = {
+            True: ("Met", "good"),
+            None: ("Not tested", "open"),
+            False: ("Not met", "bad"),
+        }
+        return [Finding(f"{words[met][0]}: {text}.", words[met][1]) for met, text in outcomes]
 
 
 def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:

@@ -17,9 +17,10 @@ from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.views import Finding, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.progress import Watch
+    from pneudrive.views import View
 
 
 # --- Units and names of results in readable form.
@@ -88,7 +90,7 @@ class SheetNumber(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Datasheet(Shown):
+class Datasheet(Viewed):
     """All that a datasheet shows.
 
     Attributes
@@ -104,8 +106,8 @@ class Datasheet(Shown):
     values : tuple of DescribedValue
     assumed : tuple of str
     measured : MeasuredBeside or None
-    hazards : tuple of str
-        Findings that endanger people or the machine.
+    hazards : tuple of Finding
+        Those that endanger people or the machine.
     """
 
     drive: Drive | Circuit
@@ -117,21 +119,17 @@ class Datasheet(Shown):
     values: tuple[DescribedValue, ...]
     assumed: tuple[str, ...]
     measured: MeasuredBeside | None
-    hazards: tuple[str, ...] = ()
-
-    def _card(self) -> Card:
-        return Card(
-            f"datasheet of {self.drive.name}, simulated",
-            ("number", "command out, or the only command", "back", "standard"),
-            self.numbers,
-            self.headlines,
-        )
+    hazards: tuple[Finding, ...] = ()
 
     @property
-    def headlines(self) -> list[str]:
-        """Sentences at the top."""
-        at = {number.name: number for number in self.numbers}
-        lines = list(self.hazards)
+    def findings(self) -> list[Finding]:
+        """Hazards, and outcomes of the comparison with recordings."""
+        return [*self.hazards, *(self.measured.findings if self.measured else ())]
+
+    @property
+    def notes(self) -> list[str]:
+        """Stroke, impact and air of a cycle in words."""
+        at, lines = {number.name: number for number in self.numbers}, []
         if "stroke time" in at:
             time, where = at["stroke time"], f"{plain(1e-5 * self.supply_pa)} bar abs"
             stroke = f"Stroke of {1e3 * self.stroke_m:g} mm at {where} and full command"
@@ -151,12 +149,11 @@ class Datasheet(Shown):
             lines.append(f"Air: {full} (2 x {FULL_S:g} s), {fast}.")
         if self.measured is None:
             lines.append("No recording confirms these numbers: they are simulated from the values below.")
-        else:
-            lines += [
-                f"{'Met' if met else 'Not tested' if met is None else 'Not met'}: {text}."
-                for met, text in self.measured.verdicts
-            ]
         return lines
+
+    def view(self) -> View:
+        """Return hazards, leading numbers, tables and curves; see `pneudrive.report.datasheet.sheet_view`."""
+        return upper("sheet_view")(self)
 
     def _rest(self) -> str:
         """Return the stroke times of single strokes from rest at full command, in words."""
@@ -240,23 +237,25 @@ def build(
     )
 
 
-def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[str]:
+def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
     """Yield the findings on the load without pressure, and on the impacts."""
     ambient = plant.ambient[0]
     friction = abs(plant.sliding(AT_REST_M_S, (ambient, ambient), 0.5 * plant.stroke_m))
     if plant.hanging_n > friction:
-        yield (
-            f"{HAZARD}without pressure, load and piston hang with {plain(plant.hanging_n)} N, and friction at rest "
-            f"holds {plain(friction)} N: a lock or a clamp must hold them (ISO 4414)."
-        )
-    limit = IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2
+        text = f"without pressure, load and piston hang with {plain(plant.hanging_n)} N, and friction at rest holds "
+        remedy = "A lock or a clamp must hold them (ISO 4414)."
+        yield Finding(f"{HAZARD}{text}{plain(friction)} N.", "bad", remedy)
+    limit = energy_limit_j(plant.bore_m)
     energy = float(results["square-response"].end_energy.max()) if "square-response" in results else 0.0
     if energy > limit:
-        yield (
-            f"{HAZARD}an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, "
-            f"{plain(limit)} J (assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston). "
-            "Brake before the end, or add a shock absorber."
-        )
+        text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"
+        rule = f"(assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"
+        yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Brake before the end, or add a shock absorber.")
+
+
+def energy_limit_j(bore_m: float) -> float:
+    """Return the assumed largest energy of an impact, J."""
+    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * bore_m**2
 
 
 def _try(

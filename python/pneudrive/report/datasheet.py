@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.datasheet.characteristic import results_of, value_rows
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
-from pneudrive.datasheet.sheet import in_words, shown_unit, written_value
+from pneudrive.datasheet.sheet import energy_limit_j, in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look, ramp, thin
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.page import Items, Paragraph, Report
+from pneudrive.report.page import Items, Report, view_section
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
 from pneudrive.report.topics import Topic
 from pneudrive.report.typst_page import write_pdf
 from pneudrive.simulation.trajectory import check_target, whole
+from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +32,7 @@ if TYPE_CHECKING:
     import matplotlib.figure
     import xarray as xr
 
-    from pneudrive.datasheet.measured import MeasuredBeside, MeasuredResponse
+    from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside, MeasuredResponse
     from pneudrive.datasheet.sheet import Datasheet
     from pneudrive.report.page import Section
     from pneudrive.validate.static import FrictionValidation
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".html", ".pdf")
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6
-MOST_CURVES, MOST_BARS = 5, 12
+MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
 CURVES = (
     *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
@@ -70,9 +75,40 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> ma
         raise CommandError(
             f"{kind.name} has no curve", remedy="This result is not drawn; its numbers are in the data set."
         )
-    panels = [characteristic_panel(found, name) for name in kind.y.split()]
+    (shown,) = characteristic_view(found).figures
+    return draw_figure(shown.figure, path, synthetic=True)
+
+
+def characteristic_view(found: xr.Dataset) -> View:
+    """Return the results of a characteristic with definition and standard; single numbers lead."""
+    rows = [
+        (
+            in_words(name),
+            at,
+            written_value(value, found[name].attrs["units"], low, high),
+            found[name].attrs["long_name"],
+        )
+        for name, at, value, low, high in value_rows(found, written_value)
+        if found[name].size <= MOST_VALUES
+    ]
+    long = [in_words(name) for name in results_of(found) if found[name].size > MOST_VALUES]
+    notes = [found.attrs["definition"], f"Standard: {found.attrs['standard']}"]
+    notes += [f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}"] if long else []
+    kind, single = characteristics()[found.attrs["characteristic"]], [found[name] for name in results_of(found)]
+    values = (
+        ShownValue(str(one.name), "", in_words(str(one.name)), float(one), one.attrs["units"])
+        for one in single
+        if not one.ndim
+    )
+    panels = [characteristic_panel(found, name) for name in kind.y.split()] if kind.x else []
     figure = Figure(panels, row_in=HEIGHT_IN, rest_in=0.0, width_in=WIDTH_IN, legend="inside", text_scale=0.87)
-    return draw_figure(figure, path, synthetic=True)
+    return View(
+        found.attrs["title"],
+        leading=tuple(map(LeadingValue, islice(values, MOST_LEADING))),
+        notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
+        tables=(ShownTable("", ("result", "at", "value", "meaning"), tuple(rows)),),
+        figures=(ShownFigure(kind.name, f"{kind.title}.", figure),) if panels else (),
+    )
 
 
 def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> Panel:
@@ -178,8 +214,17 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     CommandError
         Another suffix, a file that cannot be written, or a missing installation of typst.
     """
-    target = check_target(path, SUFFIXES)
-    report = Report(_title(found), found.headlines, _sections(found), synthetic=True)
+    target, view = check_target(path, SUFFIXES), found.view()
+    drive, numbers = Topic("datasheet", "drive"), Topic("datasheet", "numbers")
+    notes = (numbers.say(version=__version__), *_failures(found))
+    synthetic = None if found.measured is None else found.measured.synthetic
+    rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes)
+    sections = [
+        drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
+        view_section("numbers", rest, synthetic=synthetic is None or synthetic),
+        _definitions(found),
+    ]
+    report = Report(view.title, [*view.findings, *view.notes], sections, synthetic=True)
     if target.suffix.lower() == ".pdf":
         report.pictures = report.plain_svg()
         return write_pdf(report, target)
@@ -188,36 +233,56 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     return target
 
 
+def sheet_view(found: Datasheet) -> View:
+    """Return hazards, leading numbers, tables of numbers and values, curves, and the comparison with recordings."""
+    topics = {key: Topic("datasheet", key) for key in ("numbers", "curves", "measured", "values")}
+    bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
+    values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
+    tables = [topics["numbers"].table(found.numbers)]
+    figures = [topics["curves"].picture("curves", _curve_figure(found), bands=bands)]
+    if "published" in found.results:
+        tables.append(topics["numbers"].table(_published(found), "published"))
+    if found.measured is not None:
+        rows = [_measured_row(number) for number in found.measured.numbers]
+        tables += [topics["measured"].table(rows)] if rows else []
+        if (comparison := _comparison(found.measured)) is not None:
+            figures.append(topics["measured"].picture("measured", comparison))
+    tables.append(topics["values"].table(values))
+    states = [finding.state for finding in found.findings] or ["open"]
+    return View(
+        _title(found),
+        state=max(states, key=STATES.index),
+        leading=tuple(_leading(found)),
+        findings=tuple(found.findings),
+        notes=(*found.notes, *(f"Read beside: {name}" for name in (found.measured.names if found.measured else ()))),
+        tables=tuple(ShownTable(table.caption, table.head, table.rows) for table in tables if table.rows),
+        figures=tuple(ShownFigure(picture.name, picture.caption, picture.figure) for picture in figures),  # type: ignore[arg-type]
+    )
+
+
+def _leading(found: Datasheet) -> Iterator[LeadingValue]:
+    """Yield stroke times, the harder impact with its assumed limit, and the air of a cycle."""
+    if "square-response" in found.results:
+        square = found.results["square-response"]
+        for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
+            yield LeadingValue(ShownValue(f"time {way}", "", f"time {way}", float(time), "s"))
+        energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive).bore_m)
+        yield LeadingValue(ShownValue("impact", "", "impact", energy, "J"), limit, "bad" if energy > limit else "good")
+    if "air" in found.results:
+        words = "air of a full cycle, l ANR"
+        yield LeadingValue(ShownValue("air", "", words, float(found.results["air"].full)))
+
+
+def _failures(found: Datasheet) -> Iterator[str]:
+    return (f"{name}: {why}" for name, why in found.failed.items() if name != "published")
+
+
 def _title(found: Datasheet) -> str:
     measured = found.measured
     if measured is None:
         return f"{found.drive.name}: datasheet, simulated"
     kind = "synthetic recordings" if measured.synthetic else "recordings"
     return f"{found.drive.name}: datasheet, simulated beside {kind}"
-
-
-def _sections(found: Datasheet) -> list[Section | None]:
-    drive, curves, values = (Topic("datasheet", key) for key in ("drive", "curves", "values"))
-    bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
-    rows = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
-    return [
-        drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
-        _numbers(found),
-        curves.section(curves.picture("curves", _curve_figure(found), bands=bands)),
-        _measured(found.measured) if found.measured is not None else None,
-        values.section(values.table(rows), synthetic=False),
-        _definitions(found),
-    ]
-
-
-def _numbers(found: Datasheet) -> Section:
-    topic = Topic("datasheet", "numbers")
-    return topic.section(
-        topic.table(found.numbers),
-        topic.text(version=__version__),
-        topic.table(_published(found), "published") if "published" in found.results else None,
-        *(Paragraph(f"{name}: {why}", "note") for name, why in found.failed.items() if name != "published"),
-    )
 
 
 def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
@@ -234,26 +299,10 @@ def _curve_figure(found: Datasheet) -> Figure:
     return Figure(panels, columns=COLUMNS, row_in=ROW_IN, rest_in=0.0, legend="inside", text_scale=0.8)
 
 
-def _measured(measured: MeasuredBeside) -> Section:
-    topic, figure = Topic("datasheet", "measured"), _comparison(measured)
-    rows = (
-        (
-            number.stroke,
-            number.name.replace("_", " "),
-            written_value(number.measured, number.unit, number.low, number.high),
-            str(number.repeats),
-            written_value(number.simulated, number.unit),
-            "agrees" if number.agrees else "differs",
-        )
-        for number in measured.numbers
-    )
-    return topic.section(
-        Items(measured.names),
-        *(Paragraph(text, "holds" if met else "note" if met is None else "fails") for met, text in measured.verdicts),
-        topic.table(rows) if measured.numbers else None,
-        None if figure is None else topic.picture("measured", figure),
-        synthetic=measured.synthetic,
-    )
+def _measured_row(number: ComparedNumber) -> tuple[str, ...]:
+    measured = written_value(number.measured, number.unit, number.low, number.high)
+    simulated, agrees = written_value(number.simulated, number.unit), "agrees" if number.agrees else "differs"
+    return number.stroke, in_words(number.name), measured, str(number.repeats), simulated, agrees
 
 
 def _comparison(measured: MeasuredBeside) -> Figure | None:

@@ -104,7 +104,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
     for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
         tables += [PageTable(tuple(head), tuple(map(tuple, rows)), caption)] if rows else []
     pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
-    tables += [PageTable(table.head, table.rows, table.caption) for table in view.tables]
+    tables += [PageTable(table.head, table.rows, table.caption, table.numbers_from) for table in view.tables]
     return section(key, view.title, *findings, facts if facts.items else None, *pictures, *tables, synthetic=synthetic)
 
 

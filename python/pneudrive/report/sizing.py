@@ -23,7 +23,7 @@ from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, follows_from
 from pneudrive.sizing.task import values_of as task_values
-from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -197,7 +197,8 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
         "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     )
     parts = [candidates, *_best(found), _task(found), _method(found), *_sources(found)]
-    lines = [f"{line[:1].upper()}{line[1:]}" for line in found.sentences]
+    verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
+    lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     return Report(f"{found.task.name}: sizing, simulated", lines, parts, synthetic=True).write(folder)
 
 

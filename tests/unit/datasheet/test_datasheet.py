@@ -72,7 +72,7 @@ def test_a_wrong_drive_differs_from_the_recording(tmp_path):
     assert not by_name["command +0.6", "stroke_time"].agrees
     assert by_name["command +0.6", "stroke_time"].measured == pytest.approx(0.2084, abs=5e-4)
     assert by_name["command +0.6", "stroke_time"].simulated > 0.24
-    assert {met for met, text in found.verdicts if "numbers" in text} == {False}
+    assert [each.state for each in found.findings if "numbers" in each.text] == ["bad"]
 
 
 def test_the_pdf_has_two_pages(tmp_path, monkeypatch):
@@ -176,8 +176,9 @@ synthetic = "circuit"
 
 def test_friction_at_one_level_is_not_tested():
     friction: Any = SimpleNamespace(metrics=SimpleNamespace(fit_percent=np.nan, largest=3.0), met=False)
-    (verdict,) = MeasuredBeside(None, (), (), friction, False, ()).verdicts
-    assert verdict == (None, "friction law against measured friction: one level only, largest difference 3 N")
+    (finding,) = MeasuredBeside(None, (), (), friction, False, ()).findings
+    assert finding.state == "open"
+    assert finding.text.endswith("friction law against measured friction: one level only, largest difference 3 N.")
 
 
 def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, capsys, monkeypatch):
@@ -201,9 +202,9 @@ def test_hazards_are_the_first_lines_of_a_sheet(monkeypatch):
         build(heavy.replace({"cylinder.incline": angle}), [], None, UNWATCHED, intervals=False)
         for angle in ("0 deg", "90 deg")
     )
-    assert "is harder than a cylinder of this bore usually takes, 1.96 J" in level.headlines[0]
+    assert "is harder than a cylinder of this bore usually takes, 1.96 J" in level.findings[0].text
     assert len(level.hazards) == 1
     weight = 9.80665 * (9.0 + DRIVE.cylinder.moving_mass)
-    assert f"hang with {weight:.3g}" in upright.headlines[0]
-    assert "friction at rest holds 45 N" in upright.headlines[0]
-    assert all(line.startswith("Hazard: ") for line in upright.hazards)
+    assert f"hang with {weight:.3g}" in upright.findings[0].text
+    assert "friction at rest holds 45 N" in upright.findings[0].text
+    assert all(finding.text.startswith("Hazard: ") for finding in upright.hazards)

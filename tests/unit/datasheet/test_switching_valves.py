@@ -145,7 +145,7 @@ def test_a_datasheet_of_a_circuit_has_numbers_and_reasons(switched, monkeypatch)
     found = build(switched, [], None, UNWATCHED)
     assert {"stroke time", "blocked force"} <= {one.name for one in found.numbers}
     assert "on or off" in found.failed["bode"]
-    assert "100 mm at 7.01 bar abs" in found.headlines[0]
+    assert "100 mm at 7.01 bar abs" in found.notes[0]
     assert {one.key for one in found.values} >= {"components.v.conductance", "components.cylinder.stroke"}
     with pytest.raises(CommandError, match="is a circuit"):
         build(switched, [Path("run.csv")], None, UNWATCHED)
@@ -156,7 +156,7 @@ def test_the_sheet_of_a_drive_on_an_on_off_valve_has_no_small_signal_numbers_and
     sheet = build(drive, [], None, UNWATCHED, intervals=False)
     assert not {"velocity gain", "dead zone", "resonance, small command"} & {number.name for number in sheet.numbers}
     assert "on or off" in sheet.failed["bode"]
-    stroke, air = (next(line for line in sheet.headlines if line.startswith(word)) for word in ("Stroke", "Air"))
+    stroke, air = (next(line for line in sheet.notes if line.startswith(word)) for word in ("Stroke", "Air"))
     assert "periodic cycle of 2 x " in stroke
     assert "(2 x 20 s)" in air
     # From rest, the sheet has the stroke time of a run from rest: time on counts.
