@@ -120,7 +120,7 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
 
-        A run under control has its score instead.
+        A run under control has its score instead, a characteristic its results.
 
         Parameters
         ----------
@@ -145,6 +145,8 @@ class Pneu:
         >>> [value.text for value in run.pneu.view().leading if "stroke" in value.value.quantity]
         ['stroke time, to the end of chamber b 0.136 s', 'stroke time, to the end of chamber a 0.324 s']
         """
+        if "characteristic" in self._run.attrs:
+            return upper("characteristic_view")(self._run)
         return upper("view_of_run")(self._run, drive)
 
     def info(self, drive: Drive | Circuit | None = None) -> View:

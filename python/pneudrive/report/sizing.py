@@ -76,10 +76,10 @@ def _leading(found: SizingResult) -> Iterator[LeadingValue]:
     if best is None:
         return
     limits = {"time out": task.outward_s, "time back": task.back_s, "impact": best.worst["energy out"][1]}
-    values = {value.quantity: value for value in drive_values(best, 1)}
+    values = {value.quantity: replace(value, label="best") for value in drive_values(best, 1)}
     yield from (LeadingValue(values[name], limit) for name, limit in limits.items())
     yield LeadingValue(values["air of a cycle, l ANR"])
-    yield LeadingValue(ShownValue("margin", "1", "margin", 100.0 * best.margin, "%"))
+    yield LeadingValue(ShownValue("rank 1.margin", "best", "margin", 100.0 * best.margin, "%"))
 
 
 def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
