@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,7 +35,7 @@ from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.follow.regulator import Regulator
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.lazy_names import upper
-from pneudrive.numbers import plain
+from pneudrive.numbers import places, plain
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
@@ -78,7 +77,7 @@ class StoredResult(Shown):
 
     def view(self) -> View:
         """Return the stored values, curves and sentences."""
-        return _VIEWS[self.kind](self.content)
+        return _VIEWS[self.kind](self)
 
     def _card(self) -> Card:
         return self.view().card()
@@ -184,26 +183,20 @@ def _dataset(frame: pl.DataFrame, attrs: dict[str, Any]) -> xr.Dataset:
     return xr.Dataset(variables, attrs=attrs)
 
 
-def _validation_view(content: Mapping[str, Any]) -> View:
-    rows = []
-    for record, (column, title) in product(content["record"], CHANNELS.items()):
-        found, label = record[column], f"{record['name']}: {title}"
-        si_unit = "m" if column.endswith("_m") else "Pa"
-        for key, quantity, value, unit in (
-            ("fit", "fit, %", found["free"].get("fit_percent", math.nan), ""),
-            ("rms", "rms", found["free"]["rms"], si_unit),
-            ("largest", "largest", found["free"]["largest"], si_unit),
-            ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent", math.nan), ""),
-        ):
-            rows.append(ShownValue(f"{label}.{key}", label, quantity, float(value), unit))
-    notes = [*(verdict["text"] for verdict in content["verdict"]), *content["notes"]]
-    return View(f"{content['provenance']['drive']} against its recordings", tuple(rows), notes=tuple(notes))
+def _validation_view(stored: StoredResult) -> View:
+    names = [name if run == "" else f"{run}.{name}" for run in ("", "free", "restarted") for name in CHANNELS]
+
+    def run(number: int) -> dict[str, Array] | None:
+        path = stored.path.parent / stored.content["record"][number].get("run", "")
+        return read_columns(path, ["time_s", *names]) if path.is_file() else None
+
+    return upper("validation_view")(stored.content, run)
 
 
-def _characterisation_view(content: Mapping[str, Any]) -> View:
-    fits = ((name, fit.view()) for name, fit in content["fits"].items())
+def _characterisation_view(stored: StoredResult) -> View:
+    fits = ((name, fit.view()) for name, fit in stored.content["fits"].items())
     rows = [replace(row, key=f"{name}: {row.key}") for name, view in fits for row in view.rows]
-    return replace(_map_view(content["map"]), rows=tuple(rows))
+    return replace(_map_view(stored.content["map"]), rows=tuple(rows))
 
 
 def _map_view(found: xr.Dataset) -> View:
@@ -491,12 +484,14 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
 def _side(row: ShownValue) -> ComparedValue:
     if isinstance(row.value, str):
         return ComparedValue(row.value, "", _number(row.value))
-    size = readable(row.unit)[0]
-    ends = "" if row.interval is None else " … ".join(plain(end / size) for end in row.interval)
-    number = row.value if math.isfinite(row.value) else None
-    return ComparedValue(
-        f"{plain(row.value / size)} {row.usual_unit}".strip() if number is not None else "", ends, number
-    )
+    if not math.isfinite(row.value):
+        return ComparedValue()
+    size, ends = readable(row.unit)[0], row.interval
+    if ends is None or not np.isfinite(ends).all():
+        return ComparedValue(f"{plain(row.value / size)} {row.usual_unit}".strip(), "", row.value)
+    digits = places(0.5 * (ends[1] - ends[0]) / size)
+    text, *bounds = (f"{value / size:.{digits}f}" for value in (row.value, *ends))
+    return ComparedValue(f"{text} {row.usual_unit}".strip(), " … ".join(bounds), row.value)
 
 
 def _number(text: str) -> float | None:

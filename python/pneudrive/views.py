@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from pneudrive.figures import Figure, Numbers, plain_data, thin
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain, with_u
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
@@ -372,6 +372,20 @@ class View(Shown):
         )
         return ("curve", "points", *axes, "95 % band"), rows
 
+    def text(self) -> str:
+        """Return all but curves and figures as text: tables are indented, "!" marks what is not good."""
+        values = [
+            (("!" if one.state == "bad" else "-"), one.text)
+            for one in self.leading
+            if one.limit is not None or one.state != "good"
+        ]
+        values += [("-" if f.state == "good" else "!", f"{f.text} {f.remedy}".strip()) for f in self.findings]
+        tables = [self.table(), *((table.head, table.rows) for table in self.tables)]
+        blocks = [aligned([head, *rows]) for head, rows in tables if rows]
+        return "\n".join(
+            [self.title, *(f"  {mark} {text}" for mark, text in values), *blocks, *(f"  {n}" for n in self.notes)]
+        )
+
     def card(self) -> Card:
         """Return the display in a notebook and at the prompt."""
         head, rows = self.table() if self.rows else self.curve_table()
@@ -389,6 +403,10 @@ class Viewed(Shown):
     def view(self) -> View:
         """Return the view of the result."""
         raise NotImplementedError
+
+    def __str__(self) -> str:
+        """Return the view as text."""
+        return self.view().text()
 
     def _card(self) -> Card:
         return self.view().card()

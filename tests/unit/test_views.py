@@ -227,9 +227,9 @@ def test_long_lists_are_cut_and_say_so():
 def test_every_parameter_of_a_fit_is_a_row_of_its_card():
     """The longest name, not determined, fell out of the table."""
     fit = read_fit(OLD / "4f85f3b" / "map-fit.toml")
-    shown = {row[0]: row[2] for row in fit._card().rows}
+    shown = {row[0]: row[1:] for row in fit._card().rows}
     assert shown.keys() >= {"coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"}
-    assert shown["stribeck_velocity"] == "not determined"
+    assert "not determined" in shown["stribeck_velocity"]
 
 
 def results():

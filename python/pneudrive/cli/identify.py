@@ -35,10 +35,8 @@ with used_later(__name__):
     from pneudrive.identify.static import laws as law_choice
     from pneudrive.identify.static import model, survey
     from pneudrive.identify.static import result as static_fits
-    from pneudrive.report import validation as validation_page
     from pneudrive.rig import rig_file
     from pneudrive.simulation import trajectory
-    from pneudrive.validate import motion as regulator_check
     from pneudrive.validate import static as friction_check
 
 if TYPE_CHECKING:
@@ -50,7 +48,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.design import Design, Limits
     from pneudrive.identify.dynamic.search import Progress
     from pneudrive.rig.interface import Envelope, Identity
-    from pneudrive.validate.validation import Validation
 
 LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | None]"
 MOST_NAMED = 6  # largest number of values of a label in a message
@@ -420,63 +417,35 @@ def validate(
     --------
     pneudrive validate measured.toml other.parquet --out check
     """
-    tell = terminal.watch().tell
-    tables = _tables(drive)
+    options = {"layout": layout, "progress": terminal.watch().tell}
     if regulator.RegulatorFit.is_file(drive):
-        lag = regulator.RegulatorFit.from_toml(drive)
-        _show_check(regulator_check.validate_regulator(lag, recordings, layout=layout), out)
-        return
-    if tables.get("kind") == "motion" or ("components" in tables and "valve" not in tables):
-        _show_check(pn.validate_motion(drive, recordings, layout=layout, progress=tell), out)
-        return
-    seconds = quantity("--window", window, "s")
-    is_fit = tables.get("kind") == "drive" and "values" in tables
-    described = drive_fits.DriveFit.from_toml(drive) if is_fit else pn.Drive.load(drive)
-    sensors = sensor_options(sensor) or None
-    if any(friction_check.is_friction(path) for path in recordings):
-        if len(recordings) > 1:
-            what = "a friction map or a campaign cannot be validated together with other files"
-            raise CommandError(what, remedy="Name one of them.")
-        law = described.apply() if isinstance(described, drive_fits.DriveFit) else described
-        _show_check(friction_check.validate_friction(law, recordings[0]), out, validation_page.write_friction_report)
-        return
-    found = pn.validate(described, recordings, layout=layout, window_s=seconds, sensors=sensors, progress=tell)
+        found: Any = pn.validate(regulator.RegulatorFit.from_toml(drive), recordings, layout=layout)
+    elif follow.FollowFit.is_file(drive) or _is_circuit(drive):
+        found = pn.validate_motion(drive, recordings, **options)
+    else:
+        described = drive_fits.DriveFit.from_toml(drive) if drive_fits.DriveFit.is_file(drive) else pn.Drive.load(drive)
+        if any(friction_check.is_friction(path) for path in recordings):
+            if len(recordings) > 1:
+                what = "a friction map or a campaign cannot be validated together with other files"
+                raise CommandError(what, remedy="Name one of them.")
+            law = described.apply() if isinstance(described, drive_fits.DriveFit) else described
+            found = friction_check.validate_friction(law, recordings[0])
+        else:
+            options |= {"window_s": quantity("--window", window, "s"), "sensors": sensor_options(sensor) or None}
+            found = pn.validate(described, recordings, **options)
     folder = terminal.writable_folder(out)
-    written = [*found.write(folder), validation_page.write_validation_report(found, folder)]
-    _show_records(found)
-    terminal.show_lines(str(found))
+    written = [*found.write(folder), found.report(folder)]
+    terminal.show_view(found.view())
     terminal.show_paths(*written)
 
 
-def _tables(path: str) -> dict[str, Any]:
-    """Read the tables of a TOML file; empty for another file."""
+def _is_circuit(path: str) -> bool:
+    """Return whether a file describes a circuit without the valve of a drive."""
     if Path(path).suffix != ".toml" or not Path(path).is_file():
-        return {}
+        return False
     remedy = "`pneudrive identify --out` and `pneudrive apply --out` write TOML."
-    return toml.read(path, DescriptionError, remedy)[0]
-
-
-def _show_check(found: Any, out: Path, write_page: Any = None) -> None:  # noqa: ANN401 - results of four validations
-    """Write the files of a validation, and its page if it has one, and print it."""
-    folder = terminal.writable_folder(out)
-    written = [*found.write(folder), *([] if write_page is None else [write_page(found, folder)])]
-    terminal.show_lines(str(found))
-    terminal.show_paths(*written)
-
-
-def _show_records(found: Validation) -> None:
-    """Print one line per recording."""
-    window = f"from states, {found.window_s:g} s %"
-    heads = ("recording", "position fit %", window, "pressure NRMSE %", "off from s", "fit")
-    rows = []
-    for record in found.records[: terminal.MOST_ROWS]:
-        position = record.channels["position_m"]
-        pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
-        off = "-" if position.off_s is None else f"{position.off_s:.2f}"
-        fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
-        rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off, found.badge(record)))
-    shown = len(heads) - (not found.fitted)
-    terminal.show_table(heads[:shown], [row[:shown] for row in rows])
+    tables = toml.read(path, DescriptionError, remedy)[0]
+    return "components" in tables and "valve" not in tables
 
 
 def design(

@@ -16,8 +16,7 @@ from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.identify.compared import FittedData, comparison_figure
 from pneudrive.identify.identified import Identified, correlations_of, joined
 from pneudrive.lazy_names import upper
-from pneudrive.numbers import places, plain
-from pneudrive.repr_tables import aligned
+from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import readable
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, Viewed
@@ -693,32 +692,18 @@ class Fit(Viewed):
         return self.free_values()
 
     def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        """Yield value, interval or state, U (k = 2), model error and recordings of a value."""
-        factor = readable(self.units[name])[0]
-        ends, sources = self.intervals.get(name), self.sources.get(name, self.recordings)
-        state = "fixed" if name not in self.free else "not determined" if name in names_of(self.undetermined) else ""
-        if ends is not None:
-            lower, upper = (end / factor for end in ends)
-            digits = places(0.5 * (upper - lower))
-            state = f"{lower:.{digits}f} .. {upper:.{digits}f}"
-        words = "95 % interval, or state" if self.intervals else "state"
-        cells = {words: state if np.isfinite(value) else "not determined"}
+        """Yield value, state, U (k = 2), model error and recordings of a value."""
+        size, ends = readable(self.units[name])[0], self.intervals.get(name)
+        cells = {}
+        if name in names_of(self.undetermined) or not np.isfinite(value):
+            cells["state"] = "not determined"
+        elif name not in self.free:
+            cells["state"] = "fixed"
         if ends is not None and self.systematic.get(name, 0.0) > 0.0:
-            cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / factor, 2)
+            cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / size, 2)
         if ends is not None and name in self.model_errors:
-            cells["model ±"] = plain(self.model_errors[name] / factor, 2)
+            cells["model ±"] = plain(self.model_errors[name] / size, 2)
         if len(set(self.sources.values())) > 1 and name in self.free:
-            cells["recordings"] = joined(sources)
+            cells["recordings"] = joined(self.sources.get(name, self.recordings))
         yield ShownValue(name, name, "value", value, self.units[name], ends, "data" if name in self.free else "stated")
-        keys = {words: "state", "U (k = 2)": "u"}
-        yield from (ShownValue(f"{name}.{keys.get(k, k)}", name, k, text, origin="text") for k, text in cells.items())
-
-    def __str__(self) -> str:
-        """Return values, findings and notes as text."""
-        view = self.view()
-        head, rows = view.table()
-        findings = (f"  {'-' if f.state == 'good' else '!'} {f.text} {f.remedy}".rstrip() for f in view.findings)
-        tables = (aligned([table.head, *table.rows]) for table in view.tables)
-        return "\n".join(
-            [view.title, aligned([head, *rows]), *findings, *tables, *(f"  {note}" for note in view.notes)]
-        )
+        yield from (ShownValue(f"{name}.{key}", name, key, text, origin="text") for key, text in cells.items())

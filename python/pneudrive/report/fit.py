@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from pneudrive.report.page import Report, view_section
-from pneudrive.report.tables import sentence
+from pneudrive.report.page import view_report
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
@@ -43,20 +42,15 @@ def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ())
     CommandError
         The folder cannot be written to.
     """
-    values, data, view = Topic("fit", "values"), Topic("fit", "data"), fit.view()
+    data, view = Topic("fit", "data"), fit.view()
     # Recordings and nested tables of the provenance are shown elsewhere.
     plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
     facts = [*fit.statistics.items(), *plain.items()]
     rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in facts]
-    shown = view_section(values.key, replace(view, title=values.say("title"), notes=()))
-    blocks = [values.text(), *shown.blocks, *([] if view.figures else [values.text("none")])]
-    parts = [
-        values.section(*blocks),
-        *more,
-        data.section(data.table(rows), *data.listed(fit.recordings, "recordings"), synthetic=False),
-    ]
-    lines = map(sentence, (view.title, *view.notes))
-    return Report(values.say("page", kind=fit.TITLE), lines, parts, fit.synthetic).write(folder)
+    words = [data.text("intervals"), *([] if view.figures else [data.text("none")])]
+    recordings = data.listed(fit.recordings, "recordings")
+    about = data.section(*words, data.table(rows), *recordings, synthetic=False)
+    return view_report(view, *more, about, synthetic=fit.synthetic).write(folder)
 
 
 # --- Additions of a study to the report of recordings.

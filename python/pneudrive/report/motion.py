@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.figures import Figure, Line, Look, Markers, Panel
+from pneudrive.identify.compared import comparison_figure
+from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.report.fit import write_fit_report
-from pneudrive.report.page import Picture, Report
-from pneudrive.report.tables import sentence
+from pneudrive.report.page import Picture, view_report
 from pneudrive.report.topics import Topic
+from pneudrive.views import STATES, Finding, ShownFigure, View
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,12 +31,45 @@ def follow_page(fit: FollowFit, folder: str | Path) -> Path:
     return write_fit_report(fit, folder, _chambers(fit.solution))
 
 
+def motion_view(found: MotionValidation) -> View:
+    """Return the view of a circuit along recorded motions: verdicts, force balances, and pressures."""
+    findings = [Finding(text, "good" if met else "bad") for met, text in found.verdicts]
+    findings += [Finding(doubt, "open") for doubt in found.doubts]
+    notes = [f"{record.name}: {record}" for record in found.records]
+    notes += [f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in found.open]
+    topic, figures = Topic("motion", "forces"), []
+    if found.solution is not None:
+        figure = comparison_figure(fitted_pressures(found.solution))
+        figures.append(ShownFigure("pressures", Topic("motion", "chambers").say("time"), figure))
+    if found.closures:
+        figures.append(ShownFigure("closure", topic.say("residual"), closure_figure(found.closures)))
+        notes += [*map(str, found.closures), topic.say()]
+    return View(
+        f"{found.circuit.name} along recorded motions",
+        notes=tuple(notes),
+        state=max((finding.state for finding in findings), key=STATES.index, default="good"),
+        findings=tuple(findings),
+        tables=(topic.shown(map(_force_row, found.closures)),) if found.closures else (),
+        figures=tuple(figures),
+    )
+
+
 def motion_page(found: MotionValidation, folder: str | Path) -> Path:
     """Write the page of a validation into an existing folder."""
-    lines = [f"{sentence(text)} {'Met.' if met else 'Missed.'}" for met, text in found.verdicts]
-    title = f"{found.circuit.name} along recorded motions"
-    parts = [*_chambers(found.solution), *_forces(found.closures)]
-    return Report(title, [*lines, *map(sentence, found.doubts)], parts).write(folder)
+    return view_report(found.view(), *_chambers(found.solution)).write(folder)
+
+
+def closure_figure(closures: tuple[Closure, ...]) -> Figure:
+    """Draw the residual of each force balance over time."""
+    dots = Look("blue", "-", ".")
+    panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
+    return Figure(panels, "time / s", "residual / %", row_in=1.3, rest_in=1.2)
+
+
+def _force_row(c: Closure) -> tuple[object, ...]:
+    gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
+    viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
+    return c.name, c.rms_n, 100 * c.share, c.offset_n, gains or None, viscous, c.correlation
 
 
 def _chambers(solution: FollowSolution | None) -> list[Section]:
@@ -66,24 +101,3 @@ def volume_figure(solution: FollowSolution, at: int) -> Figure:
         right.append(Line(record.positions_m, rest[index] / record.ranges_pa[index], look=own, width=0.5))
     panels = [Panel(left, "", "volume / l", "pressure / bar"), Panel(right, "", "position / m", "residual / %")]
     return Figure(panels, columns=2, row_in=3.4, rest_in=0.0)
-
-
-def _forces(closures: tuple[Closure, ...]) -> list[Section]:
-    if not closures:
-        return []
-    topic, rows = Topic("motion", "forces"), []
-    for c in closures:
-        gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
-        viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
-        rows.append((c.name, c.rms_n, 100 * c.share, c.offset_n, gains or None, viscous, c.correlation))
-    first = [
-        f"{c.name}: gain and viscous friction correlate at {c.correlation:.2f}. Friction depends on the area."
-        for c in closures
-        if c.correlation is not None
-    ] + [f"{c.name}: {c.delay}. This delay is removed from the force balance." for c in closures if c.recorded]
-    dots = Look("blue", "-", ".")
-    panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
-    figure = Figure(panels, "time / s", "residual / %", row_in=1.3, rest_in=1.2)
-    doubts = [doubt for c in closures for doubt in c.doubts]
-    picture = Picture("closure", topic.say("residual"), figure)
-    return [topic.section(*topic.listed(first), topic.text(), topic.table(rows), *topic.listed(doubts), picture)]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.report.page import Block, Items, PageTable, Paragraph, Picture, Section
 from pneudrive.report.tables import PageColumn, table
+from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -67,6 +68,11 @@ class Topic:
         read = [PageColumn.read(text) for text in said["columns"]]
         columns = [column._replace(head=column.head.format(**values)) for column in read]
         return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
+
+    def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
+        """Return a table of a view; its caption is that of the table, or the title of the topic."""
+        made = self.table(records, name, **values)
+        return ShownTable(made.caption or self.say("title", **values), made.head, made.rows)
 
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
         """Return a section of the blocks that are not None."""

@@ -1,9 +1,9 @@
-"""The reports of a drive compared with its recordings, and of a friction law compared with measured friction."""
+"""The views and reports of a drive against its recordings, and of a friction law against measured friction."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,27 +25,137 @@ from pneudrive.figures import (
     stack,
     thin,
 )
-from pneudrive.report.page import Paragraph, Picture, Report
-from pneudrive.report.tables import MOST_SHOWN, plural, quantity, sentence, spread_evenly
+from pneudrive.report.page import Paragraph, Picture, view_report
+from pneudrive.report.tables import MOST_SHOWN, plural, quantity, spread_evenly
 from pneudrive.report.topics import Topic
 from pneudrive.validate.balance import BALANCES, moving_mass
+from pneudrive.validate.static import STATIC_FIT_PERCENT
 from pneudrive.validate.validation import CHANNELS
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.report.page import Block, Section
+    from pneudrive.report.page import Section
     from pneudrive.validate.balance import Scene
     from pneudrive.validate.signals import Signals
     from pneudrive.validate.static import FrictionCurve, FrictionValidation
     from pneudrive.validate.validation import RecordResult, Validation
+    from pneudrive.views import State
 
-MOST_RECORDS, MOST_FAILURES, MOST_STOPS = 6, 4, 60
-MARKS = {True: "Met.", False: "Missed.", None: ""}
+MOST_RECORDS, MOST_STOPS = 6, 60
 SHOWN_ALONE = 12
 DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
+#: Verdict -> words, and factor to percent.
+VERDICTS = {
+    "position": ("position in the free run: fit", 1.0),
+    "pressure": ("pressures in the free run: NRMSE in the worse chamber", 100.0),
+    "breakaway": ("breakaway after stops: mean error", 100.0),
+}
+#: State of a target: missed, met, or not tested.
+MET: dict[bool | None, State] = {False: "bad", True: "good", None: "open"}
+
+
+def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str, Any] | None]) -> View:
+    """Return the view of a validation of a drive, live or stored.
+
+    Parameters
+    ----------
+    content : mapping
+        Tables of validation.toml.
+    run : callable
+        Number of a record, from 0 -> the columns of its run, or None without its file.
+    """
+    records, diagnosis = content["record"], content["diagnosis"]
+    leading, causes = tuple(map(_leading, content["verdict"])), diagnosis.get("culprit", [])
+    why = diagnosis.get("why", [cause["text"] for cause in causes])
+    state: State = "good" if diagnosis["clean"] and not causes else "open"
+    findings = [Finding(text, state, f"Remedy: {remedy}" if remedy else "") for text, _, remedy in
+                (sentence.partition(" Remedy: ") for sentence in why)]  # fmt: skip
+    topic, figures = Topic("validation", "record"), []
+    for number, record in spread_evenly(list(enumerate(records)), MOST_RECORDS):
+        if (columns := run(number)) is not None:
+            caption = topic.say("channels", name=record["name"], window_s=content["window_s"])
+            figures.append(ShownFigure(f"record-{number + 1}", caption, channel_figure(columns)))
+    return View(
+        f"{content['provenance']['drive']} against {plural(len(records), 'recording')}",
+        tuple(row for record in records for row in _rows(record)),
+        notes=tuple(content["notes"]),
+        state="bad" if any(value.state == "bad" for value in leading) else state,
+        leading=leading,
+        findings=tuple(findings),
+        tables=tuple(table for table in _tables(content) if table.rows),
+        figures=tuple(figures),
+    )
+
+
+def _leading(verdict: Mapping[str, Any]) -> LeadingValue:
+    (words, factor), met = VERDICTS[verdict["what"]], verdict.get("met")
+    if met is None:
+        return LeadingValue(ShownValue(verdict["what"], "", "", verdict["text"]), None, "open")
+    value = ShownValue(verdict["what"], "", words, factor * verdict["value"], "%")
+    return LeadingValue(value, factor * verdict["target"], MET[met])
+
+
+def _rows(record: Mapping[str, Any]) -> Iterator[ShownValue]:
+    """Yield the agreement of each channel of a record."""
+    badge = f" ({record['badge']})" if record.get("badge") else ""
+    for column, title in CHANNELS.items():
+        found, label = record[column], f"{record['name']}{badge}: {title}"
+        free, again, unit = found["free"], found["restarted"], "m" if column.endswith("_m") else "Pa"
+        cells = {
+            "fit": ("free run: fit, %", free.get("fit_percent", math.nan), ""),
+            "nrmse": ("NRMSE, %", 100.0 * free.get("nrmse", math.nan), ""),
+            "rms": ("rms", free["rms"], unit),
+            "largest": ("largest", free["largest"], unit),
+            "restarted": ("from measured states: fit, %", again.get("fit_percent", math.nan), ""),
+            "restarted nrmse": ("NRMSE from them, %", 100.0 * again.get("nrmse", math.nan), ""),
+        }
+        if found.get("off_s") is not None:
+            cells["off"] = ("off from s", found["off_s"], "")
+        for key, (words, value, si_unit) in cells.items():
+            yield ShownValue(f"{record['name']}: {title}.{key}", label, words, float(value), si_unit)
+
+
+def _tables(content: Mapping[str, Any]) -> Iterator[ShownTable]:
+    """Yield causes, sizes of residuals, stops and conditions."""
+    diagnosis, records = content["diagnosis"], content["record"]
+    why = Topic("validation", "why")
+    yield why.shown(
+        ((c["what"], 100 * c["share"], c["amount"], *c["interval"], c["unit"], ", ".join(c["rivals"]) or None)
+         for c in diagnosis.get("culprit", ())), "causes",
+    )  # fmt: skip
+    yield why.shown(((k.replace("_", " "), v) for k, v in diagnosis["residual_over_noise"].items()), "sizes")
+    stops = [
+        (r["name"], b["start_s"], b["onset_s"] - b["start_s"], b["measured_n"], b["model_n"], 100 * b["error"])
+        for r in records
+        for b in r.get("breakaway", ())
+    ]
+    yield Topic("validation", "breakaway").shown(stops[:MOST_STOPS])
+    yield Topic("validation", "conditions").shown(
+        (c["label"], c["value"], c["recordings"], c["position_fit_percent"], c["restarted_fit_percent"],
+         100 * c["pressure_nrmse"]) for c in content.get("condition", ())
+    )  # fmt: skip
+
+
+def channel_figure(columns: Mapping[str, Any]) -> Figure:
+    """Draw measured and modelled channels, each over its residual."""
+    panels, part = [], thin(columns["time_s"])
+    t = columns["time_s"][part]
+    for column in CHANNELS:
+        measured, free, again = (columns[name][part] for name in (column, f"free.{column}", f"restarted.{column}"))
+        unit = quantity(column)[1]
+        lines = [Line(t, measured, "measured"), Line(t, free, "free run", MODEL)]
+        panels.append(Panel(lines, y=f"{_name(column)} / {unit}"))
+        rests = [Line(t, measured - again, "from measured states", RESIDUAL, 0.7), Line(t, measured - free, look=MODEL)]
+        panels.append(Panel(rests, y=f"residual / {unit}"))
+    return stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
+
+
+def _name(column: str) -> str:
+    return column.rpartition("_")[0].replace("_", " ")
 
 
 def write_validation_report(found: Validation, folder: str | Path) -> Path:
@@ -62,45 +172,34 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    lines = [f"{sentence(v.text)} {MARKS[v.met]}".strip() for v in found.verdicts]
-    lines += [*map(sentence, found.why()), *map(sentence, found.notes)]
-    records = [_record(found, r) for r in spread_evenly(found.records, MOST_RECORDS)]
-    parts = [_metrics(found), _why(found), *records, _stops(found), _conditions(found), _whiteness(found)]
-    title = f"{found.drive.name} against {plural(len(found.records), 'recording')}"
-    return Report(title, lines, [*parts, _provenance(found)], found.synthetic).write(folder)
-
-
-def _metrics(found: Validation) -> Section:
-    topic, rows = Topic("validation", "metrics"), []
-    for r in found.records:
-        for column, channel in r.channels.items():
-            size, unit = quantity(column)
-            factor = 1.0 / size
-            free, again = channel.free, channel.restarted
-            sizes = (f"{factor * free.rms:.3g} {unit}", f"{factor * free.largest:.3g} {unit}")
-            off = None if channel.off_s is None else f"{channel.off_s:.2f}"
-            numbers = (free.fit_percent, 100 * free.nrmse, *sizes, again.fit_percent, 100 * again.nrmse, off)
-            rows.append((r.recording.name, CHANNELS[column], *numbers))
-    return topic.section(topic.text(window_s=found.window_s), topic.table(rows))
+    about = (Topic("validation", key) for key in ("metrics", "breakaway"))
+    words = (topic.text(window_s=found.window_s) for topic in about)
+    parts = [_why(found), _noise(found), Topic("validation", "about").section(*words), _provenance(found)]
+    return view_report(found.view(), *parts, synthetic=found.synthetic).write(folder)
 
 
 def _why(found: Validation) -> Section:
     topic, diagnosis = Topic("validation", "why"), found.diagnosis()
+    alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
     pictures = []
-    for i, r in enumerate(spread_evenly(found.records, MOST_RECORDS)[:2], 1):
-        where = next(k for k, own in enumerate(found.records) if own is r)
-        figure = balance_figure(found.drive, r.signals, diagnosis.scenes[where])
-        pictures.append(Picture(f"balance-{i}", topic.say("caption", name=r.recording.name), figure))
-    sizes = topic.table(((name, f"{v:.2g}" if v == v else None) for name, v in diagnosis.size.items()), "sizes")
-    if diagnosis.culprits:
-        causes = (
-            (c.key, 100 * c.share, c.text, ", ".join(name for name, _ in c.rivals) or None) for c in diagnosis.culprits
-        )
-        alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
-        blocks: list[Block] = [topic.table(causes, "causes"), topic.table(alone, "alone")]
-    else:
-        blocks = [Paragraph(sentence(str(diagnosis)), "holds" if diagnosis.is_clean else "fails")]
-    return topic.section(topic.text(), sizes, *blocks, *pictures)
+    for number, r in spread_evenly(list(enumerate(found.records)), MOST_RECORDS)[:2]:
+        figure = balance_figure(found.drive, r.signals, diagnosis.scenes[number])
+        pictures.append(Picture(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure))
+    return topic.section(topic.text(), topic.table(alone, "alone") if diagnosis.alone else None, *pictures)
+
+
+def _noise(found: Validation) -> Section:
+    topic, rows = Topic("validation", "whiteness"), []
+    for record in found.records:
+        for column, channel in record.channels.items():
+            white = channel.whiteness
+            strongest = ", ".join(f"{c.signal} {c.value:+.2f}" for c in channel.cross[:3])
+            rows.append((record.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
+    pictures = (
+        Picture(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
+        for n, r in spread_evenly(list(enumerate(found.records, 1)), MOST_RECORDS)
+    )
+    return topic.section(topic.text(), topic.table(rows), *pictures)
 
 
 def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
@@ -122,37 +221,6 @@ def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
     return stack(panels, 5.2, (2, 1, 1, 1))
 
 
-def _record(found: Validation, r: RecordResult) -> Section:
-    topic, name = Topic("validation", "record"), r.recording.name
-    number = [x is r for x in found.records].index(True) + 1
-    failures = (*r.free.failures, *r.restarted.failures)[:MOST_FAILURES]
-    part = topic.section(
-        *topic.listed(topic.say("failure", failure=failure) for failure in failures),
-        Picture(f"record-{number}", topic.say("channels", name=name, window_s=found.window_s), channel_figure(r)),
-        Picture(f"residual-{number}", topic.say("residual", name=name), residual_figure(r, found.window_s)),
-        name=name,
-    )
-    return replace(part, key=f"record-{number}")
-
-
-def _name(column: str) -> str:
-    return column.rpartition("_")[0].replace("_", " ")
-
-
-def channel_figure(r: RecordResult) -> Figure:
-    """Draw measured and modelled channels, each over its residual."""
-    panels, part = [], thin(r.signals.time_s)
-    t = r.signals.time_s[part]
-    for column in r.channels:
-        measured, free, again = getattr(r.signals, column)[part], r.free[column][part], r.restarted[column][part]
-        unit = quantity(column)[1]
-        lines = [Line(t, measured, "measured"), Line(t, free, "free run", MODEL)]
-        panels.append(Panel(lines, y=f"{_name(column)} / {unit}"))
-        rests = [Line(t, measured - again, "from measured states", RESIDUAL, 0.7), Line(t, measured - free, look=MODEL)]
-        panels.append(Panel(rests, y=f"residual / {unit}"))
-    return stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
-
-
 def residual_figure(r: RecordResult, window_s: float) -> Figure:
     """Draw the autocorrelation of the free run's residuals, and the residual of each run from a measured state."""
     above, below = [], []
@@ -166,35 +234,6 @@ def residual_figure(r: RecordResult, window_s: float) -> Figure:
         bars = Bars(middle, channel.window_rms, thickness=0.8 * window_s)
         below.append(Panel([bars], "", "start at / s", f"rms / {quantity(column)[1]}"))
     return Figure([*above, *below], columns=len(above), row_in=1.8, rest_in=0.0)
-
-
-def _stops(found: Validation) -> Section | None:
-    rows = [
-        (r.recording.name, b.start_s, b.onset_s - b.start_s, b.measured_n, b.model_n, 100 * b.error)
-        for r in found.records
-        for b in r.breakaways
-    ]
-    topic = Topic("validation", "breakaway")
-    return topic.section(topic.text(), topic.table(rows[:MOST_STOPS])) if rows else None
-
-
-def _conditions(found: Validation) -> Section | None:
-    rows = [
-        (c.label, c.value, c.recordings, c.position_fit_percent, c.restarted_fit_percent, 100 * c.pressure_nrmse)
-        for c in found.conditions
-    ]
-    topic = Topic("validation", "conditions")
-    return topic.section(topic.table(rows)) if rows else None
-
-
-def _whiteness(found: Validation) -> Section:
-    topic, rows = Topic("validation", "whiteness"), []
-    for r in found.records:
-        for column, channel in r.channels.items():
-            white = channel.whiteness
-            strongest = ", ".join(f"{c.signal} {c.value:+.2f}" for c in channel.cross[:3])
-            rows.append((r.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
-    return topic.section(topic.text(), topic.table(rows))
 
 
 def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
@@ -224,6 +263,25 @@ def _provenance(found: Validation) -> Section:
 # --- friction --------------------------------------------------------------------------------------------------------
 
 
+def friction_view(found: FrictionValidation) -> View:
+    """Return the view of a friction law against measured friction: agreement in all, and for each condition."""
+    m, curves = found.metrics, list(found.curves)[:MOST_SHOWN]
+    percent = {"fit": m.fit_percent, "NRMSE": 100 * m.nrmse}
+    leading = [LeadingValue(ShownValue("fit", "", "fit", percent["fit"], "%"), STATIC_FIT_PERCENT, MET[found.met])]
+    leading += [LeadingValue(ShownValue("NRMSE", "", "NRMSE", percent["NRMSE"], "%"))]
+    leading += [LeadingValue(ShownValue("largest", "", "largest difference", m.largest, "N"))]
+    inside = ShownValue("inside", "", "the law is within the band of", 100 * found.inside, "% of the points")
+    law = Topic("validation", "curves")
+    return View(
+        f"friction of {found.drive.name} against {found.source.name}",
+        state=MET[found.met],
+        leading=(*leading, LeadingValue(inside)),
+        tables=(Topic("validation", "friction-conditions").shown(map(_of_curve, found.curves)),),
+        figures=(ShownFigure("friction", law.texts["pictures"]["friction"], friction_figure(curves)),),
+        notes=(law.say(),),
+    )
+
+
 def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path:
     """Write report.html with curves, bands and differences.
 
@@ -232,15 +290,8 @@ def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path
     CommandError
         The folder cannot be written to.
     """
-    lines = (sentence(line.strip(" +!")) for line in str(found).splitlines()[:2])
-    law, table, model = (Topic("validation", key) for key in ("curves", "friction-conditions", "model"))
-    rows = (_of_curve(c) for c in found.curves)
-    parts = (
-        law.section(law.text(), law.picture("friction", friction_figure(list(found.curves)[:MOST_SHOWN]))),
-        table.section(table.table(rows)),
-        model.section(Paragraph(found.drive.to_toml().strip(), "code")),
-    )
-    return Report(f"Friction of {found.drive.name} against {found.source.name}", lines, parts).write(folder)
+    drive = Topic("validation", "model").section(Paragraph(found.drive.to_toml().strip(), "code"))
+    return view_report(found.view(), drive).write(folder)
 
 
 def _of_curve(c: FrictionCurve) -> tuple[object, ...]:

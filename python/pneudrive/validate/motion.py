@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
+from pneudrive.identify.compared import FittedData, comparison_figure
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.fit import (
     POOR,
@@ -24,13 +25,14 @@ from pneudrive.identify.follow.fit import (
     other_readings,
     poor_fit,
 )
+from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import whole
 from pneudrive.validate.closure import Closure, close_balance
 from pneudrive.validate.metrics import HELD_OUT, MADE, NONE_HELD_OUT, badge_of, held_out_notes
+from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -46,7 +48,7 @@ LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks,
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionValidation(Shown):
+class MotionValidation(Viewed):
     """A circuit compared with recordings of its driven piston.
 
     Attributes
@@ -89,26 +91,16 @@ class MotionValidation(Shown):
             found.append((closure.share <= CLOSURE, words))
         return tuple(found)
 
-    def __str__(self) -> str:
-        """Return verdicts, start, delay and warnings as text."""
-        card = self._card()
-        return "\n".join(
-            [card.title, *(f"  {mark} {text}" for mark, text in card.rows), *(f"  {n}" for n in card.notes)]
-        )
+    def view(self) -> View:
+        """Return verdicts, start and delay of each recording, force balances, and measured and simulated pressures."""
+        return upper("motion_view")(self)
 
-    def _card(self) -> Card:
-        rows = [("+" if met else "!", text) for met, text in self.verdicts]
-        notes = [f"{record.name}: {record}" for record in self.records]
-        notes += [
-            f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in self.open
-        ]
-        notes += [str(closure) for closure in self.closures]
-        return Card(f"{self.circuit.name} along recorded motions", rows=rows, notes=[*notes, *self.doubts])
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the validation into an existing folder."""
+        return upper("motion_page")(self, folder)
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write validation.toml and report.html with its figures into an existing folder."""
-        from pneudrive.lazy_names import upper
-
+        """Write validation.toml into an existing folder."""
         tables: dict[str, Any] = {
             "kind": "motion-validation",
             "verdicts": [{"met": met, "text": text} for met, text in self.verdicts],
@@ -131,7 +123,7 @@ class MotionValidation(Shown):
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
             temporary.write_text(toml.write(tables), encoding="utf-8")
-        return [target, upper("motion_page")(self, folder)]
+        return [target]
 
 
 def validate_motion(
@@ -203,16 +195,17 @@ def _late(records: tuple[FollowRecord, ...]) -> list[str]:
 
 @dataclass(frozen=True)
 class RegulatorRun:
-    """One run: rms of measured minus simulated pressure in Pa and relative to its range, and its badge."""
+    """One run: rms of measured minus simulated pressure in Pa and relative to its range, badge, and both pressures."""
 
     name: str
     rms_pa: float
     share: float
     badge: str
+    fitted: FittedData = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RegulatorValidation(Shown):
+class RegulatorValidation(Viewed):
     """The fit of a regulator compared with runs; all values are held, and each run starts at its first pressure."""
 
     fit: RegulatorFit
@@ -222,22 +215,29 @@ class RegulatorValidation(Shown):
     def notes(self) -> list[str]:
         """Sentences on the runs that were held out, and on the residual of the fit itself."""
         made = all(run.badge == MADE for run in self.runs)
-        return [
-            *(NONE_HELD_OUT,) * made,
-            f"the fit itself has an rms of {100 * self.fit.statistics['rms']:.2f} % of the range",
-        ]
+        rms = self.fit.statistics["rms"]
+        return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * rms:.2f} % of the range"]
 
-    def __str__(self) -> str:
-        """Return the residual of each run as text."""
-        card = self._card()
-        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
-
-    def _card(self) -> Card:
+    def view(self) -> View:
+        """Return the residual of each run, and measured and simulated pressures."""
         rows = []
         for run in self.runs:
-            badge = f", {run.badge}" if run.badge else ""
-            rows.append((run.name, f"rms {run.rms_pa / 1e5:.3g} bar, {100 * run.share:.2f} % of the range{badge}"))
-        return Card(f"{self.fit.name} against {len(rows)} runs", rows=rows, notes=self.notes)
+            cells = {"rms": (run.rms_pa, "Pa"), "rms, % of the range": (100 * run.share, "")}
+            cells |= {"recording": (run.badge, "")} if run.badge else {}
+            rows += [ShownValue(f"{run.name}.{name}", run.name, name, *cell) for name, cell in cells.items()]
+        worst = max(self.runs, key=lambda run: run.share)
+        figure = comparison_figure({run.name: run.fitted for run in self.runs})
+        return View(
+            f"{self.fit.name} against {len(self.runs)} runs",
+            tuple(rows),
+            notes=tuple(self.notes),
+            leading=(LeadingValue(ShownValue("worst", worst.name, f"largest rms, {worst.name}", worst.rms_pa, "Pa")),),
+            figures=(ShownFigure("runs", "Measured and simulated pressures, and their difference.", figure),),
+        )
+
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the validation into an existing folder."""
+        return upper("view_report")(self.view()).write(folder)
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""
@@ -269,7 +269,8 @@ def validate_regulator(
     files = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     runs, fitted = [], dict.fromkeys(fit.recordings, "") | fit.hashes
     for record in read_volume_recordings(files, layout):
-        rms = float(np.sqrt(np.mean((record.pressure_pa - fit.simulate(record)) ** 2)))
-        span = float(np.ptp(record.pressure_pa)) or 1.0
-        runs.append(RegulatorRun(record.name, rms, rms / span, badge_of(record.name, record.sha256, fitted)))
+        model = fit.simulate(record)
+        rms, span = float(np.sqrt(np.mean((record.pressure_pa - model) ** 2))), float(np.ptp(record.pressure_pa)) or 1.0
+        data = FittedData("time_s", "pressure_pa", record.time_s, record.pressure_pa, model)
+        runs.append(RegulatorRun(record.name, rms, rms / span, badge_of(record.name, record.sha256, fitted), data))
     return RegulatorValidation(fit, tuple(runs))

@@ -12,14 +12,16 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.static.friction_curve import steady_friction
-from pneudrive.repr_tables import Shown
+from pneudrive.lazy_names import upper
 from pneudrive.simulation.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics
+from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.views import View
 
     Array = NDArray[np.float64]
 
@@ -65,7 +67,7 @@ class FrictionCurve:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionValidation(Shown):
+class FrictionValidation(Viewed):
     """Validation of a friction law against measured sliding friction."""
 
     drive: Drive
@@ -101,24 +103,13 @@ class FrictionValidation(Shown):
         write_frame(pl.concat(pl.DataFrame({n: getattr(c, n) for n in names}) for c in self.curves), target)
         return [target]
 
-    def __str__(self) -> str:
-        """Return the verdict and one line for each condition."""
-        mark = "+" if self.met else "!"
-        m = self.metrics
-        lines = [
-            f"friction of {self.drive.name} against {self.source.name}",
-            f"  {mark} fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %), NRMSE {100 * m.nrmse:.2g} %, "
-            f"largest difference {m.largest:.2g} N; the law is within the band of {100 * self.inside:.0f} % of the "
-            "points",
-        ]
-        words = {0: "both directions", 1: "towards +x", -1: "towards -x"}
-        for c in self.curves:
-            bias = float(np.mean(c.model_n - c.friction_n))
-            lines.append(
-                f"    {c.condition}, {words[c.direction]}: law {bias:+.2g} N off on average, at most "
-                f"{c.metrics.largest:.2g} N off, {100 * c.inside:.0f} % inside"
-            )
-        return "\n".join(lines)
+    def view(self) -> View:
+        """Return the agreement over all conditions and for each, with its figure."""
+        return upper("friction_view")(self)
+
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the validation into an existing folder."""
+        return upper("write_friction_report")(self, folder)
 
 
 def is_friction(path: str | Path) -> bool:

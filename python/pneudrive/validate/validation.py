@@ -16,8 +16,9 @@ from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.follow.regulator import RegulatorFit
+from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.diagnosis import diagnose
@@ -36,6 +37,7 @@ from pneudrive.validate.metrics import (
 from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
 from pneudrive.validate.signals import Signals, corrected
 from pneudrive.validate.simulation import ModelRun, RecordedBreakaway, breakaways, run_model
+from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -50,10 +52,12 @@ if TYPE_CHECKING:
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
     from pneudrive.validate.diagnosis import Diagnosis
+    from pneudrive.views import View
 
     Array = NDArray[np.float64]
 
 SCHEMA = 1  # version of the format of validation.toml
+HEAD = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
 #: Compared channels, with their names in reports.
 CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b_pa": "pressure b"}
 #: Length of the runs from measured states, s.
@@ -143,7 +147,7 @@ class ConditionRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation(Shown):
+class Validation(Viewed):
     """Validation of a drive against recordings.
 
     Attributes
@@ -255,21 +259,48 @@ class Validation(Shown):
         """
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
-            temporary.write_text(validation_toml(self), encoding="utf-8")
+            temporary.write_text("\n".join([HEAD, *toml.sections(self.content())]) + "\n", encoding="utf-8")
         return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
 
-    def __str__(self) -> str:
-        """Return the verdicts and the diagnosis as text."""
-        card = self._card()
-        found = [f"{mark} {text}" for mark, text in card.rows]
-        return "\n".join([card.title, *(f"  {line}" for line in (*found, *self.why(), *self.notes))])
+    def content(self) -> dict[str, Any]:
+        """Return the tables of validation.toml: values are in SI, fractions as numbers, fit in percent."""
+        drive, diagnosis = self.drive, self.diagnosis()
+        identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
+        return {
+            "schema": SCHEMA,
+            "window_s": self.window_s,
+            "synthetic": self.synthetic,
+            "notes": list(self.notes),
+            "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
+            | identified,
+            "verdict": [
+                {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in self.verdicts
+            ],
+            "record": [
+                _record_table(record) | {"badge": self.badge(record), "run": run_name(at)}
+                for at, record in enumerate(self.records)
+            ],
+            "condition": [vars(row) for row in self.conditions],
+            "diagnosis": {
+                "left": diagnosis.left,
+                "clean": diagnosis.is_clean,
+                "why": self.why(),
+                "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
+                "culprit": [
+                    {"amount": c.amount, "unit": c.cause.unit, "interval": c.interval, "share": c.share, "text": c.text,
+                     "remedy": c.cause.remedy, "free": c.free, "what": c.key, "rivals": [name for name, _ in c.rivals]}
+                    for c in diagnosis.culprits
+                ],
+            },
+        }  # fmt: skip
 
-    def _card(self) -> Card:
-        """Return a card of the verdicts, and of the diagnosis only if it was computed before, as it takes seconds."""
-        marks = {True: "+", False: "!", None: "-"}
-        title = f"{self.drive.name} against {len(self.records)} recording{'s' * (len(self.records) > 1)}"
-        why = self.why() if "_diagnosis" in vars(self) else ["print() adds the diagnosis of the residuals"]
-        return Card(title, rows=[(marks[v.met], v.text) for v in self.verdicts], notes=[*why, *self.notes])
+    def view(self) -> View:
+        """Return verdicts, agreement of each channel, causes of differences, and measured and modelled channels."""
+        return upper("validation_view")(self.content(), lambda number: run_columns(self.records[number]))
+
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the validation into an existing folder."""
+        return upper("write_validation_report")(self, folder)
 
     def why(self) -> list[str]:
         """Return the diagnosis of the residuals in sentences."""
@@ -466,60 +497,28 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
     return RecordResult(signals, free, restarted, channels, breakaways(drive, signals))
 
 
-def validation_toml(found: Validation) -> str:
-    """Return the text of validation.toml: Values are in SI, fractions as numbers, fit in percent.
-
-    Unknown values are left out.
-    """
-    drive, diagnosis = found.drive, found.diagnosis()
-    identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
-    tables = {
-        "schema": SCHEMA,
-        "window_s": found.window_s,
-        "synthetic": found.synthetic,
-        "notes": list(found.notes),
-        "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
-        | identified,
-        "verdict": [
-            {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in found.verdicts
-        ],
-        "record": [
-            _record_table(record) | {"badge": found.badge(record), "run": run_name(at)}
-            for at, record in enumerate(found.records)
-        ],
-        "condition": [vars(row) for row in found.conditions],
-        "diagnosis": {
-            "left": diagnosis.left,
-            "clean": diagnosis.is_clean,
-            "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
-            "culprit": [
-                {"amount": c.amount, "unit": c.cause.unit, "interval": c.interval, "share": c.share, "text": c.text,
-                 "remedy": c.cause.remedy, "free": c.free, "what": c.key, "rivals": [name for name, _ in c.rivals]}
-                for c in diagnosis.culprits
-            ],
-        },
-    }  # fmt: skip
-    head = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
-    return "\n".join([head, *toml.sections(tables)]) + "\n"
-
-
 def run_name(number: int) -> str:
     """Return the name of the file of a run, counted from 0."""
     return f"run-{number + 1}.parquet"
 
 
-def save_run(found: Validation, number: int, folder: Path) -> Path:
-    """Write a recording and its runs. See `Validation.write`."""
-    record = found.records[number]
+def run_columns(record: RecordResult) -> dict[str, Array]:
+    """Return the columns of a recording and of its runs; see `Validation.write`."""
     signals, recording = record.signals, record.recording
     table = {name: getattr(signals, name) for name in NEEDED}
     for name in (name for name in OPTIONAL if name in recording):
         table[name] = np.interp(signals.time_s, recording.time_s, recording[name])
     for run, words in ((record.free, "free"), (record.restarted, "restarted")):
         table |= {f"{words}.{name}": run[name] for name in CHANNELS}
-    about = {"validation of": found.drive.description_hash, "recording": recording.name, "sha256": recording.sha256}
-    table = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in table.items()}
-    return save_columns(table, {**about, "version": __version__}, folder / run_name(number))
+    return {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in table.items()}
+
+
+def save_run(found: Validation, number: int, folder: Path) -> Path:
+    """Write a recording and its runs. See `Validation.write`."""
+    record = found.records[number]
+    about = {"validation of": found.drive.description_hash, "recording": record.recording.name}
+    about |= {"sha256": record.recording.sha256, "version": __version__}
+    return save_columns(run_columns(record), about, folder / run_name(number))
 
 
 def _record_table(record: RecordResult) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def test_a_fit_is_validated_on_further_runs(tmp_path, monkeypatch, capsys):
     assert checked.runs[1].rms_pa == pytest.approx(checked.runs[1].share * 440e3, rel=0.3)
     assert not run_command(["validate", "lag.toml", str(runs[3]), "--layout", str(layout), "--out", "check"])
     shown = capsys.readouterr().out
-    assert f"rms {checked.runs[1].rms_pa / 1e5:.3g} bar" in shown
+    assert f"largest rms, run_003 {checked.runs[1].rms_pa / 1e5:.3g} bar" in shown
     assert "held out" in shown
     assert not run_command(["validate", "lag.toml", str(runs[0]), "--layout", str(layout), "--out", "check"])
     assert "no recording was held out" in capsys.readouterr().out
