@@ -10,7 +10,7 @@ from pneudrive.friction.campaign.characteristics import (
     recorded_characteristics,
 )
 from pneudrive.friction.campaign.files import write_characteristics
-from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
+from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve
 from pneudrive.friction.friction_map import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
 
@@ -19,7 +19,6 @@ __all__ = [
     "CampaignCharacteristics",
     "Condition",
     "Curve",
-    "CycleResult",
     "Estimate",
     "FTest",
     "Skipped",

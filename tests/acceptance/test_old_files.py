@@ -77,7 +77,7 @@ def campaign(folder: Path) -> dict[str, object]:
         "curves": len(found.curves),
         "friction_n": np.sum([np.sum(curve.friction_n) for curve in found.curves]),
         "width_n": np.sum([np.sum(curve.high_n - curve.low_n) for curve in found.curves]),
-        "peaks_n": np.sum([stop.increment_n for stop in found.stops]),
+        "peaks_n": np.sum(found.stops["increment_n"].to_numpy()),
         "map_rows": found.friction_map.sizes["row"],
     }
 

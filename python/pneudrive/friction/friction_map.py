@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from pneudrive.simulation.trajectory import check_target, write_frame
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import polars as pl
     import xarray as xr
     from numpy.typing import NDArray
 
@@ -195,6 +196,14 @@ class Condition:
         a, b = ((p - ambient_pressure_pa) / PA_PER_BAR for p in (self.pressure_a_pa, self.pressure_b_pa))
         pressures = f"{_tidy(a)} bar in both" if abs(a - b) < 1e-3 else f"a {_tidy(a)} bar, b {_tidy(b)} bar"
         return f"{pressures}, {self.title}" if self.title else pressures
+
+
+CONDITION = tuple(field.name for field in fields(Condition))  # columns of a table of cycles or stops
+
+
+def conditions_of(table: pl.DataFrame) -> list[Condition]:
+    """Return the condition of each row of a table of cycles or stops."""
+    return [Condition(*row) for row in table.select(CONDITION).iter_rows()]
 
 
 def _tidy(bar: float) -> str:

@@ -10,14 +10,16 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import RigError
+from pneudrive.estimate.estimates import Estimate
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
-from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import plain, with_u
 from pneudrive.report.layout_figure import rig_diagram
@@ -36,7 +38,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import AirShare, CampaignCharacteristics, Curve, PressureEffects
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
-    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.sentences import Statement
     from pneudrive.report.page import Block, PageTable, Section
     from pneudrive.views import ShownCurve, State
@@ -90,16 +91,27 @@ def campaign_view(found: CampaignCharacteristics) -> View:
     """Return the view of a campaign, or of the curves of recordings."""
     ambient, values = found.identity.ambient_pressure_pa, tuple(_values(found))
     findings = findings_of(found.statements)
-    pictures = (block for section in _figured(found) for block in section.blocks if isinstance(block, Picture))
     return View(
         title=_headline(found),
         rows=values,
         curves=tuple(curve.shown(ambient) for curve in found.curves if curve.direction == BOTH),
-        state=max((f.state for f in findings), key=STATES.index, default="good"),
+        state=worst(findings),
         leading=tuple(map(LeadingValue, _leading(found, values))),
         findings=findings,
-        figures=tuple(ShownFigure(block.name, block.caption, block.figure) for block in pictures),
+        figures=shown_figures(_figured(found)),
     )
+
+
+def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
+    """Return the figures of sections for a view."""
+    blocks = (block for section in sections for block in section.blocks if isinstance(block, Picture))
+    return tuple(ShownFigure(b.name, b.caption, b.figure) for b in blocks if isinstance(b.figure, Figure))
+
+
+def worst(findings: Iterable[Finding]) -> State:
+    """Return the worst state of findings."""
+    states: list[State] = [finding.state for finding in findings]
+    return max(states, key=STATES.index) if states else "good"
 
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
@@ -138,10 +150,8 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
             limits = (plain(round((end - zero) / size, 3)) for end in (low, high))
             yield ShownValue(name, name, "value", f"{' to '.join(limits)} {unit}")
     for name, e in found.effects().items():
-        value = getattr(e, "value", math.nan)  # a test of several parameters has no value
-        yield ShownValue(
-            name, name, "value", value, getattr(e, "unit", ""), (e.low, e.high) if value == value else None
-        )
+        if isinstance(e, Estimate):
+            yield ShownValue(name, name, "value", e.value, e.unit, (e.low, e.high))
         if math.isfinite(e.p):
             yield ShownValue(f"{name}, p", name, "p", chance(e.p))
 
@@ -389,11 +399,11 @@ DURATION, INCREMENT = Axis("stop duration / s", "log"), Axis("breakaway incremen
 
 def stops(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stops; None without stops."""
-    if not found.stops:
+    if not len(found.stops):
         return None
     topic = Topic("campaign", "stops")
-    series = [s for s in found.dwell if s.stops and s.curve is not None]
-    moved = any(s.relaxation is not None or s.recovery for s in found.stops)
+    series = [s for s in found.dwell if s.curve is not None]
+    moved = any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m"))
     return topic.section(
         topic.text(stops=plural(len(found.stops), "stop")),
         topic.picture("campaign-stop-traces", traces(found)),
@@ -407,27 +417,31 @@ def stops(found: CampaignCharacteristics) -> Section | None:
 
 def traces(found: CampaignCharacteristics) -> Figure:
     """Draw a short, a middle and a long stop, and their restarts in detail."""
-    usable = [s for s in found.stops if s.usable] or list(found.stops)
-    chosen = spread_evenly(sorted(usable, key=lambda s: s.dwell_s), MOST_TRACES)
-    named = condition_names(found)
-    panels = [panel for stop in chosen for panel in (_whole(stop, named(stop.condition)), _restart(stop))]
+    usable, named = found.stops.filter("usable"), condition_names(found)
+    rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
+    chosen = rows[spread_evenly(range(len(rows)), MOST_TRACES)]
+    panels = []
+    for row, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
+        trace = {name: np.array(row[f"trace_{name}"]) for name in ("time_s", "friction_n")}
+        stop = SimpleNamespace(**row | trace)
+        panels += [_whole(stop, named(condition)), _restart(stop)]
     return Figure(panels, columns=2, row_in=1.75, rest_in=0.4, widths=(3, 2))
 
 
 RUNNING = Look("blue", "--")
 
 
-def _whole(stop: Stop, condition: str) -> Panel:
-    t = stop.trace
+def _whole(stop: SimpleNamespace, condition: str) -> Panel:
+    time = stop.time_s
     held = "released" if stop.released else "held"
     way = "+x" if stop.direction > 0 else "−x"
     title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The start of the approach may still show the reversal.
-    span = (max(APPROACH * t.time_s[0], -0.35 * reach), min(t.time_s[-1], 1.6 * reach + AFTER * stop.loading_s))
+    span = (max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s))
     marks = [
         Rule((0.0, stop.dwell_s)),
-        Line(t.time_s, t.friction_n, width=0.7),
+        Line(time, stop.friction_n, width=0.7),
         Rule(y=stop.running_n, look=RUNNING, width=0.9),
     ]
     return Panel(
@@ -435,22 +449,21 @@ def _whole(stop: Stop, condition: str) -> Panel:
     )
 
 
-def _restart(stop: Stop) -> Panel:
+def _restart(stop: SimpleNamespace) -> Panel:
     shown = max(stop.loading_s, SHORTEST_S)
     begin, end = -BEFORE * shown, AFTER * shown
     marks = [
         Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
-        Markers(stop.trace.time_s - stop.dwell_s, stop.trace.friction_n, look=Look("black", "-", "."), size=1.8),
+        Markers(stop.time_s - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8),
         Rule(y=stop.running_n, look=RUNNING, width=0.9),
     ]
     x = Axis("time since restart / ms", low=begin, high=end)
     return Panel(marks, "", x, _force(stop, stop.dwell_s + begin, stop.dwell_s + end, ""))
 
 
-def _force(stop: Stop, begin_s: float, end_s: float, label: str) -> Axis:
+def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> Axis:
     """Return an axis with the forces of a span of time."""
-    time, friction = stop.trace.time_s, stop.trace.friction_n
-    inside = friction[(time >= begin_s) & (time <= end_s)]
+    inside = stop.friction_n[(stop.time_s >= begin_s) & (stop.time_s <= end_s)]
     if not inside.size or np.ptp(inside) <= 0:
         return Axis(label)
     margin = 0.08 * float(np.ptp(inside))
@@ -478,12 +491,12 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
     """Draw the increments of a series over duration, with the best laws."""
     marks: list[Any] = []
     for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
-        own, members = look(index), [stop for stop in s.stops if stop.condition == condition]
+        own, members = look(index), s.stops.filter(**vars(condition))
         marks.append(Band(s.duration_s, s.low_n[index], s.high_n[index], look=own))
         marks.append(Line(s.duration_s, s.increment_n[index], look=own))
-        durations = [stop.dwell_s * (1.0 + 0.04 * index) for stop in members]
+        durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
         label = condition_names(found)(condition)
-        marks.append(Markers(durations, [stop.increment_n for stop in members], label, own, size=3.4))
+        marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
     for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
         if law is not None:
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
@@ -511,62 +524,62 @@ def _shape(law: DwellLawFit, name: str, unit: str) -> str:
 
 def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     yield topic.picture("campaign-stop-relaxation", relaxation(found))
-    groups: dict[tuple[float, bool, float], list[Stop]] = {}
-    for stop in found.stops:
-        groups.setdefault((stop.speed_m_s, stop.released, stop.stop_s), []).append(stop)
-    yield topic.table((_medians(*key, group) for key, group in sorted(groups.items())), "medians")
+    groups = found.stops.group_by("speed_m_s", "released", "stop_s", maintain_order=True)
+    yield topic.table((_medians(key, group) for key, group in sorted(groups, key=lambda pair: pair[0])), "medians")
+
+
+def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
+    """Return the stops that determine a value."""
+    return stops.filter(stops[name].is_not_nan())
 
 
 def relaxation(found: CampaignCharacteristics) -> Figure:
     """Draw relaxation and recovery distance against duration; a triangle is a recovery that is cut off."""
     left: list[Markers] = []
     right: list[Markers] = []
-    conditions = list(dict.fromkeys(s.condition for s in sorted(found.stops, key=lambda s: s.condition)))
-    for index, condition in enumerate(conditions[:MOST_SHOWN]):
-        own, shift, label = look(index), 1.0 + 0.05 * index, condition_names(found)(condition)
-        stops = [(s.dwell_s * shift, s) for s in found.stops if s.condition == condition]
-        held = [(t, s.relaxation.amount) for t, s in stops if s.relaxation is not None]
-        back = [(t, s.recovery) for t, s in stops if s.recovery is not None]
-        whole = [(t, r.distance) for t, r in back if r.complete]
-        cut = [(t, r.seen_m) for t, r in back if not r.complete]
-        for marks, pairs in ((left, held), (right, whole)):
-            if pairs:
-                value, low, high = ends(e for _, e in pairs)
-                marks.append(Markers([t for t, _ in pairs], value, label, own, low, high, 3.2))
-        if cut:
-            times, seen = zip(*cut, strict=True)
-            right.append(Markers(times, seen, look=own._replace(marker="^"), filled=True))
-    panels = [Panel(left, y="fall of the force / N") if any(s.relaxation is not None for s in found.stops) else None]
-    has_recovery = any(s.recovery is not None for s in found.stops)
-    panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if has_recovery else None)
+    for index, condition in enumerate(sorted(set(conditions_of(found.stops)))[:MOST_SHOWN]):
+        own, label = look(index), condition_names(found)(condition)
+        stops = found.stops.filter(**vars(condition)).with_columns(shown_s=pl.col("dwell_s") * (1.0 + 0.05 * index))
+        back = _known(stops, "recovery_m")
+        whole, cut = back.filter("recovery_complete"), back.filter(~pl.col("recovery_complete"))
+        for marks, name, rows in ((left, "relaxation_n", _known(stops, "relaxation_n")), (right, "recovery_m", whole)):
+            if len(rows):
+                value, low, high = rows.select(name, f"{name}_low", f"{name}_high").to_numpy().T
+                marks.append(Markers(rows["shown_s"].to_numpy(), value, label, own, low, high, 3.2))
+        if len(cut):
+            seen = cut["recovery_seen_m"].to_numpy()
+            right.append(Markers(cut["shown_s"].to_numpy(), seen, look=own._replace(marker="^"), filled=True))
+    panels = [Panel(left, y="fall of the force / N") if left else None]
+    panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if right else None)
     return Figure(panels, DURATION, columns=2, row_in=2.7, rest_in=0.0, entries=3)
 
 
-def _medians(speed_m_s: float, released: bool, duration_s: float, group: list[Stop]) -> tuple[object, ...]:
-    """Return medians over stops of equal duration, axis and speed."""
-    relaxed = [s.relaxation for s in group if s.relaxation]
-    back = [s.recovery for s in group if s.recovery]
-    whole = [r for r in back if r.complete]
-    forms = [r.form for r in relaxed]
-    decades = [r.per_decade for r in relaxed if r.per_decade]
-    distance = _median([MM * r.distance.value for r in whole])
+def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
+    """Return medians over stops of equal speed, axis and duration."""
+    speed_m_s, released, duration_s = key
+
+    def median(name: str, stops: pl.DataFrame = group) -> float | None:
+        known = stops[name].to_numpy()
+        known = known[np.isfinite(known)]
+        return float(np.median(known)) if known.size else None
+
+    decade = [pl.col(f"relaxation_n_per_decade{end}") for end in ("", "_low", "_high")]
+    back = _known(group, "recovery_m")
+    whole = back.filter("recovery_complete")
+    forms = group.filter(pl.col("relaxation_form") != "")["relaxation_form"].mode().sort()
+    distance = median("recovery_m", whole)
     cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
     return (
         f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
         len(group),
-        _median([r.amount.value for r in relaxed]),
-        max(set(forms), key=forms.count) if forms else None,
-        _median([e.value for e in decades if e.high - e.low < 2.0 * abs(e.value)]),
-        _median([s.increment_n for s in group]),
-        _median([s.loading_rate_n_s for s in group]),
-        f"{'–' if distance is None else format(distance, '.3g')}{cut}",
-        _median([r.time.value for r in whole]),
+        median("relaxation_n"),
+        forms[0] if len(forms) else None,
+        median("relaxation_n_per_decade", group.filter(decade[2] - decade[1] < 2.0 * decade[0].abs())),
+        median("increment_n"),
+        median("loading_rate_n_s"),
+        f"{'–' if distance is None else format(MM * distance, '.3g')}{cut}",
+        median("recovery_s", whole),
     )
-
-
-def _median(values: list[float]) -> float | None:
-    known = [v for v in values if np.isfinite(v)]
-    return float(np.median(known)) if known else None
 
 
 # --- the run ---------------------------------------------------------------------------------------------------------
@@ -575,7 +588,7 @@ def _median(values: list[float]) -> float | None:
 def run(found: CampaignCharacteristics) -> Section:
     """Return the section on protocol, rig, operator and numbers of cycles."""
     topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
-    kinds = Counter(c.kind for c in found.cycles) + Counter({"stop": len(found.stops)})
+    kinds = Counter(found.cycles["kind"]) + Counter({"stop": len(found.stops)})
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     envelope = None
     with suppress(RigError):
@@ -622,14 +635,15 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
 def flags(found: CampaignCharacteristics) -> Section:
     """Return the section on flags of cycles and stops, and on skipped cycles."""
     topic = Topic("campaign", "flags")
-    counts = Counter(found.flags) + Counter(flag for s in found.stops for flag in s.flags)
+    raised = found.stops["flags"].to_list() if len(found.stops) else []
+    counts = Counter(found.flags) + Counter(flag for flags in raised for flag in flags)
     texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
-    raised = ((flag.replace("_", " "), texts[flag]["means"], texts[flag]["do"], n) for flag, n in counts.most_common())
+    rows = ((flag.replace("_", " "), texts[flag]["means"], texts[flag]["do"], n) for flag, n in counts.most_common())
     skipped = ((s.key or None, s.file, s.reason) for s in found.skipped[:MOST_SKIPPED])
     left_out = len(found.skipped) - MOST_SKIPPED
     more = f"; {left_out} more are not listed" if left_out > 0 else ""
     return topic.section(
-        topic.table(raised, "raised") if counts else topic.text("none_raised"),
+        topic.table(rows, "raised") if counts else topic.text("none_raised"),
         topic.table(skipped, "skipped", more=more) if found.skipped else topic.text("none_skipped"),
     )
 

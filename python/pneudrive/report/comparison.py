@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
-from pneudrive.friction.friction_map import PA_PER_BAR
+from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.numbers import with_interval
-from pneudrive.report.campaign import findings_of
-from pneudrive.report.page import Picture, view_report
+from pneudrive.report.campaign import findings_of, shown_figures, worst
+from pneudrive.report.page import view_report
 from pneudrive.report.tables import MM, chance, plural, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownValue, View
+from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,15 +71,14 @@ def comparison_view(c: Comparison) -> View:
     """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
     values = tuple(value for test in c.tests for value in _values(test))
     sizes = [v for v in values if isinstance(v.value, float) and v.key in {_name(t) for t in c.tests if t.different}]
-    pictures = (block for section in _figured(c) for block in section.blocks if isinstance(block, Picture))
     findings = findings_of(c.statements)
     return View(
         title=f"{c.second.name} less {c.first.name}: {c}",
         rows=values,
-        state=max((f.state for f in findings), key=STATES.index, default="good"),
+        state=worst(findings),
         leading=tuple(LeadingValue(replace(v, quantity=f"{v.label}:")) for v in sizes[:MOST_LEADING]),
         findings=findings,
-        figures=tuple(ShownFigure(block.name, block.caption, block.figure) for block in pictures),
+        figures=shown_figures(_figured(c)),
     )
 
 
@@ -110,9 +109,8 @@ def _comparable(c: Comparison) -> Section:
 
 def _labels(found: CampaignCharacteristics) -> str:
     labels = dict(found.identity.labels)
-    for cycle in found.cycles[:1]:
-        levels = {name: getattr(cycle.condition, name) for name in ("mounting", "seal", "drive")}
-        labels |= {name: level for name, level in levels.items() if level}
+    for row in found.cycles.head(1).select(LEVELS).iter_rows(named=True):
+        labels |= {name: level for name, level in row.items() if level}
     return ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"
 
 
@@ -211,9 +209,9 @@ def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
     conditions, log_s = len(series.conditions), np.log10(series.duration_s)
     rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
     mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(np.float64)).estimates())
-    durations = [s.dwell_s * (1.0 + 0.05 * k) for s in series.stops]
+    durations = series.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
     return [
         Band(series.duration_s, low, high, look=look(k)),
         Line(series.duration_s, mean, label, look(k)),
-        Markers(durations, [s.increment_n for s in series.stops], look=look(k), size=3.0),
+        Markers(durations, series.stops["increment_n"].to_numpy(), look=look(k), size=3.0),
     ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
-from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
+from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops.dwell_law import (
     ASSUMED_DISTANCE_M,
@@ -47,7 +47,7 @@ from pneudrive.friction.campaign.trends import (
     pure_scatter,
     repeatability,
 )
-from pneudrive.friction.friction_map import BOTH
+from pneudrive.friction.friction_map import BOTH, LEVELS, Condition
 from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
@@ -57,14 +57,13 @@ from pneudrive.signals.load import recordings_in
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
+    import polars as pl
     import xarray as xr
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.result import Asymmetry
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.motion import SampleChoice
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.progress import Flag
@@ -75,7 +74,6 @@ if TYPE_CHECKING:
 
 
 STEPS = 3  # cycles, models, stops
-MEANS = ("friction_n", "offset_n", "stderr_n")
 
 
 def campaign_friction(
@@ -220,7 +218,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         protocol=choice.name,
         cycles=cycles,
         skipped=reading.skipped,
-        flags=dict(Counter(flag for cycle in cycles for flag in cycle.flags)),
+        flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
         ranges=_ranges(reading),
         friction_map=friction_map(reading, points, fits, terms, choice.name),
         **parts,
@@ -255,27 +253,41 @@ def _with_stops(
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
-def _cycles(reading: CampaignData, points: CurvePoints | None) -> tuple[CycleResult, ...]:
-    """Return a summary of all cycles that were read."""
-    place = {key: i for i, key in enumerate(points["key"])} if points is not None else {}
-    found = []
+#: Columns of the cycles of a campaign -> their types. `friction_n` and `offset_n` are half the difference and half the
+#: sum of both directions over the common range of position, NaN if a direction is missing; `stderr_n` is the standard
+#: error of `friction_n` from noise within the cycle only. `began_s` counts from the first cycle, `travel_m` up to the
+#: middle of the cycle. `flags` include the reason why a cycle is not a point of F(v).
+CYCLE_COLUMNS = {
+    **dict.fromkeys(("index", "block", "repeat", "day"), "Int64"),
+    **dict.fromkeys(("key", "kind", *LEVELS), "String"),
+    **dict.fromkeys(("pressure_a_pa", "pressure_b_pa", "speed_m_s", "began_s", "travel_m", "temperature_k"), "Float64"),
+    **dict.fromkeys(("friction_n", "offset_n", "stderr_n"), "Float64"),
+    "flags": "List",
+}
+
+
+def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
+    """Return a summary of all cycles that were read, in the order in which they were run."""
+    import polars as pl
+
+    columns: dict[str, list[Any]] = {name: [] for name in CYCLE_COLUMNS}
     for cycles in (reading.sliding, reading.tares):
-        speeds = cycles.over_sides("velocity_m_s").tolist()
-        names = ("index", "key", "kind", "block", "repeat", "day", "condition", "travel_m", "temperature_k")
-        columns = {name: cycles[name].tolist() for name in names}
-        for row, (key, speed, began, flags) in enumerate(
-            zip(cycles["key"], speeds, cycles["elapsed_s"].tolist(), cycles["flags"], strict=True)
-        ):
-            i, means, reason = place.get(key), [float("nan")] * 3, ""
-            if points is not None and i is not None:
-                reason = points["reason"][i]
-                means = [float(points[name][i]) for name in ("friction_n", "offset_n", "friction_stderr_n")]
-            own = {name: values[row] for name, values in columns.items()}
-            raised = (*flags, *([reason] if reason else []))
-            found.append(
-                CycleResult(speed_m_s=speed, began_s=began, **own, **dict(zip(MEANS, means, strict=True)), flags=raised)
-            )
-    return tuple(sorted(found, key=lambda cycle: cycle.index))
+        found = {**cycles.columns, "began_s": cycles["elapsed_s"], "speed_m_s": cycles.over_sides("velocity_m_s")}
+        found |= {f.name: np.array([getattr(c, f.name) for c in cycles["condition"]]) for f in fields(Condition)}
+        for name in columns.keys() & found.keys():
+            columns[name] += found[name].tolist()
+    rows = {} if points is None else {key: i for i, key in enumerate(points["key"])}
+    at = [rows.get(key, -1) for key in columns["key"]]
+
+    def of_points(name: str, nothing: float | str) -> list[Any]:
+        return np.append([] if points is None else points[name], nothing)[at].tolist()
+
+    for name, of in {"friction_n": "friction_n", "offset_n": "offset_n", "stderr_n": "friction_stderr_n"}.items():
+        columns[name] = of_points(name=of, nothing=float("nan"))
+    each = zip(columns["flags"], of_points("reason", ""), strict=True)
+    columns["flags"] = [[*flags, *([reason] if reason else [])] for flags, reason in each]
+    types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in CYCLE_COLUMNS.items()}
+    return pl.DataFrame(columns, schema=types).sort("index", maintain_order=True)
 
 
 def _ranges(reading: CampaignData) -> Ranges:
@@ -470,21 +482,25 @@ def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
     yield "dwell", table, estimates | ({} if age.distance is None else {"distance": age.distance})
 
 
-def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
+def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     """Return the fraction and time of the fall of a held force, if it has one time constant."""
-    held = [stop.relaxation for stop in stops if stop.relaxation is not None and stop.relaxation.amount.differs]
+    import polars as pl
+
+    known = stops.filter(pl.col("relaxation_n").is_not_nan())
+    held = known.filter((pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0))
     if len(held) < FEWEST_STOPS:
         return
-    of_one_time = [one for one in held if one.form == "exponential"]
+    of_one_time = held.filter(relaxation_form="exponential")
     if len(of_one_time) <= len(held) / 2:
         notes.append("relaxation: the force does not fall with one time constant as in a drive file; not applied")
         return
-    shares = np.array([one.amplitudes_n[0] / (one.held_n + one.amplitudes_n[0]) for one in of_one_time])
+    amplitude = of_one_time["relaxation_amplitude_n"].to_numpy()
+    shares = amplitude / (of_one_time["relaxation_held_n"].to_numpy() + amplitude)
     shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
     if shares.size < FEWEST_STOPS:
         return
     share = mean_estimate(shares, "1")
-    time = mean_estimate(np.log([one.times_s[0] for one in of_one_time]), "1")
+    time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
     seconds = Estimate(middle, low, high, float("nan"), "s")
     notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
@@ -498,12 +514,14 @@ def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
     """Change of friction with temperature, over the mean level."""
+    import polars as pl
+
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
     if per_kelvin is None or not per_kelvin.differs:
         return
-    sliding = [cycle for cycle in found.cycles if np.isfinite(cycle.friction_n) and np.isfinite(cycle.temperature_k)]
-    level = float(np.mean([one.friction_n - viscous_n_s_m * one.speed_m_s for one in sliding]))
-    kelvin = float(np.mean([one.temperature_k for one in sliding]))
+    sliding = found.cycles.filter(pl.col("friction_n", "temperature_k").is_finite())
+    level = float((sliding["friction_n"] - viscous_n_s_m * sliding["speed_m_s"]).to_numpy().mean())
+    kelvin = float(sliding["temperature_k"].to_numpy().mean())
     if level <= 0.0:
         return
     share = per_kelvin.scaled(1.0 / level, "1/K")

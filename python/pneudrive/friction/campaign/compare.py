@@ -29,7 +29,7 @@ from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.campaign.sensors import stated_gain
-from pneudrive.friction.friction_map import PA_PER_BAR
+from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import capitalised, say
 from pneudrive.lazy_names import upper
 from pneudrive.views import Viewed
@@ -37,9 +37,10 @@ from pneudrive.views import Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
     from pneudrive.views import View
@@ -87,7 +88,8 @@ def checks_of(
 def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:
     """Return the compared values; NaN if not measured."""
     rig, stated = found.identity, about.get("filter")
-    rates = [s.sample_rate_hz for s in found.stops if np.isfinite(s.sample_rate_hz)]
+    rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
+    rates = rates[np.isfinite(rates)]
     average = stated.get("average", 1) if isinstance(stated, dict) else 1
     return {
         "data": "simulated" if rig.synthetic else "real",
@@ -102,7 +104,7 @@ def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, 
         "samples that count": found.protocol,
         "filter": "none" if average == 1 else f"moving average of {average}",
         "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
-        "samples at restarts": float(np.median(rates)) if rates else float("nan"),
+        "samples at restarts": float(np.median(rates)) if rates.size else float("nan"),
     }
 
 
@@ -114,6 +116,7 @@ DRIFT_CYCLES = 8  # least number of cycles of a campaign for a drift
 USUAL = 0.02  # relative scatter that is usual
 MOST_POINTS = 300  # points that are tested: more are thinned evenly
 KINDS = ("sweep", "sentinel")
+KEY = ("title", "gauge_a_pa", "gauge_b_pa", "speed_m_s")  # what a point is, apart from tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,67 +280,71 @@ def holm(p: Array) -> Array:
 
 def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> CommonPoints:
     """Collect the cycles at speeds and pressures that both campaigns have."""
-    usable = [_usable(found) for found in (first, second)]
-    titles = [{c.condition.title for c in cycles} for cycles in usable]
-    with_levels = bool(titles[0] & titles[1]) and max(len(found) for found in titles) > 1
-    keys = []
-    for found, cycles in zip((first, second), usable, strict=True):
-        for c in cycles:
-            gauge = (
-                p - found.identity.ambient_pressure_pa for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa)
-            )
-            keys.append((c.condition.title if with_levels else "", *(round(p, -2) for p in gauge), c.speed_m_s))
-    campaign = np.repeat([0, 1], [len(cycles) for cycles in usable])
+    import polars as pl
+
+    parts = [_usable(found, k) for k, found in enumerate((first, second))]
+    titles = [set(part["title"]) for part in parts]
+    cycles = pl.concat(parts)
+    if not titles[0] & titles[1] or max(map(len, titles)) == 1:  # levels in common are no question
+        cycles = cycles.with_columns(title=pl.lit(""))
     place = np.zeros(0, dtype=np.int64)
-    if keys:  # equal numbers for cycles at the same levels, pressures and speed
-        title, a, b, speed = zip(*keys, strict=True)
-        pressures = (levels(np.array(side), SAME_PRESSURE_PA) for side in (a, b))
-        speeds = levels(np.log(speed), np.log1p(SAME_SPEED))
-        place = cells(np.unique(title, return_inverse=True)[1], *pressures, speeds)
-    common = np.intersect1d(place[campaign == 0], place[campaign == 1])
-    at = sorted((int(np.argmax(place == one)) for one in common), key=lambda i: keys[i])  # the first cycle of each
-    both = [at[i] for i in np.linspace(0, len(at) - 1, min(len(at), MOST_POINTS)).round().astype(int)]
-    used = np.flatnonzero(np.isin(place, place[both]))
-    point = (place[used][:, None] == place[both][None, :]).argmax(axis=1) if both else place[used]
-    campaign, cycles = campaign[used], [(*usable[0], *usable[1])[i] for i in used]
-    named = [(int(k), c.block) for k, c in zip(campaign, cycles, strict=True)]
+    if cycles.height:  # equal numbers for cycles at the same levels, pressures and speed
+        near = (levels(cycles[side].to_numpy(), SAME_PRESSURE_PA) for side in ("gauge_a_pa", "gauge_b_pa"))
+        speeds = levels(np.log(cycles["speed_m_s"].to_numpy()), np.log1p(SAME_SPEED))
+        place = cells(np.unique(cycles["title"].to_list(), return_inverse=True)[1], *near, speeds)
+    cycles = cycles.with_columns(place=pl.Series(place, dtype=pl.Int64))
+    of_point = cycles.group_by("place", maintain_order=True).agg(pl.col(KEY).first(), pl.col("campaign").n_unique())
+    common = of_point.filter(campaign=2).drop("campaign").sort(KEY)
+    chosen = np.linspace(0, common.height - 1, min(common.height, MOST_POINTS)).round().astype(int)
+    points = common[chosen].with_row_index("point")
+    cycles = cycles.join(points.select("place", "point"), on="place", maintain_order="left")
+    campaign, point = cycles["campaign"].to_numpy(), cycles["point"].to_numpy().astype(np.int64)
+    named = list(zip(cycles["campaign"], cycles["block"], strict=True))
     known = {block: i for i, block in enumerate(dict.fromkeys(named))}
     blocks = np.array([known[block] for block in named], dtype=np.int64)
-    groups = [[i] for i in range(used.size)]
-    if used.size > MOST_CELLS:  # a row for several neighbouring repeats at one point
+    groups = [[i] for i in range(cycles.height)]
+    if cycles.height > MOST_CELLS:  # a row for several neighbouring repeats at one point
         begin = np.array([blocks[campaign == k].min() for k in (0, 1)])
         where = (2 * point + campaign, blocks - begin[campaign], np.zeros_like(point))
         groups = grouped(*where, rows=MOST_CYCLES, cells=MOST_CELLS)[0]
     heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
 
-    def mean(values: list[float]) -> Array:
-        return np.array([np.mean([values[i] for i in group]) for group in groups], dtype=np.float64)
+    def mean(values: Array) -> Array:
+        return np.array([np.mean(values[group]) for group in groups], dtype=np.float64)
 
-    last = [max((c.index for c in found), default=1) for found in usable]
+    friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
     return CommonPoints(
-        log_n=mean([float(np.log(c.friction_n)) for c in cycles]),
-        noise=mean([(c.stderr_n / c.friction_n) ** 2 for c in cycles]) / count,
+        log_n=mean(np.array([np.log(f) for f in friction])),
+        noise=mean((stderr / friction) ** 2) / count,
         count=count,
         campaign=campaign[heads],
         point=point[heads],
         block=shares_of([blocks[group].tolist() for group in groups]),
-        order=mean([c.index / last[k] for c, k in zip(cycles, campaign, strict=True)]),
-        speed_m_s=np.array([keys[i][3] for i in both]),
-        gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
-        levels=tuple(keys[i][0] for i in both),
-        left_out=len(at) - len(both),
+        order=mean(cycles["order"].to_numpy()),
+        speed_m_s=points["speed_m_s"].to_numpy(),
+        gauge_pa=points.select("gauge_a_pa", "gauge_b_pa").to_numpy(),
+        levels=tuple(points["title"]),
+        left_out=common.height - points.height,
     )
 
 
-def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
+def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
     """Return the cycles that are points of F(v): both directions, positive, not excluded from the curves."""
-    reasons = {p.reason for curve in found.curves for p in curve.excluded}
-    cycles = (
-        c
-        for c in found.cycles
-        if c.kind in KINDS and c.friction_n > 0 and np.isfinite([c.friction_n, c.stderr_n]).all()
+    import polars as pl
+
+    reasons, ambient = {p.reason for c in found.curves for p in c.excluded}, found.identity.ambient_pressure_pa
+    finite = pl.col("friction_n", "stderr_n").is_finite()
+    cycles = found.cycles.filter(pl.col("kind").is_in(KINDS), pl.col("friction_n") > 0.0, finite)
+    cycles = cycles.filter([not reasons.intersection(flags) for flags in cycles["flags"].to_list()])
+    sides = {f"gauge_{side}_pa": [round(p - ambient, -2) for p in cycles[f"pressure_{side}_pa"]] for side in "ab"}
+    titles = [", ".join(level for level in row if level) for row in cycles.select(LEVELS).iter_rows()]
+    last = cycles["index"].max() or 1
+    return cycles.with_columns(
+        campaign=pl.lit(campaign, pl.Int64),
+        title=pl.Series(titles, dtype=pl.String),
+        order=pl.Series([index / last for index in cycles["index"]], dtype=pl.Float64),
+        **{name: pl.Series(values, dtype=pl.Float64) for name, values in sides.items()},
     )
-    return [c for c in cycles if not reasons.intersection(c.flags)]
 
 
 #: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
@@ -510,8 +517,8 @@ def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
 
 
 def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
-    low = max(min(s.dwell_s for s in series.stops) for series in (a, b))
-    high = min(max(s.dwell_s for s in series.stops) for series in (a, b))
+    low = max(float(np.min(series.stops["dwell_s"])) for series in (a, b))
+    high = min(float(np.max(series.stops["dwell_s"])) for series in (a, b))
     if not high > low:
         return
     at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.files.toml import key_text, value_text
+from pneudrive.describe.files.toml import sections
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
-from pneudrive.friction.campaign.stops.stop import Stop
+from pneudrive.friction.campaign.stops.stop import TRACE
 from pneudrive.friction.friction_map import AMBIENT, LEVELS, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.simulation.trajectory import check_target, whole, write_frame
@@ -19,7 +19,6 @@ from pneudrive.simulation.trajectory import check_target, whole, write_frame
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.budget import CycleTerms
     from pneudrive.friction.campaign.compare import Comparison
     from pneudrive.friction.campaign.curves import Fits
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
 
 STOPS_FILE = "stops.parquet"
-NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # fields that are not columns
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
     "friction_low_n": ("N", "lower end of the 95 % band of the curve from this cycle alone"),
@@ -169,7 +167,7 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     folder = Path(folder)
     written = [write_map(found.friction_map, folder / name) for name in MAP_FILES]
     written += write_curves_and_effects(found, folder)
-    return [*written, write_stops(found, folder / STOPS_FILE)] if found.stops else written
+    return [*written, write_stops(found, folder / STOPS_FILE)] if len(found.stops) else written
 
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
@@ -267,34 +265,19 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
 
 def _write(tables: dict[str, Any], path: Path) -> Path:
     with whole(path) as temporary:
-        temporary.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
+        temporary.write_text("\n".join(sections(_plain(tables))) + "\n", encoding="utf-8")
     return path
 
 
-def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
-    """Return lines of TOML: plain values, tables, lists of tables; None and empty values are left out."""
-    plain, inner, lists = [], [], []
-    for key, given in table.items():
-        value = given.tolist() if isinstance(given, np.ndarray | np.generic) else given
-        if value is None or (isinstance(value, list | tuple | dict) and not len(value)):
-            continue
-        if is_dataclass(value) or isinstance(value, dict):
-            inner.append((key, _fields(value)))
-        elif isinstance(value, list | tuple) and (is_dataclass(value[0]) or isinstance(value[0], dict)):
-            lists.append((key, [_fields(item) for item in value]))
-        else:
-            plain.append(f"{key_text(key)} = {value_text(value)}")
-    lines = plain
-    for key, value in inner:
-        lines += ["", f"[{'.'.join((*name, key_text(key)))}]", *_lines(value, (*name, key_text(key)))]
-    for key, items in lists:
-        for item in items:
-            lines += ["", f"[[{'.'.join((*name, key_text(key)))}]]", *_lines(item, (*name, key_text(key)))]
-    return lines
-
-
-def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results' dataclasses
-    return value if isinstance(value, dict) else {field.name: getattr(value, field.name) for field in fields(value)}
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
+    """Return results as plain data; empty ones are None, which files leave out."""
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, dict):
+        return {key: part for key, each in value.items() if (part := _plain(each)) is not None} or None
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    return [_plain(each) for each in value] or None if isinstance(value, list | tuple) else value
 
 
 def by_chamber(effects: PressureEffects | DwellPressure) -> dict[str, Any]:
@@ -312,7 +295,7 @@ def dwell_tables(found: CampaignCharacteristics) -> list[dict[str, Any]]:
 
 
 def _series(s: DwellSeries) -> dict[str, Any]:
-    durations = [stop.dwell_s for stop in s.stops]
+    durations = s.stops["dwell_s"].to_list()
     of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
     plain = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
     estimates = ("slope", "mean_slope", "increment", "share")
@@ -362,27 +345,5 @@ def write_stops(found: CampaignCharacteristics, path: str | Path) -> Path:
     import polars as pl
 
     path = check_target(path, (".parquet", ".csv"))
-    write_frame(pl.DataFrame([_stop_row(stop) for stop in found.stops], infer_schema_length=None), path)
+    write_frame(found.stops.drop(TRACE).with_columns(pl.col("flags").list.join(",")), path)
     return path
-
-
-def _stop_row(stop: Stop) -> dict[str, Any]:
-    relaxation, recovery = stop.relaxation, stop.recovery
-    plain = {field.name: getattr(stop, field.name) for field in fields(Stop) if field.name not in NESTED}
-    return {
-        **vars(stop.condition),
-        **plain,
-        **_three("relaxation_n", relaxation.amount if relaxation else None),
-        **_three("relaxation_n_per_decade", relaxation.per_decade if relaxation else None),
-        "relaxation_form": relaxation.form if relaxation else "",
-        **_three("recovery_m", recovery.distance if recovery else None),
-        **_three("recovery_s", recovery.time if recovery else None),
-        **_three("left_n", recovery.left if recovery else None),
-        "usable": stop.usable,
-        "flags": ",".join(stop.flags),
-    }
-
-
-def _three(name: str, estimate: Estimate | None) -> dict[str, float]:
-    ends = {"": "value", "_low": "low", "_high": "high"}
-    return {f"{name}{end}": getattr(estimate, of, float("nan")) for end, of in ends.items()}

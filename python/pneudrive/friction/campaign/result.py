@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -17,13 +17,13 @@ from pneudrive.views import ShownCurve, View, Viewed
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import polars as pl
     import xarray as xr
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.friction_map import Skipped
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
@@ -276,48 +276,6 @@ class SensorZero:
     basis: str
 
 
-@dataclass(frozen=True, repr=False)
-class CycleResult(Shown):
-    """Summary of a cycle.
-
-    Attributes
-    ----------
-    index, key, kind, block, repeat, day
-        Day in the header of its file, counted from 1.
-    condition : Condition
-    speed_m_s : float
-        Measured, mean of both directions; NaN without motion.
-    began_s : float
-        The rig's clock, from the first cycle on.
-    travel_m : float
-        Travel of the seal in the campaign up to the middle of this cycle.
-    temperature_k : float
-        Mean; NaN if not measured.
-    friction_n, offset_n : float
-        Half the difference and half the sum of both directions, over the common range of position; NaN if a
-        direction is missing.
-    stderr_n : float
-        Standard error of friction_n from noise within the cycle only.
-    flags : tuple of str
-    """
-
-    index: int
-    key: str
-    kind: str
-    block: int
-    repeat: int
-    day: int
-    condition: Condition
-    speed_m_s: float
-    began_s: float
-    travel_m: float
-    temperature_k: float
-    friction_n: float
-    offset_n: float
-    stderr_n: float
-    flags: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True)
 class ExcludedPoint:
     """An excluded point: shown, but not used for F(v)."""
@@ -433,6 +391,12 @@ class Ranges:
     temperature_k: tuple[float, float]
 
 
+def _no_stops() -> pl.DataFrame:
+    import polars as pl
+
+    return pl.DataFrame()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Viewed):
     """All results of a campaign on friction. SI, absolute pressures unless called gauge.
@@ -445,8 +409,9 @@ class CampaignCharacteristics(Viewed):
         Values of the rig.
     protocol : str
         Selection of samples: settled or source-paper.
-    cycles : tuple of CycleResult
-        In the order in which they were run.
+    cycles : polars.DataFrame
+        One row for each cycle, in the order in which they were run: key, kind, block, repeat, day, condition, speed,
+        friction with its standard error, flags, and more.
     skipped : tuple of Skipped
     flags : dict
         Name -> number of cycles with it.
@@ -456,7 +421,8 @@ class CampaignCharacteristics(Viewed):
     sources : tuple of UncertaintySource
         Budget of the band.
     pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
-    stops : tuple of Stop
+    stops : polars.DataFrame
+        One row for each stop, see `pneudrive.friction.campaign.stops.stop.find_stops`; empty without stops.
     dwell : tuple of DwellSeries
         Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
     ranges : Ranges
@@ -468,7 +434,7 @@ class CampaignCharacteristics(Viewed):
     folder: Path
     identity: Identity
     protocol: str
-    cycles: tuple[CycleResult, ...]
+    cycles: pl.DataFrame
     skipped: tuple[Skipped, ...]
     flags: dict[str, int]
     friction_map: xr.Dataset
@@ -485,7 +451,7 @@ class CampaignCharacteristics(Viewed):
     stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
     drift: Drift | None = None
     repeatability: Repeatability | None = None
-    stops: tuple[Stop, ...] = ()
+    stops: pl.DataFrame = field(default_factory=_no_stops)
     dwell: tuple[DwellSeries, ...] = ()
     statements: tuple[Statement, ...] = ()
 

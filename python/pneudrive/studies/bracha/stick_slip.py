@@ -217,16 +217,18 @@ def figure_9(run: Experiment) -> PaperFigure:
     found = pn.campaign_friction(run.campaign)
     if found.skipped:
         raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
-    speeds = np.array(sorted({stop.speed_m_s for stop in found.stops}))
-    rested = [[s for s in found.stops if s.speed_m_s == v] for v in speeds]
+    stops = found.stops
+    speeds = np.array(sorted(set(stops["speed_m_s"])))
+    rested = [stops.filter(speed_m_s=v) for v in speeds]
     # no peak: zero increment
-    means = [mean_estimate(np.nan_to_num([s.increment_n for s in group], posinf=0.0, neginf=0.0)) for group in rested]
+    means = [mean_estimate(np.nan_to_num(group["increment_n"].to_numpy(), posinf=0.0, neginf=0.0)) for group in rested]
     increment = np.array([mean.value for mean in means])
     width = np.array([mean.high for mean in means]) - increment
-    running = np.array([np.mean([s.running_n for s in group]) for group in rested])
-    relaxed = np.array([s.relaxation.amount.value for group in rested for s in group if s.relaxation])
-    back = float(np.median([s.recovery.distance.value for group in rested for s in group if s.recovery]))
-    shown = rested[len(speeds) // 2][0]
+    running = np.array([np.mean(group["running_n"].to_numpy()) for group in rested])
+    relaxed = stops["relaxation_n"].drop_nans().to_numpy()
+    back = float(np.median(stops["recovery_m"].drop_nans()))
+    shown = rested[len(speeds) // 2].row(0, named=True)
+    trace = {name: np.array(shown[f"trace_{name}"]) for name in ("time_s", "position_m", "friction_n")}
     changed = bool(np.all(increment - width > CHANGE * running))
     return PaperFigure.make(
         9,
@@ -246,10 +248,8 @@ def figure_9(run: Experiment) -> PaperFigure:
             "speed_m_s": speeds,
             "increment_n": increment,
             "increment_width_n": width,
-            "time_s": shown.trace.time_s,
-            "position_m": shown.trace.position_m,
-            "friction_n": shown.trace.friction_n,
-            "running_n": np.full(shown.trace.time_s.shape, shown.running_n),
+            **trace,
+            "running_n": np.full(trace["time_s"].shape, shown["running_n"]),
         },
         least_share=(increment / running).min(),
     )

@@ -73,13 +73,13 @@ def test_damage_is_named_and_costs_one_cycle(measured, quick, damage):
         assert keys[0] in " ".join(s.text for s in found.statements)
     else:
         assert not skipped
-        (cycle,) = [c for c in found.cycles if c.key == keys[0]]
+        (cycle,) = found.cycles.filter(key=keys[0]).iter_rows(named=True)
         if flag == "unpaired":
-            assert np.isnan(cycle.friction_n)
+            assert np.isnan(cycle["friction_n"])
             rows = found.friction_map.to_dataframe().query(f"recording == '{keys[0]}'")
             assert rows["flags"].tolist() == ["unpaired"]
         elif flag:
-            assert flag in cycle.flags
+            assert flag in cycle["flags"]
     curve = found.curves[0]
     assert hits(world, curve).mean() >= 0.8
     assert curve.cycles.sum() >= 21
@@ -177,7 +177,7 @@ def test_friction_that_cannot_be_costs_its_cycle_even_where_several_fail(measure
     world = quick(cycle_share=0.005, repeats=2)
     found = measured(world, spoil=damage)
     assert hits(world, found.curves[0]).mean() >= 0.8
-    assert sum(c.friction_n > 0 for c in found.cycles) > 15
+    assert (found.cycles["friction_n"] > 0).sum() > 15
 
 
 def test_way_is_told_by_samples_where_no_steps_are_written(measured, quick):
@@ -188,7 +188,7 @@ def test_way_is_told_by_samples_where_no_steps_are_written(measured, quick):
             pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
 
     planned, sampled = (measured(quick(), spoil=how) for how in (None, without_steps))
-    ways = [np.array([c.travel_m for c in found.cycles]) for found in (planned, sampled)]
+    ways = [found.cycles["travel_m"].to_numpy() for found in (planned, sampled)]
     # The first planned move starts at a place that no step tells: half a cycle's way at most.
     assert ways[1][-1] == pytest.approx(ways[0][-1], rel=0.03)
     assert (np.diff(ways[1]) > 0).all()

@@ -146,7 +146,7 @@ def test_the_zero_of_the_sensor_and_its_drift(measured, quick):
     levels = ({"seal": "A"}, {"seal": "B"}, {"seal": "A"})
     found = measured(quick(zero_n=1.0, zero_drift_n=2.0, levels=levels, repeats=1, correlated_n=0.05))
     last = len(found.cycles) - 1
-    true = 1.0 + 2.0 * np.array([(c.index - 1) / last for c in found.cycles if c.kind == "tare"])
+    true = 1.0 + 2.0 * (found.cycles.filter(kind="tare")["index"].to_numpy() - 1) / last
     assert found.zero.zero_n == pytest.approx(true, abs=4.0 * found.zero.stderr_n.max())
     assert found.zero.per_hour.low > 0.0
 
@@ -154,8 +154,8 @@ def test_the_zero_of_the_sensor_and_its_drift(measured, quick):
 def test_a_drift_is_told_by_sentinels_and_not_at_all_where_speed_and_time_went_together(measured, quick):
     world = quick(drift_share=-0.10, cycle_share=0.005, sentinel_every=4)
     found = measured(world)
-    hours = (found.cycles[-1].began_s - found.cycles[0].began_s) / 3600.0
-    level = np.mean([c.friction_n for c in found.cycles if np.isfinite(c.friction_n)])
+    hours = (found.cycles["began_s"][-1] - found.cycles["began_s"][0]) / 3600.0
+    level = np.nanmean(found.cycles["friction_n"])
     assert found.drift.basis == "sentinels"
     assert inside(found.drift.per_hour, -0.10 * level / hours)
     assert found.drift.per_hour.p < 0.05
@@ -169,7 +169,7 @@ def test_a_drift_is_told_by_sentinels_and_not_at_all_where_speed_and_time_went_t
 def test_repeatability_within_and_between_blocks(measured, quick):
     levels = ({"seal": "A"},) * 6
     found = measured(quick(levels=levels, cycle_share=0.02, block_share=0.04, repeats=1, white_n=0.1, correlated_n=0.1))
-    level = np.mean([c.friction_n for c in found.cycles if np.isfinite(c.friction_n)])
+    level = np.nanmean(found.cycles["friction_n"])
     assert inside(found.repeatability.within, 0.02 * level)
     assert inside(found.repeatability.between, 0.04 * level)
     assert found.repeatability.total.value > found.repeatability.within.value

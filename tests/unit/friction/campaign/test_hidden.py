@@ -25,18 +25,18 @@ PLAN = {
 
 
 def outliers(found) -> set[str]:
-    return {c.key for c in found.cycles if "outlier" in c.flags}
+    return {c["key"] for c in found.cycles.iter_rows(named=True) if "outlier" in c["flags"]}
 
 
-def sweeps(found) -> list:
-    return [c for c in found.cycles if c.kind == "sweep"]
+def sweeps(found) -> list[str]:
+    return found.cycles.filter(kind="sweep")["key"].to_list()
 
 
 @pytest.mark.parametrize("repeats", [1, 2])
 def test_two_wild_cycles_are_found_and_no_good_one(measured, quick, repeats):
     """The scatter that one is judged by must not hold the other, nor the good twin pay for it."""
     found = measured(quick(**PLAN | {"repeats": repeats, "wild": ((7, 1.53), (19, 1.63))}))
-    assert outliers(found) == {sweeps(found)[7].key, sweeps(found)[19].key}
+    assert outliers(found) == {sweeps(found)[7], sweeps(found)[19]}
     assert np.mean([h for c in found.curves if c.direction == 0 for h in hits(quick(**PLAN), c)]) >= 0.9
 
 
@@ -59,7 +59,7 @@ def test_the_band_is_that_of_the_mean_state_and_the_states_are_told_beside_it(me
         both = [c for c in found.curves if c.direction == 0]
         assert covered(world, found) >= 0.9
         halves.append(np.median(np.concatenate([(c.high_n - c.low_n) / (2.0 * c.friction_n) for c in both])))
-        level = np.mean([c.friction_n for c in found.cycles if np.isfinite(c.friction_n)])
+        level = np.nanmean(found.cycles["friction_n"])
     assert halves[1] < 1.5 * halves[0]
     assert abs(found.drift.spread_n / (0.1 * level / np.sqrt(12.0)) - 1.0) < 0.35
     assert f"differs from them by {found.drift.spread_n:.2g} N" in " ".join(s.text for s in found.statements)
@@ -81,7 +81,7 @@ def test_wild_cycles_that_hide_among_few_are_found(measured, seed):
     world = hidden_world(seed)
     found = measured(world, seed)
     assert world.wild
-    assert outliers(found) == {sweeps(found)[i].key for i, _ in world.wild}
+    assert outliers(found) == {sweeps(found)[i] for i, _ in world.wild}
     assert covered(world, found) >= 0.95
 
 
@@ -101,7 +101,7 @@ def test_where_it_is_open_whether_a_cycle_is_wild_the_band_holds_both(measured, 
     """About ten cycles of one pressure, one of them far off where the curve is steep: nothing else says how steep."""
     world = hidden_world(seed)
     found = measured(world, seed)
-    (wild,) = (sweeps(found)[i].key for i, _ in world.wild)
+    (wild,) = (sweeps(found)[i] for i, _ in world.wild)
     assert not outliers(found)
     assert f"possible outliers ({wild}): the band covers both" in " ".join(s.text for s in found.statements)
     assert covered(world, found) >= 0.95
@@ -152,7 +152,7 @@ def test_how_cycles_scatter_is_told_by_the_cycles_not_by_the_shape_of_the_curves
 def test_scatter_is_that_of_the_sentinels_themselves(measured, quick):
     """Scatter of sentinels in newton, whatever misfit or smoothness the curves have."""
     found = measured(quick(**PLAN | {"cycle_share": 0.0, "cycle_n": 0.5, "sentinel_every": 3, "zero_drift_n": 0.0}))
-    sentinels = np.array([c.friction_n for c in found.cycles if c.kind == "sentinel"])
+    sentinels = found.cycles.filter(kind="sentinel")["friction_n"].to_numpy()
     within = found.repeatability.within
     assert found.repeatability.basis == "sentinels"
     assert within.low < 0.5 < within.high

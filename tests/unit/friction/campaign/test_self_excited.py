@@ -5,9 +5,8 @@ The axis runs evenly, its encoder shows nothing, samples are too far apart to sh
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
+import polars as pl
 import pytest
 from scipy.optimize import least_squares
 
@@ -134,15 +133,11 @@ def stops(growth: str, exponent: float, increment_n: float, time_s: float, dista
 
             excess = psi(steady + (dwell - steady) * np.exp(-travel / distance_m)) - psi(steady)
             back = travel[np.argmax(excess < 0.05 * (psi(dwell) - psi(steady)))]
-            condition = SimpleNamespace(pressure_a_pa=AMBIENT_PA + gauge, pressure_b_pa=AMBIENT_PA)
             peak = increment_n * (1.0 + share_a_pa * gauge) * float(psi(dwell) - psi(steady))
-            recovery = SimpleNamespace(complete=True, distance=SimpleNamespace(value=float(back)))
-            made.append(
-                SimpleNamespace(
-                    condition=condition, dwell_s=dwell, speed_m_s=speed, increment_n=peak, recovery=recovery
-                )
-            )
-    return made
+            row = {"pressure_a_pa": AMBIENT_PA + gauge, "pressure_b_pa": AMBIENT_PA, "dwell_s": dwell}
+            row |= {"speed_m_s": speed, "increment_n": peak, "recovery_m": float(back), "recovery_complete": True}
+            made.append(row)
+    return pl.DataFrame(made)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -113,7 +114,7 @@ def test_the_bandwidth_is_read_from_the_rig_file(tmp_path):
     doubts = []
     for bandwidth in ({}, {"bandwidth_hz": {"force_n": 20.0}}):
         (folder / "rig.json").write_text(json.dumps(rig | bandwidth))
-        doubts.append([s.breakaway_stderr_n for s in find_stops(Campaign.open(folder), 1)[0]])
+        doubts.append(find_stops(Campaign.open(folder), 1)[0]["breakaway_stderr_n"])
     assert all(after > before for before, after in zip(*doubts, strict=True))
     (folder / "rig.json").write_text(json.dumps(rig | {"bandwidth_hz": {"force_n": 0.0}}))
     with pytest.raises(CampaignError, match=r"bandwidth_hz\.force_n"):
@@ -125,22 +126,23 @@ def test_a_stop_gives_relaxation_breakaway_and_way_back(tmp_path):
     stops, skipped, _, _ = found(tmp_path, world)
     assert not skipped
     assert len(stops) == 12
-    long = [s for s in stops if s.stop_s > 10.0]
+    rows = [SimpleNamespace(**row) for row in stops.iter_rows(named=True)]
+    long = [s for s in rows if s.stop_s > 10.0]
     rate, since = world.relaxation
     for s in long:
-        assert s.relaxation.form == "log"
+        assert s.relaxation_form == "log"
         true = rate * np.log10(1.0 + s.stop_s / since)
-        assert s.relaxation.amount.value == pytest.approx(true, abs=0.2)
-        assert s.relaxation.per_decade.low < rate < s.relaxation.per_decade.high + 0.03
-        assert s.recovery.distance.value == pytest.approx(world.length_m * np.log(20.0), rel=0.1)
-        assert s.recovery.time.value == pytest.approx(s.recovery.distance.value / world.speed_m_s, rel=0.1)
-        assert s.recovery.complete
-        assert s.recovery.left.low < 0.0 < s.recovery.left.high
-    for s in stops:
+        assert s.relaxation_n == pytest.approx(true, abs=0.2)
+        assert s.relaxation_n_per_decade_low < rate < s.relaxation_n_per_decade_high + 0.03
+        assert s.recovery_m == pytest.approx(world.length_m * np.log(20.0), rel=0.1)
+        assert s.recovery_s == pytest.approx(s.recovery_m / world.speed_m_s, rel=0.1)
+        assert s.recovery_complete
+        assert s.left_n_low < 0.0 < s.left_n_high
+    for s in rows:
         assert s.dwell_s == pytest.approx(s.stop_s, abs=0.01)
         assert s.loading_rate_n_s == pytest.approx(world.stiffness_n_m * world.speed_m_s, rel=0.3)
         assert s.basis == "approach and reference"
-    away = [s.increment_n - float(world.increment(s.stop_s, (0.0, 0.0))) for s in stops]
+    away = [s.increment_n - float(world.increment(s.stop_s, (0.0, 0.0))) for s in rows]
     assert abs(np.mean(away)) < 0.2
 
 
@@ -156,9 +158,10 @@ def test_direction_and_missing_steps_change_nothing(tmp_path):
     ):
         stops, skipped, _, _ = found(tmp_path, world, seed)
         assert not skipped
-        for s in stops:  # running friction is that at the position of the peak
-            assert s.breakaway_n - s.running_n == pytest.approx(s.increment_n, abs=1e-9)
-        means.append([np.mean([s.increment_n for s in stops if s.stop_s == t]) for t in (1.0, 30.0)])
+        # running friction is that at the position of the peak
+        peaks = (stops["breakaway_n"] - stops["running_n"]).to_numpy()
+        assert peaks == pytest.approx(stops["increment_n"].to_numpy(), abs=1e-9)
+        means.append([stops.filter(stop_s=t)["increment_n"].mean() for t in (1.0, 30.0)])
     assert np.ptp(means, axis=0) == pytest.approx([0.0, 0.0], abs=0.5)
 
 
@@ -224,7 +227,7 @@ def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
     world = StopWorld(durations_s=(1.0, 10.0, 100.0, 300.0), repeats=3, directions=(1, -1))
     stops, _, _, statements = found(tmp_path, world)
     assert not [s for s in statements if "peaks in +x" in s.text]
-    uneven = [replace(s, increment_n=s.increment_n + 0.5 * s.direction) for s in stops]
+    uneven = stops.with_columns(pl.col("increment_n") + 0.5 * pl.col("direction"))
     (text,) = [s.text for s in fit_dwell(uneven, AMBIENT_PA)[1] if "peaks in +x" in s.text]
     value, low, high = (
         float(x) for x in re.search(r"peaks in \+x differ by (\S+) N \((\S+) to (\S+)\)", text).groups()
@@ -235,7 +238,7 @@ def test_peaks_that_differ_between_the_directions_are_said(tmp_path):
 
 def test_held_and_released_are_told_apart(tmp_path):
     stops, _, series, _ = found(tmp_path, StopWorld(durations_s=(1.0, 10.0, 100.0), released=True))
-    assert all(s.relaxation is None for s in stops)
+    assert stops["relaxation_n"].is_nan().all()
     assert series[0].released
     assert "released" in series[0].name
 
@@ -271,7 +274,8 @@ def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
         head = pl.read_parquet_metadata(path)["pneudrive"]
         pl.read_parquet(path).with_columns(spoil).write_parquet(path, metadata={"pneudrive": head})
     stops, _ = find_stops(Campaign.open(folder), 1)
-    assert all(flag in s.flags and not s.usable for s in stops)
+    assert not stops["usable"].any()
+    assert stops["flags"].list.contains(flag).all()
     series, statements = fit_dwell(stops, AMBIENT_PA)
     assert series[0].slope is None
     assert any("unusable" in s.text and not s.carried for s in statements)

@@ -133,8 +133,8 @@ def test_one_side_is_under_pressure_only_if_the_other_one_is_not(make, gauges, i
 
 def test_a_cycle_has_the_scatter_of_its_strokes_as_a_speed_level_has(make):
     found = characterise_recordings(make(stroke_spread=0.3, strokes=20, seed=5))
-    (level,), (cycle,) = found.levels, recorded_characteristics(found).cycles
-    assert cycle.stderr_n == pytest.approx(level.stderr_n, rel=1e-6)
+    (level,), (cycle,) = found.levels, recorded_characteristics(found).cycles.iter_rows(named=True)
+    assert cycle["stderr_n"] == pytest.approx(level.stderr_n, rel=1e-6)
 
 
 # --- A stroke that does not enter the result is counted, and its reason stands in notes, map, terminal and report.

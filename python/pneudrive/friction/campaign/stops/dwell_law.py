@@ -39,31 +39,39 @@ from pneudrive.friction.campaign.stops.dwell_models import (
     fit_forms,
 )
 from pneudrive.friction.campaign.stops.stop import SPOILING
-from pneudrive.friction.friction_map import CHAMBERS, PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.friction_map import (
+    CHAMBERS,
+    CONDITION,
+    LEVELS,
+    PA_PER_BAR,
+    TOLD,
+    classify_pressures,
+    conditions_of,
+)
 from pneudrive.friction.sentences import say
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
+    import polars as pl
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.stops.dwell_models import DwellForm, DwellLawFit
-    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]
 
 
-def inertia_of(stops: Sequence[Stop]) -> float:
+def inertia_of(stops: pl.DataFrame) -> float:
     """Return the median of the largest contributions of the moving mass to the peaks, N."""
-    return float(np.median([s.inertia_n for s in stops])) if stops else 0.0
+    return float(np.median(stops["inertia_n"])) if len(stops) else 0.0
 
 
-def durations_of(stops: Sequence[Stop]) -> int:
+def durations_of(stops: pl.DataFrame) -> int:
     """Count the durations of some stops."""
-    return np.unique(levels(np.log10([max(s.dwell_s, 1e-6) for s in stops]), SAME_DURATION)).size
+    return np.unique(levels(np.log10(np.maximum(stops["dwell_s"].to_numpy(), 1e-6)), SAME_DURATION)).size
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ class DwellSeries(Shown):
         Speed of the restart.
     released : bool
     conditions : tuple of Condition
-    stops : tuple of Stop
+    stops : polars.DataFrame
         Those used.
     left_out : int
         Stops of the series that were not used.
@@ -130,7 +138,7 @@ class DwellSeries(Shown):
     speed_m_s: float
     released: bool
     conditions: tuple[Condition, ...]
-    stops: tuple[Stop, ...]
+    stops: pl.DataFrame
     left_out: int
     reference_s: float
     running_n: float
@@ -173,9 +181,10 @@ class DwellSeries(Shown):
             found |= {f"breakaway per decade of stop at {at}": self.slope}
             found |= {"mean breakaway per decade of stop": self.mean_slope}
         found[f"breakaway increment at {at}"] = self.increment
-        for key, slope in (self.pressure.slopes if self.pressure else {}).items():
-            found[f"effect of {CHAMBERS[key]} on breakaway per decade"] = slope
-            found[f"effect of {CHAMBERS[key]} on the increment"] = self.pressure.increments[key]
+        if self.pressure is not None:
+            effects = {"breakaway per decade": self.pressure.slopes, "the increment": self.pressure.increments}
+            for on, by_chamber in effects.items():
+                found |= {f"effect of {CHAMBERS[key]} on {on}": effect for key, effect in by_chamber.items()}
         return found
 
     def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
@@ -238,13 +247,13 @@ class ContactAge:
 
 
 def fit_contact_age(
-    stops: Sequence[Stop], form: DwellForm, exponent: float, ambient_pressure_pa: float
+    stops: pl.DataFrame, form: DwellForm, exponent: float, ambient_pressure_pa: float
 ) -> ContactAge | None:
     """Fit the age of the contact to peaks after stops.
 
     Parameters
     ----------
-    stops : sequence of Stop
+    stops : polars.DataFrame
         Usable ones of one series.
     form : DwellForm
         The law whose growth is used.
@@ -256,17 +265,13 @@ def fit_contact_age(
     ContactAge or None
         None if friction does not grow with the stops.
     """
-    gauge = np.array([(s.condition.pressure_a_pa, s.condition.pressure_b_pa) for s in stops]) - ambient_pressure_pa
+    gauge = stops.select("pressure_a_pa", "pressure_b_pa").to_numpy() - ambient_pressure_pa
     varied = np.ptp(gauge, axis=0) > EQUAL_PRESSURE_PA
     together = bool(varied.all() and np.allclose(gauge[:, 0], gauge[:, 1], atol=EQUAL_PRESSURE_PA))
     pressures = gauge.sum(axis=1, keepdims=True) if together else gauge[:, varied]
     columns = np.column_stack([np.ones(len(stops)), pressures])
-    dwell = np.array([s.dwell_s for s in stops])
-    speed = np.array([s.speed_m_s for s in stops])
-    recoveries = [s.recovery for s in stops]  # travel from the peak to 5 % of the excess; NaN if not observed
-    back = np.array([r.distance.value if r is not None and r.complete else np.nan for r in recoveries])
-    increment = np.array([s.increment_n for s in stops])
-
+    dwell, speed, increment = (stops[name].to_numpy() for name in ("dwell_s", "speed_m_s", "increment_n"))
+    back = np.where(stops["recovery_complete"], stops["recovery_m"], np.nan)  # NaN if it was not observed
     seen = np.isfinite(back)
 
     def lengths(time: float) -> Array:
@@ -336,17 +341,17 @@ LONG_S = 1000.0
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 
-def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
+def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the values that the stops of a series determine."""
     where = f"Stops ({series.name})"
-    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    flags = Counter(flag for raised in stops["flags"].to_list() for flag in raised if flag in SPOILING)
     if flags:
         kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
         counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
-        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
+        yield say(f"stops.{kind}", where=where, count=(~stops["usable"]).sum(), stops=len(stops), flags=counts)
     durations = series.curve.data.durations if series.curve is not None else 0
     if series.curve is None or durations < 2:
-        yield from _one_duration(where, [s for s in stops if s.usable])
+        yield from _one_duration(where, stops.filter("usable"))
         return
     slope = series.slope
     if slope is not None:
@@ -355,8 +360,10 @@ def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Stateme
         yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     # Peaks of both directions, from cells with both.
     cells: dict[tuple, dict[int, list[float]]] = {}
-    for s in series.stops:
-        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
+    for *cell, direction, increment in series.stops.select(
+        *CONDITION, "stop_s", "direction", "increment_n"
+    ).iter_rows():
+        cells.setdefault((*cell[:-1], round(cell[-1], 6)), {1: [], -1: []})[direction].append(increment)
     pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
@@ -366,13 +373,13 @@ def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Stateme
     yield say("stops.peaks", where=where)
 
 
-def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
+def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the increment after stops of one duration, without a law over duration."""
     durations = durations_of(stops)
     if len(stops) > 1 and durations == 1:
         inertia = inertia_of(stops)
-        found = mean_estimate(np.array([s.increment_n for s in stops])).widened(inertia)
-        duration = np.median([s.dwell_s for s in stops])
+        found = mean_estimate(stops["increment_n"].to_numpy()).widened(inertia)
+        duration = np.median(stops["dwell_s"])
         kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
         yield say(kind, where=where, duration=duration, found=found, count=len(stops))
     of = "one duration" if durations == 1 else f"{durations} durations"
@@ -392,7 +399,7 @@ def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement
     text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
     text += f"; without support: {', '.join(refuted)}" if refuted else ""
     yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
-    longest = max(s.dwell_s for s in series.stops)
+    longest = float(np.max(series.stops["dwell_s"]))
     open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
     if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
         yield say("stops.saturation", where=where, longest=longest)
@@ -401,7 +408,7 @@ def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement
 def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
     if curve.inflation >= CONFOUNDED:
         yield say("stops.drift", where=where)
-    rate = np.array([s.loading_rate_n_s for s in series.stops])
+    rate = series.stops["loading_rate_n_s"].to_numpy()
     known = np.isfinite(rate) & (rate > 0)
     if known.sum() > 5:
         logs, durations = np.log(rate[known]), curve.data.log_s[known]
@@ -411,7 +418,7 @@ def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator
             yield say("stops.loading_rate", where=where, together=together)
     numbers = {"where": where, "stops": len(series.stops), "inertia": series.inertia_n}
     for flag in ("long_loading", "inertia", "slow_samples"):
-        count = sum(flag in s.flags for s in series.stops)
+        count = sum(flag in raised for raised in series.stops["flags"].to_list())
         if count:
             yield say(f"stops.{flag}", count=count, **numbers)
 
@@ -423,12 +430,13 @@ GRID_POINTS = 61
 SAME_PRESSURE_PA = 100.0
 
 
-def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
+def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
     """Describe breakaway against stop duration.
 
     Parameters
     ----------
-    stops : sequence of Stop
+    stops : polars.DataFrame
+        Result of `find_stops`.
     ambient_pressure_pa : float
 
     Returns
@@ -437,34 +445,38 @@ def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[
         One series for each set of levels, restart speed and axis (held, released), with determined and undetermined
         values.
     """
-    groups: dict[tuple, list[Stop]] = {}
-    for stop in stops:
-        groups.setdefault((*stop.condition.levels, round(stop.speed_m_s, 6), stop.released), []).append(stop)
+    import polars as pl
+
+    if not len(stops):
+        return (), []
     series, statements = [], []
-    for key in sorted(groups):
-        one = _series(groups[key], ambient_pressure_pa)
+    groups = stops.group_by(*LEVELS, pl.col("speed_m_s").round(6).alias("speed"), "released", maintain_order=True)
+    for _, group in sorted(groups, key=lambda pair: pair[0]):
+        one = _series(group, ambient_pressure_pa)
         series.append(one)
-        statements += dwell_statements(one, groups[key])
+        statements += dwell_statements(one, group)
     return tuple(series), statements
 
 
-def _series(stops: list[Stop], ambient: float) -> DwellSeries:
-    used = [s for s in stops if s.usable]
-    conditions = sorted({s.condition for s in used})
-    enough = [c for c in conditions if durations_of([s for s in used if s.condition == c]) >= 2]
-    used = [s for s in used if s.condition in enough]
+def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
+    used = stops.filter("usable")
+    conditions = conditions_of(used)
+    enough = [c for c in sorted(set(conditions)) if durations_of(used.filter(**vars(c))) >= 2]
+    used = used.filter([c in enough for c in conditions])
     series = DwellSeries(
-        levels=stops[0].condition.title,
-        speed_m_s=stops[0].speed_m_s,
-        released=stops[0].released,
+        levels=conditions_of(stops)[0].title,
+        speed_m_s=stops["speed_m_s"][0],
+        released=stops["released"][0],
         conditions=tuple(enough),
-        stops=tuple(used),
+        stops=used,
         left_out=len(stops) - len(used),
-        reference_s=_reference([s.dwell_s for s in used]),
-        running_n=_running(used or stops),
+        reference_s=_reference(used["dwell_s"].to_list()),
+        running_n=_running(used if len(used) else stops),
     )
-    drift_n = _running_drift(used) * float(np.ptp([s.increment_n for s in used])) if used else 0.0
-    curve = fit_curve(DwellData(tuple(used), tuple(enough), drift_n)) if used else None
+    if not len(used):
+        return series
+    drift_n = _running_drift(used) * float(np.ptp(used["increment_n"].to_numpy()))
+    curve = fit_curve(DwellData(used, tuple(enough), drift_n))
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
@@ -505,20 +517,18 @@ def _reference(durations: list[float]) -> float:
     return float(f"{np.sqrt(low * high):.3g}")
 
 
-def _running(stops: Sequence[Stop]) -> float:
+def _running(stops: pl.DataFrame) -> float:
     """Average running friction; the mean of both directions removes the offset."""
-    by_direction = [np.mean([s.running_n for s in stops if s.direction == d]) for d in {s.direction for s in stops}]
+    by_direction = [np.mean(group["running_n"].to_numpy()) for _, group in stops.group_by("direction")]
     return float(np.mean(by_direction)) if by_direction else float("nan")
 
 
-def _running_drift(stops: Sequence[Stop]) -> float:
+def _running_drift(stops: pl.DataFrame) -> float:
     """Return the relative drift of running friction over half the campaign. The same drift is assumed for ageing."""
-    time = np.array([s.began_s for s in stops])
+    time, running, direction = (stops[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
     if np.ptp(time) == 0:
         return 0.0
-    running = np.array([s.running_n for s in stops])
-    for direction in {s.direction for s in stops}:
-        own = np.array([s.direction == direction for s in stops])
+    for own in (direction == d for d in set(direction.tolist())):
         running[own] -= running[own].mean()
     slope = float(np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0])
     return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)

@@ -32,12 +32,13 @@ from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
+from pneudrive.friction.friction_map import conditions_of
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
+    import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.friction_map import Condition
 
     Array = NDArray[np.float64]
@@ -289,19 +290,19 @@ class DwellData:
 
     Attributes
     ----------
-    stops : tuple of Stop
+    stops : polars.DataFrame
     conditions : tuple of Condition
     drift_prior_n : float
         Standard deviation of the increments' drift over half the campaign if the order of the stops hides it.
     """
 
-    stops: tuple[Stop, ...]
+    stops: pl.DataFrame
     conditions: tuple[Condition, ...]
     drift_prior_n: float = 0.0
 
     def __getitem__(self, name: str) -> NDArray:
-        """Return an attribute of all stops, shape (n,)."""
-        return np.array([getattr(stop, name) for stop in self.stops])
+        """Return a column of the stops, shape (n,)."""
+        return self.stops[name].to_numpy()
 
     def __len__(self) -> int:
         """Return the number of stops."""
@@ -315,7 +316,7 @@ class DwellData:
     @cached_property
     def condition(self) -> NDArray[np.int64]:
         """Index of the condition of each stop."""
-        return np.array([self.conditions.index(stop.condition) for stop in self.stops], dtype=np.int64)
+        return np.array([self.conditions.index(c) for c in conditions_of(self.stops)], dtype=np.int64)
 
     @property
     def durations(self) -> int:

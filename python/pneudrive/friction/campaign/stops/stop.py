@@ -3,13 +3,13 @@
 Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
 sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
 
-Stops as files: one row per stop, and the results of each series on breakaway over duration.
+All stops of a campaign are one table, which is also their file.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,25 +36,28 @@ from pneudrive.friction.campaign.stops.course import (
 )
 from pneudrive.friction.campaign.stops.peak import BreakawayPeak, find_breakaway
 from pneudrive.friction.friction_map import Skipped
-from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
 from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import polars as pl
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import Campaign
+    from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.friction_map import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
+    Row = dict[str, Any]
 
 #: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
 SPOILS = 0.1
+NOTHING = float("nan")
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
 MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are read for comparison
@@ -67,94 +70,14 @@ SPOILING = frozenset(
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class StopTrace(Shown):
-    """Friction around one stop, thinned; shape (m,) each. Time counts from the start of the rest."""
-
-    time_s: Array
-    position_m: Array
-    friction_n: Array
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Stop(Shown):
-    """The results of one stop.
-
-    Attributes
-    ----------
-    index, key, block, repeat
-        Values in the header of its file.
-    condition : Condition
-    direction : int
-        Speed of the restart.
-    speed_m_s, position_m : float
-        Planned speed of the restart, and position of the stop.
-    began_s : float
-        The rig's clock at the start of the cycle.
-    stop_s, dwell_s : float
-        Duration as planned and as measured.
-    released : bool
-        The axis was released during the stop.
-    running_n, running_stderr_n : float
-        Friction of uninterrupted sliding at the stop.
-    basis : str
-        Its basis: approach, approach and reference, reference, or none.
-    breakaway_n, breakaway_stderr_n : float
-        Peak after the restart.
-    increment_n, increment_stderr_n : float
-        Peak less running friction.
-    loading_rate_n_s, loading_s : float
-        Rate of rise of the force, and time from restart to peak.
-    sample_rate_hz : float
-        Rate of samples around the peak.
-    inertia_n : float
-        Largest contribution of the moving mass to the peak: v sqrt(k m), equal for all stops.
-    relaxation : ForceRelaxation or None
-        None if the axis was released, or with too few samples.
-    recovery : Recovery or None
-        None if the peak cannot be separated from running friction.
-    trace : StopTrace
-    flags : tuple of str
-        Flags of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
-    """
-
-    index: int
-    key: str
-    block: int
-    repeat: int
-    condition: Condition
-    direction: int
-    speed_m_s: float
-    position_m: float
-    began_s: float
-    stop_s: float
-    dwell_s: float
-    released: bool
-    running_n: float
-    running_stderr_n: float
-    basis: str
-    breakaway_n: float
-    breakaway_stderr_n: float
-    increment_n: float
-    increment_stderr_n: float
-    loading_rate_n_s: float
-    loading_s: float
-    sample_rate_hz: float
-    inertia_n: float
-    relaxation: ForceRelaxation | None
-    recovery: Recovery | None
-    trace: StopTrace
-    flags: tuple[str, ...] = ()
-
-    @property
-    def usable(self) -> bool:
-        """Whether the increment is used for the law of breakaway over duration."""
-        return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
+#: Columns of friction around a stop over time since the start of the rest, thinned: for figures only.
+TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 
 def _read(
     file: CycleFile, samples: Samples, identity: Identity, others: Sequence[UninterruptedStroke]
-) -> Stop | Skipped:
+) -> Row | Skipped:
+    """Return the columns of a stop, or the reason for a missing one."""
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
@@ -173,37 +96,68 @@ def _read(
     at_peak = phases.restart.start + peak.index
     shift = float(running.shape(recording.position_m[[at_peak]])[0])
     held = phases.rest
-    stop = Stop(
-        index=file.head.index,
-        key=cycle.key,
-        block=cycle.block,
-        repeat=cycle.repeat,
-        condition=condition,
-        direction=phases.direction,
-        speed_m_s=float(cycle.speed_m_s or 0.0) or abs(mean_velocity(recording, steady)),
-        position_m=float(recording.position_m[phases.restart.start]),
-        began_s=file.head.began_s,
-        stop_s=float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
-        dwell_s=phases.dwell_s,
-        released=cycle.released,
-        running_n=running.level_n + shift,
-        running_stderr_n=running.stderr_n,
-        basis=running.basis,
-        breakaway_n=peak.friction_n,
-        breakaway_stderr_n=peak.stderr_n,
-        increment_n=peak.friction_n - running.level_n - shift,
-        increment_stderr_n=float(np.hypot(peak.stderr_n, running.stderr_n)),
-        loading_rate_n_s=peak.loading_rate_n_s,
-        loading_s=peak.time_s,
-        sample_rate_hz=peak.rate_hz,
-        inertia_n=_inertia(recording, peak, cycle.speed_m_s),
-        relaxation=None if cycle.released else relax(recording.time_s[held] - phases.rest_s, friction[held]),
-        recovery=_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
-        trace=_trace(recording, friction, phases),
-        flags=_flags(file, recording, phases, peak, running, samples),
-    )
+    increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
+    inertia = _inertia(recording, peak, cycle.speed_m_s)
+    relaxation = None if cycle.released else relax(recording.time_s[held] - phases.rest_s, friction[held])
     in_chamber = identity.pressure_measured_at == "chamber"
-    return replace(stop, flags=(*stop.flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
+    flags = (
+        *_flags(file, recording, phases, peak, running, samples),
+        *_spoiled(recording, phases, (increment, stderr, inertia), at_peak, in_chamber),
+    )
+    return {
+        **vars(condition),
+        "index": file.head.index,
+        **{name: getattr(cycle, name) for name in ("key", "block", "repeat")},
+        "direction": phases.direction,
+        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(mean_velocity(recording, steady)),
+        "position_m": float(recording.position_m[phases.restart.start]),
+        "began_s": file.head.began_s,
+        "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
+        "dwell_s": phases.dwell_s,
+        "released": cycle.released,
+        "running_n": running.level_n + shift,
+        "running_stderr_n": running.stderr_n,
+        "basis": running.basis,
+        "breakaway_n": peak.friction_n,
+        "breakaway_stderr_n": peak.stderr_n,
+        "increment_n": increment,
+        "increment_stderr_n": stderr,
+        "loading_rate_n_s": peak.loading_rate_n_s,
+        "loading_s": peak.time_s,
+        "sample_rate_hz": peak.rate_hz,
+        "inertia_n": inertia,
+        **_of_relaxation(relaxation),
+        **_of_recovery(_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running)),
+        "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
+        "flags": list(flags),
+        **_trace(recording, friction, phases),
+    }
+
+
+def _of_relaxation(relaxation: ForceRelaxation | None) -> Row:
+    """Return the columns of the fall of a held force; NaN if the axis was released, or with too few samples."""
+    r = relaxation
+    return {
+        **_three("relaxation_n", r and r.amount),
+        **_three("relaxation_n_per_decade", r and r.per_decade),
+        "relaxation_form": r.form if r else "",
+        "relaxation_held_n": r.held_n if r else NOTHING,
+        "relaxation_time_s": r.times_s[0] if r and r.times_s else NOTHING,
+        "relaxation_amplitude_n": r.amplitudes_n[0] if r and r.amplitudes_n else NOTHING,
+    }
+
+
+def _of_recovery(recovery: Recovery | None) -> Row:
+    """Return the columns of the return to sliding; NaN if the peak cannot be separated from running friction."""
+    r = recovery
+    columns = {"recovery_m": r and r.distance, "recovery_s": r and r.time, "left_n": r and r.left}
+    row = {name: value for key, estimate in columns.items() for name, value in _three(key, estimate).items()}
+    return row | {"recovery_seen_m": r.seen_m if r else NOTHING, "recovery_complete": bool(r and r.complete)}
+
+
+def _three(name: str, estimate: Estimate | None) -> dict[str, float]:
+    ends = {"": "value", "_low": "low", "_high": "high"}
+    return {f"{name}{end}": getattr(estimate, of, NOTHING) for end, of in ends.items()}
 
 
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
@@ -240,9 +194,15 @@ def _flags(
     return (*peak.flags, *(flag for flag, holds in found.items() if holds))
 
 
-def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> Iterator[str]:
-    """Return flags for parts of the increment that may not be friction: force of the air, inertia of the mass."""
-    size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
+def _spoiled(
+    recording: Recording, phases: Phases, peak_n: tuple[float, float, float], at_peak: int, in_chamber: bool
+) -> Iterator[str]:
+    """Return flags for parts of the increment that may not be friction: force of the air, inertia of the mass.
+
+    `peak_n` has the increment, its standard error, and the largest contribution of the mass.
+    """
+    increment, stderr, inertia = peak_n
+    size = max(abs(increment), 3.0 * stderr)
     begin = max(phases.restart.start - 3, 0)
     moved = 0.0
     for side in ("a", "b"):
@@ -253,7 +213,7 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
     # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
     if moved > (1.0 if in_chamber else SPOILS) * size:
         yield "pressure_transient"
-    if stop.inertia_n > SPOILS * size:
+    if inertia > SPOILS * size:
         yield "inertia"
 
 
@@ -265,7 +225,7 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
     return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
 
 
-def _trace(recording: Recording, friction: Array, phases: Phases) -> StopTrace:
+def _trace(recording: Recording, friction: Array, phases: Phases) -> Row:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
@@ -273,12 +233,13 @@ def _trace(recording: Recording, friction: Array, phases: Phases) -> StopTrace:
         ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
         chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
     index = np.concatenate(chosen)
-    return StopTrace(recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
+    values = (recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
+    return {name: each.tolist() for name, each in zip(TRACE, values, strict=True)}
 
 
 def find_stops(
     campaign: Campaign, processes: int | None = None, files: Sequence[CycleFile] | None = None
-) -> tuple[tuple[Stop, ...], tuple[Skipped, ...]]:
+) -> tuple[pl.DataFrame, tuple[Skipped, ...]]:
     """Read all stops of a campaign.
 
     Parameters
@@ -291,24 +252,35 @@ def find_stops(
 
     Returns
     -------
-    tuple of Stop, tuple of Skipped
-        Stops in the order of execution, and unreadable ones with reasons.
+    polars.DataFrame
+        One row for each stop, in the order of execution. Besides those of its `Condition` and its header, the columns
+        are, in SI: `direction` and `speed_m_s` of the restart; duration as planned (`stop_s`) and as measured
+        (`dwell_s`); `running_n`, friction of uninterrupted sliding at the stop, and its `basis`; `breakaway_n`, the
+        peak after the restart; `increment_n`, the peak less running friction; `loading_rate_n_s` and `loading_s`, rate
+        and time of the rise of the force; `inertia_n`, the largest contribution of the moving mass; relaxation of the
+        held force; recovery: travel and time until the excess over sliding has fallen to 5 %, and the excess that is
+        left; `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Ends of 95 %
+        intervals have the endings `_low` and `_high`.
+    tuple of Skipped
+        Unreadable stops with reasons.
     """
+    import polars as pl
+
     known = campaign.scan()[0] if files is None else files
     files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
-        return (), ()
+        return pl.DataFrame(), ()
     others = read_strokes(_comparable(files, stops), campaign.identity)
     found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
-    read = sorted((s for s in found if isinstance(s, Stop)), key=lambda s: s.index)
+    rows = sorted((s for s in found if isinstance(s, dict)), key=lambda row: row["index"])
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
-    return tuple(read), tuple(skipped)
+    return pl.DataFrame(rows, infer_schema_length=None), tuple(skipped)
 
 
 def read_stops(
     files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
-) -> list[Stop | Skipped]:
+) -> list[Row | Skipped]:
     """Read some stops one after the other.
 
     Parameters
