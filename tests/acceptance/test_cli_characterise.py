@@ -25,7 +25,7 @@ def test_recordings_become_map_fit_and_report(tmp_path, capsys):
     assert not re.search(r"""(?:src|href)\s*=\s*["']https?://[^"']+\.(?:js|css|png|svg|woff2?)""", page)
     assert "PK_5bar" in page
     assert "PK_5bar" in out
-    assert "! The effect of pressure cannot be determined" in out  # in the words of a campaign
+    assert "- The effect of pressure cannot be determined" in out  # in the words of a campaign
 
 
 def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path, capsys):

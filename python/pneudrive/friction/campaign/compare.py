@@ -517,8 +517,8 @@ def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
 
 
 def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
-    low = max(float(np.min(series.stops["dwell_s"])) for series in (a, b))
-    high = min(float(np.max(series.stops["dwell_s"])) for series in (a, b))
+    low = max(float(np.min(series.stops["dwell_s"].to_numpy())) for series in (a, b))
+    high = min(float(np.max(series.stops["dwell_s"].to_numpy())) for series in (a, b))
     if not high > low:
         return
     at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))

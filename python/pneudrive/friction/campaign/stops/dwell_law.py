@@ -399,7 +399,7 @@ def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement
     text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
     text += f"; without support: {', '.join(refuted)}" if refuted else ""
     yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
-    longest = float(np.max(series.stops["dwell_s"]))
+    longest = float(np.max(series.stops["dwell_s"].to_numpy()))
     open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
     if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
         yield say("stops.saturation", where=where, longest=longest)
