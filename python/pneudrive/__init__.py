@@ -89,6 +89,8 @@ UPPER.update(
     controllers_view="pneudrive.report.control",
     platform_view="pneudrive.report.platform.page",
     view_report="pneudrive.report.page",
+    ensemble_view="pneudrive.report.ensemble",
+    sensitivity_view="pneudrive.report.ensemble",
     write_fit_report="pneudrive.report.fit",
     validation_view="pneudrive.report.validation",
     write_validation_report="pneudrive.report.validation",

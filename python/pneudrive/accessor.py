@@ -120,7 +120,8 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
 
-        A run under control has its score instead, a characteristic its results.
+        A run under control has its score instead, a characteristic its results, an ensemble the spread of its outputs,
+        and a sensitivity the effect of each number.
 
         Parameters
         ----------
@@ -147,6 +148,8 @@ class Pneu:
         """
         if "characteristic" in self._run.attrs:
             return upper("characteristic_view")(self._run)
+        if "member" in self._run.dims or "number" in self._run.dims:
+            return upper("ensemble_view" if "member" in self._run.dims else "sensitivity_view")(self._run)
         return upper("view_of_run")(self._run, drive)
 
     def info(self, drive: Drive | Circuit | None = None) -> View:

@@ -225,17 +225,6 @@ def _curve(
 _VIEWS = {"validation": _validation_view, "characterisation": _characterisation_view}
 
 
-def _ensemble_view(found: xr.Dataset) -> View:
-    rows = []
-    for name, column in found.data_vars.items():
-        values = column.to_numpy()
-        if column.ndim == 1 and values.dtype.kind == "f" and np.isfinite(values).any():
-            for words, level in (("5 %", 0.05), ("median", 0.5), ("95 %", 0.95)):
-                value = float(np.quantile(values[np.isfinite(values)], level))
-                rows.append(ShownValue(f"{name}, {words}", str(name), words, value, str(column.attrs["units"])))
-    return View(f"{found.sizes['member']} members", tuple(rows))
-
-
 def _run_view(run: xr.Dataset) -> View:
     curves, time = [], run["time"].to_numpy()
     for name, column in run.data_vars.items():
@@ -265,7 +254,7 @@ def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
     if isinstance(result, xr.Dataset):
         if "characteristic" in result.attrs:
             return "characteristic"
-        kinds = {"member": "ensemble", "time": "run", "row": "friction map"}
+        kinds = {"member": "ensemble", "number": "sensitivity", "time": "run", "row": "friction map"}
         if kinds.keys().isdisjoint(result.dims):
             raise CommandError("this data set is not a result", rule="a run, a friction map or an ensemble")
         return next(kind for name, kind in kinds.items() if name in result.dims)
@@ -281,9 +270,8 @@ def view_of(result: Any) -> View:  # noqa: ANN401 - any result
         The result is a description, which has no view.
     """
     if isinstance(result, xr.Dataset):
-        if (kind := kind_of(result)) == "characteristic":
-            return upper("characteristic_view")(result)
-        return {"ensemble": _ensemble_view, "run": _run_view, "friction map": _map_view}[kind](result)
+        views = {"run": _run_view, "friction map": _map_view}
+        return views[kind](result) if (kind := kind_of(result)) in views else result.pneu.view()
     if hasattr(result, "view"):
         return result.view()
     raise CommandError(f"a {kind_of(result)} has no values to show")

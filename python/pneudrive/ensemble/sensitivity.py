@@ -14,6 +14,7 @@ from pneudrive.ensemble.store import results
 from pneudrive.ensemble.study import Members
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
+from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
@@ -168,6 +169,7 @@ def _labelled(
 ) -> xr.Dataset:
     import xarray as xr
 
+    upper("Pneu")  # registers `dataset.pneu`
     said = SOBOL | MORRIS
     share = {"units": "1"} if "first" in found else {"units": "that of the output"}
     plane = ("number", "output")

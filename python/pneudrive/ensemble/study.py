@@ -15,11 +15,11 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.ensemble import engine
 from pneudrive.errors import SimulationError
+from pneudrive.lazy_names import upper
 from pneudrive.simulation.simulate import SOLVER
 from pneudrive.simulation.start import ready
 from pneudrive.simulation.trajectory import meaning, save, write_frame
-from pneudrive.units import readable
-from pneudrive.views import Finding, ShownValue, View
+from pneudrive.views import View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 CHUNK = 16384
 #: Samples, of all signals that a chunk keeps or a function of the user's sees, that are in memory at a time.
 MOST_SAMPLES = 20_000_000
-#: Column of the view of an ensemble -> part of the members below it.
-QUANTILES = {"lowest": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "highest": 1.0}
 
 
 class Chunk(NamedTuple):
@@ -195,24 +193,7 @@ class Members:
 
     def view(self) -> View:
         """Return the spread of each output over the members that have it, and the first failure."""
-        rows, missing = [], []
-        for output, values in zip(self.study.outputs, self.values, strict=True):
-            finite = values[np.isfinite(values)]
-            if values.ndim > 1:
-                continue
-            size, unit = readable(output.unit)
-            ends = np.quantile(finite, list(QUANTILES.values())) / size if finite.size else ()
-            texts = [f"{end:.5g} {unit}".strip() for end in ends] or ["-"] * len(QUANTILES)
-            rows += [
-                ShownValue(f"{output.name}, {q}", output.name, q, t) for q, t in zip(QUANTILES, texts, strict=True)
-            ]
-            if finite.size < values.size:
-                missed = f"{output.name} has no value in {values.size - finite.size} of {values.size} members"
-                missing.append(Finding(f"{missed}: its row is of the others.", "open"))
-        failed = self.frame.filter(self.frame["status"] != engine.DONE).select("member", "reason").head(1).rows()
-        reasons = [Finding(f"member {member}: {reason}", "bad") for member, reason in failed]
-        title = f"{self.study.variation.drive.name}: {self.frame.height} members, {self.failed} failed"
-        return View(title, tuple(rows), state="bad" if failed else "good", findings=(*reasons, *missing))
+        return upper("ensemble_view")(self.dataset())
 
     def save(self, path: Path) -> None:
         """Write all members as .parquet, .csv or .nc.
@@ -230,6 +211,8 @@ class Members:
     def dataset(self) -> xr.Dataset:
         """Label the arrays: dimension member, a unit and a long name for each variable."""
         import xarray as xr
+
+        upper("Pneu")  # registers `dataset.pneu`
 
         columns = {name: self.frame[name].to_numpy(writable=True) for name in self.frame.columns}
         variables: dict[str, Any] = {}

@@ -201,3 +201,18 @@ def test_what_has_no_sensitivity_is_refused(options, said):
     with pytest.raises(CommandError) as told:
         pn.sensitivity(DRIVE, 1.0, "1 ms", **{"vary": {"load.mass": "uniform(1 kg, 2 kg)"}, "n": 4, **options})
     assert said in str(told.value)
+
+
+def test_members_and_sensitivities_have_a_view_with_fans_and_bars():
+    vary = {"load.mass": "uniform(1 kg, 5 kg)", "friction.viscous": "normal(40 N s/m, 10 %)"}
+    outputs = ["samples(position, 500 Hz)", "max(velocity)"]
+    members = pn.simulate_many(DRIVE, 1.0, "20 ms", vary=vary, n=16, outputs=outputs).pneu.view()
+    assert "16 members, 0 failed" in members.title
+    assert [shown.name for shown in members.figures] == ["fan", "members"]
+    found = pn.sensitivity(DRIVE, 1.0, "50 ms", vary=vary, outputs=["max(velocity)"], n=64)
+    view = found.pneu.view()
+    most = view.leading[0].value
+    assert most.quantity == "max_velocity, most by load.mass: total"
+    assert most.value == found.total.sel(number="load.mass", output="max_velocity")
+    assert most.interval == tuple(found.total_interval.sel(number="load.mass", output="max_velocity").values)
+    assert view.figures[0].figure.panels[0].title == "max_velocity"
