@@ -64,9 +64,9 @@ def size(
     --------
     pneudrive size task.toml --out sized
     """
-    found = search.watched(
+    found = search.size(
         task,
-        terminal.watch(),
+        progress=terminal.watch().tell,
         least=min_candidates,
         most=max_candidates,
         draws=samples,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.documented import parts_of
+from pneudrive.lazy_names import upper
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.datasheet.plant import HeldDrive
 
-    Found = tuple[dict[str, "ResultAxis"], dict[str, "ResultValue"]]
+    Found = dict[str, Any]  # values, or `ResultValue` if the meaning depends on the drive
     Find = Callable[..., Found]
 
 
@@ -32,21 +33,8 @@ class ResultValue(NamedTuple):
     meaning: str
 
 
-class ResultAxis(NamedTuple):
-    """One axis of results: its values, unit and meaning."""
-
-    values: Any
-    unit: str
-    meaning: str
-
-
 #: Axis of results for both strokes.
-DIRECTIONS = ResultAxis(["out", "back"], "1", "towards the end of chamber b, of chamber a")
-
-
-def number(value: float, unit: str, meaning: str) -> ResultValue:
-    """Return a single number as a result."""
-    return ResultValue((), float(value), unit, meaning)
+DIRECTIONS = ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a")
 
 
 @dataclass(frozen=True)
@@ -63,7 +51,7 @@ class Characteristic:
     algorithm : str
         Method of calculation.
     find : callable
-        Gets a `HeldDrive` and settings by keyword; returns axes and results by name.
+        Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name.
     standard : str
         Standard that defines it. Empty without a standard. "form" of a standard: its definition with other conditions.
     cites : tuple of str
@@ -72,6 +60,8 @@ class Characteristic:
         Axis and results of the figure; y may be several, separated by spaces.
     settings : dict
         Name of a setting -> its default and meaning.
+    results : dict
+        Name of a result or axis -> unit with the axes (``"m/s over command"``), and meaning.
     slow : bool
         Whether it takes more than about a second.
     held : bool
@@ -90,6 +80,7 @@ class Characteristic:
     x: str = ""
     y: str = ""
     settings: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
+    results: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     slow: bool = False
     held: bool = True
     needs_shares: bool = False
@@ -98,16 +89,27 @@ class Characteristic:
         """Return the characteristic for one drive, without intervals."""
         import xarray as xr
 
-        axes, found = self.find(plant, **settings)
-        labelled = {
-            name: (one.dims, np.asarray(one.values, dtype=float), {"units": one.unit, "long_name": one.meaning})
-            for name, one in found.items()
-        }
-        coordinates = {
-            name: (name, np.asarray(one.values), {"units": one.unit, "long_name": one.meaning})
-            for name, one in axes.items()
-        }
-        return xr.Dataset(labelled, coordinates, self.about(plant))
+        upper("Pneu")  # registers `found.pneu`
+
+        known = {name: default for name, (default, _) in self.settings.items()} | settings
+        values = {name: self._value(name, value, known) for name, value in self.find(plant, **settings).items()}
+        axes = {dim for value in values.values() for dim in value.dims}
+        if "direction" in axes:
+            values["direction"] = DIRECTIONS
+        labelled: dict[str, dict[str, Any]] = {"axis": {}, "result": {}}
+        for name, (dims, array, unit, meaning) in values.items():
+            kind, content = ("axis", np.asarray(array)) if name in axes else ("result", np.asarray(array, dtype=float))
+            labelled[kind][name] = (dims, content, {"units": unit, "long_name": meaning})
+        return xr.Dataset(labelled["result"], labelled["axis"], self.about(plant))
+
+    def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
+        """Return a result with what the docstring says on it, or what the function says itself."""
+        if isinstance(value, ResultValue):
+            return value
+        form, meaning = self.results[name]
+        unit, _, over = form.partition(" over ")
+        dims = tuple(over.split(", ")) if over else (name,) if np.ndim(value) else ()
+        return ResultValue(dims, value, unit, meaning.format(**settings))
 
     def about(self, plant: HeldDrive) -> dict[str, Any]:
         """Return the notes for all results."""
@@ -127,7 +129,7 @@ _of_module: dict[str, list[Characteristic]] = defaultdict(list)
 
 
 def characteristic(name: str, *, algorithm: str, definition: str = "", **more: Any) -> Callable[[Find], Find]:  # noqa: ANN401
-    """Make a function a characteristic; its docstring gives title, definition and settings.
+    """Make a function a characteristic; its docstring gives title, definition, settings and results.
 
     Parameters
     ----------
@@ -140,12 +142,15 @@ def characteristic(name: str, *, algorithm: str, definition: str = "", **more: A
     """
 
     def add(find: Find) -> Find:
-        text, described = parts_of(find, "Settings")
+        (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
+        text = min(text, rest, key=len)
         title, _, meaning = text.partition("\n\n")
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
         words = definition or " ".join(meaning.split())
-        made = Characteristic(name, title.rstrip("."), words, algorithm, find, settings=settings, **more)
+        made = Characteristic(
+            name, title.rstrip("."), words, algorithm, find, settings=settings, results=results, **more
+        )
         _of_module[find.__module__].append(made)
         return find
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3
-from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import characteristic
 from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
@@ -109,7 +109,19 @@ def _printed(text: str, unit: str) -> float:
     held=False,
 )
 def _published(plant: HeldDrive) -> Found:
-    """Printed figures of the parts."""  # noqa: D401 - a title
+    """Printed figures of the parts.
+
+    Results
+    -------
+    figure : 1
+        part, figure and source
+    printed : SI over figure
+        value printed by the maker, in SI
+    computed : SI over figure
+        of this drive, in SI
+    difference : 1 over figure
+        computed over printed value, minus 1
+    """  # noqa: D401 - a title
     drive: Any = plant.described
     rows = []
     for part in parts_of(drive) if hasattr(drive, "origins") else ():
@@ -121,9 +133,9 @@ def _published(plant: HeldDrive) -> Found:
     if not rows:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
-    along = ("figure",)
-    return {"figure": ResultAxis([row[0] for row in rows], "1", "part, figure and source")}, {
-        "printed": ResultValue(along, printed, "SI", "value printed by the maker, in SI"),
-        "computed": ResultValue(along, computed, "SI", "of this drive, in SI"),
-        "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed value, minus 1"),
+    return {
+        "figure": [row[0] for row in rows],
+        "printed": printed,
+        "computed": computed,
+        "difference": computed / printed - 1.0,
     }

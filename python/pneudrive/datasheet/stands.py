@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.linear import gas_at
 from pneudrive.datasheet.plant import path_of
 from pneudrive.describe import Ambient
@@ -124,6 +124,19 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     --------
     upstream
         absolute pressure before the path, Pa; default: that of the supply
+
+    Results
+    -------
+    path : 1
+        valve edge with the lines to the chamber
+    ratio : 1
+        ratio of absolute pressures after and before the path
+    conductance : m3/(s Pa) over path
+        sonic conductance C, of the drive's gas
+    critical_ratio : 1 over path
+        critical back-pressure ratio b
+    misfit : 1 over path
+        largest relative difference of a flow from the fitted function
     """
     before = plant.supply_pa if upstream is None else float(gas_at(plant, upstream)[0, 0])
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
@@ -135,22 +148,18 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
             flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))
             rows.append(reduce_flow(before, ratios, flows[-1], index, density))
     values = np.array(rows)
-    axes = {
-        "path": ResultAxis(named, "1", "valve edge with the lines to the chamber"),
-        "ratio": ResultAxis(ratios, "1", "ratio of absolute pressures after and before the path"),
-    }
-    return axes, {
+    return {
+        "path": named,
+        "ratio": ratios,
         "flow": ResultValue(
             ("path", "ratio"),
             np.array(flows) / density * 6e4,
             "l/min ANR",
             f"steady flow, {1e-5 * before:g} bar abs before the path",
         ),
-        "conductance": ResultValue(("path",), values[:, 0], "m3/(s Pa)", "sonic conductance C, of the drive's gas"),
-        "critical_ratio": ResultValue(("path",), values[:, 1], "1", "critical back-pressure ratio b"),
-        "misfit": ResultValue(
-            ("path",), values[:, 2], "1", "largest relative difference of a flow from the fitted function"
-        ),
+        "conductance": values[:, 0],
+        "critical_ratio": values[:, 1],
+        "misfit": values[:, 2],
     }
 
 
@@ -174,6 +183,19 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
         absolute; default: that of the supply
     duration
         s
+
+    Results
+    -------
+    chamber : 1
+        the filled chamber; the other one is at ambient pressure
+    time : s
+        time from shutting the valve
+    pressure : Pa over chamber, time
+        absolute pressure of the shut chamber
+    decay_rate : 1/s over chamber
+        relative fall of the pressure in the second half
+    fall : Pa over chamber
+        fall of the pressure in {duration:g} s
     """
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
@@ -191,14 +213,10 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     values = np.array(curves)
     half = times.size // 2  # until then the gas and the piston have settled
     rate = np.log(values[:, half] / values[:, -1]) / (times[-1] - times[half])
-    axes = {
-        "chamber": ResultAxis(list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"),
-        "time": ResultAxis(times, "s", "time from shutting the valve"),
-    }
-    return axes, {
-        "pressure": ResultValue(("chamber", "time"), values, "Pa", "absolute pressure of the shut chamber"),
-        "decay_rate": ResultValue(("chamber",), rate, "1/s", "relative fall of the pressure in the second half"),
-        "fall": ResultValue(
-            ("chamber",), values[:, 0] - values[:, -1], "Pa", f"fall of the pressure in {duration:g} s"
-        ),
+    return {
+        "chamber": list(plant.sides),
+        "time": times,
+        "pressure": values,
+        "decay_rate": rate,
+        "fall": values[:, 0] - values[:, -1],
     }

@@ -199,6 +199,11 @@ class SizingCandidate:
         """Simulated drive with the most samples."""
         return self.drives[max(self.drives)] if self.drives else None
 
+    @property
+    def draws(self) -> int:
+        """Number of samples that are simulated."""
+        return max(self.drives, default=0)
+
     def provisional(self) -> Provisional:
         """Return the results of nominal runs."""
         known = self.tuned or self.rough
@@ -207,27 +212,23 @@ class SizingCandidate:
 
     def bound(self, final: int) -> Rank:
         """Return the best possible ranking key after `final` samples."""
-        if (drive := self.drive) is not None:
-            slack = SPREAD_AIR * (drive.draws**-0.5 - final**-0.5)
-            air = drive.air * (1.0 - slack) if self.hardest is None else self.hardest.air * (1.0 - HARDEST_AIR)
-        elif self.tuned is not None:
-            air = self.tuned.air * (1.0 - AIR_SLACK["tuned"])
-        elif self.rough is not None:
-            air = self.rough.air * (1.0 - AIR_SLACK["rough"])
-        else:
-            air = self.pair.least_air
-        return rank_of(air, self.reach(final), self.choice.sizes, self.choice.name)
+        return rank_of(*self.outlook(final), self.choice.sizes, self.choice.name)
 
     def reach(self, final: int) -> float:
         """Return the largest possible margin after `final` samples."""
+        return self.outlook(final)[1]
+
+    def outlook(self, final: int) -> tuple[float, float]:
+        """Return the least air, kg, and the largest margin that are possible after `final` samples."""
+        if self.hardest is not None:
+            return self.hardest.air * (1.0 - HARDEST_AIR), self.hardest.margin
         if (drive := self.drive) is not None:
-            margin = drive.margin + SPREAD_SLACK * (drive.draws**-0.5 - final**-0.5)
-            return margin if self.hardest is None else self.hardest.margin
-        if self.tuned is not None:
-            return self.tuned.least + MARGIN_SLACK["tuned"]
-        if self.rough is not None:
-            return self.rough.least + MARGIN_SLACK["rough"]
-        return 1.0 if self.lead is None else self.lead.reach(final) + VALVE_SLACK
+            spread = drive.draws**-0.5 - final**-0.5
+            return drive.air * (1.0 - SPREAD_AIR * spread), drive.margin + SPREAD_SLACK * spread
+        for stage, result in (("tuned", self.tuned), ("rough", self.rough)):
+            if result is not None:
+                return result.air * (1.0 - AIR_SLACK[stage]), result.least + MARGIN_SLACK[stage]
+        return self.pair.least_air, 1.0 if self.lead is None else self.lead.reach(final) + VALVE_SLACK
 
     @property
     def waits_for_lead(self) -> bool:
@@ -321,9 +322,12 @@ class Dropped(NamedTuple):
     limit : str
     said : str
         The reason in words.
+    share : float
+        That of a `Shortage`: what the choice can do at most, over what is needed.
     """
 
     parts: Mapping[str, str]
     choices: int
     limit: str
     said: str
+    share: float = 0.0

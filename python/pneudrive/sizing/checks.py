@@ -498,8 +498,3 @@ class Provisional:
     air: float
     times: tuple[float, ...]
     margin: float
-
-    @property
-    def name(self) -> str:
-        """Names of its parts in one word."""
-        return "+".join(self.parts.values())

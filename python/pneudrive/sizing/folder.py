@@ -49,8 +49,7 @@ class SizingFolder:
 
     def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
         self.folder = folder
-        self._of: dict[tuple[str, int], SizedDrive] = {}
-        self._tuned: dict[str, Tuned] = {}
+        self._stages: dict[tuple[str, int], tuple[str, Any]] = {}
         self._file: int | None = None
         said = {
             "version": __version__,
@@ -116,85 +115,64 @@ class SizingFolder:
                 rule=f"the same {', '.join(differ)} as when it was begun",
                 remedy="Choose another folder, or remove this one.",
             )
-        lines = self.folder / LINES
-        if not lines.exists():
-            return
-        found = []
-        for line in lines.read_text("utf-8").splitlines():
-            one = _choice(line)
-            if isinstance(one, SizedDrive):
-                self._of[one.name, one.draws] = one
-            elif one is not None:
-                self._tuned[one[0]] = one[1]
-            if one is not None:
-                found.append(line)
-        with whole(lines) as temporary:
-            temporary.write_text("".join(f"{line}\n" for line in found), encoding="utf-8")
+        self._stages = read_stages(self.folder / LINES)
+        if self._stages:
+            with whole(self.folder / LINES) as temporary:
+                temporary.write_text("".join(f"{line}\n" for line, _ in self._stages.values()), encoding="utf-8")
 
-    def kept(self, name: str, draws: int) -> SizedDrive | None:
-        """Return the stored results of the draws of a choice, if any."""
-        return self._of.get((name, draws))
+    def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
+        """Return the stored results of the draws of a choice, or its tuned settings; None if there are none."""
+        return self._stages.get((name, draws), ("", None))[1]
 
-    def tuned(self, name: str) -> Tuned | None:
-        """Return the stored tuned settings of a choice, if any."""
-        return self._tuned.get(name)
-
-    def keep(self, drive: SizedDrive) -> None:
-        """Store a simulated drive."""
-        self._write(drive.to_dict())
-
-    def keep_tuned(self, name: str, tuned: Tuned) -> None:
-        """Store the tuned settings of a choice."""
-        self._write({"name": name, **tuned._asdict()})
-
-    def tell(self, sentence: str) -> None:
-        """Write the provisional answer."""
-        with whole(self.folder / PROVISIONAL) as temporary:
-            temporary.write_text(sentence + "\n", encoding="utf-8")
-
-    def _write(self, line: dict[str, Any]) -> None:
+    def store(self, name: str, stage: SizedDrive | Tuned) -> None:
+        """Store a simulated drive, or the tuned settings of a choice."""
+        line = stage.to_dict() if isinstance(stage, SizedDrive) else {"name": name, **stage._asdict()}
         try:
             with open_to_append(self.folder / LINES) as file:
                 file.write(json.dumps(line) + "\n")
         except OSError as error:
             raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None
 
+    def tell(self, sentence: str) -> None:
+        """Write the provisional answer."""
+        with whole(self.folder / PROVISIONAL) as temporary:
+            temporary.write_text(sentence + "\n", encoding="utf-8")
+
+
+def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
+    """Return the finished stages of choices: name and number of draws -> line, and drive or, for 0 draws, `Tuned`.
+
+    An incomplete line is left out: the search was killed while it wrote the line, or is still writing it.
+    """
+    stages: dict[tuple[str, int], tuple[str, Any]] = {}
+    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
+        with suppress(ValueError, KeyError, TypeError):
+            content: dict[str, Any] = json.loads(line)
+            if "short" not in content:
+                drive = read_drive(content)
+                stages[drive.name, drive.draws] = line, drive
+                continue
+            known = {key: content[key] for key in ("nominal", "least", "air") if key in content}
+            setting, times = Setting(*content["setting"]), tuple(content.get("times", ()))
+            name, limit, value = content["short"]
+            stages[content["name"], 0] = line, Tuned(setting, short=(name, limit, value), times=times, **known)
+    return stages
+
 
 def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
     """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
-    simulated: dict[str, SizedDrive] = {}
-    short: set[str] = set()
-    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
-        one = _choice(line)
-        if isinstance(one, SizedDrive):
-            before = simulated.get(one.name)
-            simulated[one.name] = one if before is None or one.draws >= before.draws else before
-        elif one is not None and one[1].nominal < 0.0:
-            short.add(one[0])
-    return list(simulated.values()), len(short)
+    drives: dict[str, SizedDrive] = {}
+    stages = read_stages(path)
+    for (name, draws), (_, drive) in stages.items():
+        if draws and (name not in drives or draws >= drives[name].draws):
+            drives[name] = drive
+    return list(drives.values()), sum(not draws and stage.nominal < 0.0 for (_, draws), (_, stage) in stages.items())
 
 
 def read_drive(content: dict[str, Any]) -> SizedDrive:
     """Return a simulated drive from plain data; earlier versions wrote no intervals."""
     changed = {name: {key: tuple(one) for key, one in content.get(name, {}).items()} for name in ("worst", "intervals")}
     return SizedDrive(**content | changed | {"sizes": tuple(content["sizes"])})
-
-
-def _choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
-    """Read a line: a drive that was simulated, or the name and settings of one that was tuned.
-
-    None for an incomplete line, because the search was killed while writing it or is still writing it.
-    """
-    try:
-        one: dict[str, Any] = json.loads(line)
-        if "short" in one:
-            name, limit, value = one["short"]
-            more = {key: one[key] for key in ("least", "air") if key in one}
-            setting, times = Setting(*one["setting"]), tuple(one.get("times", ()))
-            return one["name"], Tuned(setting, one["nominal"], (name, limit, value), **more, times=times)
-        return read_drive(one)
-    except (ValueError, KeyError, TypeError):
-        return None
 
 
 def _catalogue() -> str:

@@ -296,7 +296,6 @@ class Pruning:
         self.task = task
         self.pairs: list[TubedCylinder] = []
         self.dropped: list[Dropped] = []
-        self.shortages: list[tuple[dict[str, str], Shortage]] = []
         self.found = found = choices(task)
         self.bounds = bounds = SafeBounds(task, found["tube"])
         self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
@@ -315,8 +314,7 @@ class Pruning:
 
     def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
         every = {slot: parts.get(slot, "*") for slot in SLOTS}
-        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said))
-        self.shortages.append((every, shortage))
+        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said, shortage.share))
 
     def _pair(
         self,

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
-    from pneudrive.sizing.checks import Shortage
     from pneudrive.sizing.strokes import DriveStrokes
     from pneudrive.views import View
 
@@ -346,7 +345,7 @@ def nearest_miss(
     task: SizingTask,
     simulated: list[SizedDrive],
     short: list[tuple[Any, Any]],
-    pruned: list[tuple[dict[str, str], Shortage]],
+    pruned: list[Dropped],
 ) -> NearestMiss:
     """Return the nearest choice: from the simulated, else the tuned, else the pruned choices.
 
@@ -356,7 +355,7 @@ def nearest_miss(
     simulated : list of SizedDrive
     short : list of (DriveChoice, Tuned)
         Tuned, but short of the task even in the nominal case.
-    pruned : list of (dict, Shortage)
+    pruned : list of Dropped
         By the safe bounds.
     """
     if simulated:
@@ -369,7 +368,7 @@ def nearest_miss(
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    parts, bound = max(pruned, key=lambda pair: pair[1].share)
+    bound = max(pruned, key=lambda dropped: dropped.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.limit == "force" and bound.share > 0.0:
         spread = task.supply.spread_pa  # the bound uses its upper end
@@ -378,7 +377,7 @@ def nearest_miss(
         gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
     elif bound.share > 0.0:
         gives += f" The required value would have to fall to {100.0 * bound.share:.0f} %."
-    return NearestMiss(parts, bound.limit, gives)
+    return NearestMiss(bound.parts, bound.limit, gives)
 
 
 def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str:
@@ -404,7 +403,8 @@ def _write(result: SizingResult, folder: Path) -> list[Path]:
     tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
     tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
     files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
-    files[SUMMARY] = json.dumps(_strict(_summary(result)), indent=1) + "\n"
+    strict = json.loads(json.dumps(_summary(result)), parse_constant=lambda _: None)  # null for infinity
+    files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
     files |= {f"{place + 1:02d}.toml": result.circuit(place).to_toml() for place in range(len(result.ranked[:WRITTEN]))}
     for name, text in files.items():
         with whole(folder / name) as temporary:
@@ -435,7 +435,7 @@ def _summary(result: SizingResult) -> dict[str, Any]:
 def _read(folder: Path) -> SizingResult:
     stored = read_json(folder / SUMMARY, CommandError)
     try:
-        ranked = tuple(read_drive(_finite(drive)) for drive in stored["ranked"])
+        ranked = tuple(read_drive(drive) for drive in stored["ranked"])
         simulated, _ = read_choices(folder / LINES)
         miss = stored.get("miss")
         return SizingResult(
@@ -445,7 +445,7 @@ def _read(folder: Path) -> SizingResult:
             ranked,
             None if miss is None else NearestMiss(**miss),
             stored["complete"],
-            tuple(Provisional(**_finite(drive)) for drive in stored.get("provisional", ())),
+            tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
             savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
             checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
             interrupted=stored.get("interrupted", False),
@@ -454,24 +454,6 @@ def _read(folder: Path) -> SizingResult:
         )
     except (KeyError, TypeError, ValueError, ValidationError) as error:
         raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None
-
-
-def _strict(content: Any) -> Any:  # noqa: ANN401 - plain data
-    """Return plain data that any reader of JSON accepts, with null for values that are not finite."""
-    if isinstance(content, dict):
-        return {key: _strict(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_strict(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
-
-
-def _finite(content: Any) -> Any:  # noqa: ANN401 - plain data
-    """Return the plain data of a drive with infinity for null: a stroke that does not end."""
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list):
-        return [_finite(value) for value in content]
-    return math.inf if content is None else content
 
 
 # --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.

@@ -8,7 +8,7 @@ parts, so an interrupted search resumes with the missing choices.
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -126,29 +126,12 @@ def size(
     >>> found.best.parts["cylinder"]
     'festo-dsbg-32-100'
     """
-    options: dict[str, Any] = {"least": least, "most": most, "draws": draws, "draws_best": draws_best}
-    return watched(task, Watch(progress, cancel), **options, out=out, threads=threads, provisional=provisional)
-
-
-def watched(
-    task: SizingTask | Mapping[str, Any] | str | Path,
-    watch: Watch,
-    *,
-    least: int = LEAST,
-    most: int = MOST,
-    draws: int = DRAWS,
-    draws_best: int = DRAWS_BEST,
-    out: str | Path | None = None,
-    threads: int | None = None,
-    provisional: Callable[[SizingResult], None] | None = None,
-) -> SizingResult:
-    """Run `size` under a watch."""
     for name, value in (("least", least), ("draws", draws), ("draws_best", draws_best), ("most", most)):
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
-    read = _read(task)
-    with nullcontext() if out is None else SizingFolder(Path(out), read, (draws, draws_best)) as folder:
-        return Search(read, least, most, (draws, draws_best), threads, watch, folder).result(provisional)
+    read, asked = _read(task), (draws, draws_best)
+    with nullcontext() if out is None else SizingFolder(Path(out), read, asked) as folder:
+        return Search(read, least, most, asked, threads, Watch(progress, cancel), folder).result(provisional)
 
 
 def _read(task: SizingTask | Mapping[str, Any] | str | Path) -> SizingTask:
@@ -157,36 +140,35 @@ def _read(task: SizingTask | Mapping[str, Any] | str | Path) -> SizingTask:
     return SizingTask.load(task) if isinstance(task, str | Path) else SizingTask.model_validate(task)
 
 
+@dataclass(eq=False)
 class Search:
     """One search.
 
-    Parameters
+    Attributes
     ----------
     task : SizingTask
     least, most : int
-    draws : tuple of int
-        Of each leader, and of those that may be the best.
+    asked : tuple of int
+        Draws of each leader, and of those that may be the best.
     threads : int or None
     watch : Watch
     folder : SizingFolder or None
     """
 
-    def __init__(
-        self,
-        task: SizingTask,
-        least: int,
-        most: int,
-        draws: tuple[int, int],
-        threads: int | None,
-        watch: Watch,
-        folder: SizingFolder | None,
-    ) -> None:
-        self.task, self.least, self.most, self.threads = task, least, most, threads
-        self.watch, self.folder = watch, folder
-        first = draws[0] // FIRST_OF
-        self.draws = [one for one in (first, *draws) if one >= FIRST_LEAST or one != first]
-        self.final = draws[1]
-        self.pruning = Pruning(task)
+    task: SizingTask
+    least: int
+    most: int
+    asked: tuple[int, int]
+    threads: int | None
+    watch: Watch
+    folder: SizingFolder | None
+
+    def __post_init__(self) -> None:
+        """Prune the catalogue; nothing is simulated yet."""
+        first = self.asked[0] // FIRST_OF
+        self.draws = [count for count in (first, *self.asked) if count >= FIRST_LEAST or count != first]
+        self.final = self.draws[-1]
+        self.pruning = Pruning(self.task)
         self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
         self.of_cylinder: dict[str, float] = {}
@@ -227,24 +209,15 @@ class Search:
 
     def _made(self, left: int, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
-        ranked = sorted(
-            (
-                drive
-                for one in self.candidates
-                if (drive := one.drive) is not None
-                and drive.draws >= self.draws[-2]
-                and drive.is_feasible
-                and not one.lost
-            ),
-            key=lambda drive: drive.rank,
-        )
+        last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
+        ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
         counts: dict[str, int] = {}
         for one in self.dropped:
             counts[one.limit] = counts.get(one.limit, 0) + one.choices
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
-        if not ranked and (self.pruning.shortages or short or simulated) and (complete or not self.provisional):
-            miss = nearest_miss(self.task, simulated, short, self.pruning.shortages)
+        if not ranked and (self.dropped or short or simulated) and (complete or not self.provisional):
+            miss = nearest_miss(self.task, simulated, short, self.dropped)
             if not left:
                 miss = replace(
                     miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
@@ -328,12 +301,8 @@ class Search:
                 self.of_cylinder[name] = max(known, self.of_cylinder.get(name, known))
 
     def _best(self) -> SizedDrive | None:
-        final = [
-            drive
-            for one in self.candidates
-            if not one.lost and (drive := one.drive) is not None and drive.draws >= self.final
-        ]
-        return min(final, key=lambda one: one.rank, default=None)
+        final = (one for one in self.candidates if not one.lost and one.draws >= self.final)
+        return min((one.drive for one in final if one.drive is not None), key=lambda drive: drive.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return the pairs and candidates that may still rank above the best drive."""
@@ -342,18 +311,17 @@ class Search:
         for one in self.candidates:
             if not one.lost:
                 one.look_at_reach(self.final)
-        every = [one for one in self.candidates if not one.lost and self._is_open(one) and not one.waits_for_lead]
+        every = [one for one in self.candidates if not one.lost and one.draws < self.final]
+        every = [one for one in every if not one.waits_for_lead]
         return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
-
-    def _is_open(self, one: SizingCandidate) -> bool:
-        return one.drive is None or one.drive.draws < self.final
 
     def _converge(self) -> bool:
         """Advance the candidates that may become the best until none is left, then those of other cylinders."""
         while True:
             pairs, left = self._open()
             best = self._best()
-            self.watch.tell(self.tuned, self.most, self._said(best, len(left)))
+            state = "no final best yet" if best is None else f"best so far {best.parts['cylinder']}"
+            self.watch.tell(self.tuned, self.most, f"choices tuned ({state}, {len(left)} may be better)")
             if self.tuned >= self.most:
                 left = [one for one in left if one.tuned is not None]
             if pairs and (not left or best is not None):
@@ -372,10 +340,6 @@ class Search:
                 self.savings.append(saving)
                 self.watch.look()
 
-    def _said(self, best: SizedDrive | None, left: int) -> str:
-        found = "no final best yet" if best is None else f"best so far {best.parts['cylinder']}"
-        return f"choices tuned ({found}, {left} may be better)"
-
     def _others(self) -> bool:
         """Advance a choice of another cylinder, or any choice while fewer than `least` are simulated.
 
@@ -387,9 +351,10 @@ class Search:
             if one.drive is not None:
                 name = one.choice.cylinder.name
                 tried[name] = tried.get(name, 0) + 1
-                if not one.lost and one.drive.draws >= self.draws[-2]:
+                if not one.lost and one.draws >= self.draws[-2]:
                     met.add(name)
-        waiting = sorted((one for one in self.candidates if not one.lost and self._waits(one)), key=self._promise)
+        waiting = [one for one in self.candidates if not one.lost and one.draws < self.draws[-2]]
+        waiting.sort(key=self._promise)
         others = [
             one
             for one in waiting
@@ -411,14 +376,11 @@ class Search:
         self._advance(batch[:TOGETHER] if chosen is others else chosen[:1], is_leading=False)
         return True
 
-    def _waits(self, one: SizingCandidate) -> bool:
-        return one.drive is None or one.drive.draws < self.draws[-2]
-
     def _look_at_hardest(self, one: SizingCandidate) -> None:
         assert one.tuned is not None
         assert one.drive is not None
         if one.spread is None:  # the folder stores only the drive
-            one.spread = simulated(one.strokes, one.tuned.setting, self.points[: one.drive.draws])
+            one.spread = simulated(one.strokes, one.tuned.setting, self.points[: one.draws])
         one.take_hardest(hardest(one.strokes, one.tuned.setting, one.spread, self.points[: self.final]), self.final)
 
     def _advance(self, every: Sequence[SizingCandidate], is_leading: bool = True) -> None:
@@ -437,11 +399,11 @@ class Search:
         self._advance_tuned(stages[1])
         for one in stages[2]:
             self.watch.look()
-            done = 0 if one.drive is None else one.drive.draws
-            if is_leading and done and one.hardest is None and self.final >= WORTH * done:
+            if is_leading and one.draws and one.hardest is None and self.final >= WORTH * one.draws:
                 self._look_at_hardest(one)
             else:
-                self._simulate(one, self.final if is_leading and done else next(n for n in self.draws if n > done))
+                following = next(count for count in self.draws if count > one.draws)
+                self._simulate(one, self.final if is_leading and one.draws else following)
         self._learn(every)
 
     def _advance_rough(self, every: Sequence[SizingCandidate]) -> None:
@@ -456,12 +418,12 @@ class Search:
         for one, found in zip(every, tune_all([one.strokes for one in every], rough), strict=True):
             one.take_tuned(found)
             if self.folder is not None:
-                self.folder.keep_tuned(one.choice.name, found)
+                self.folder.store(one.choice.name, found)
         self._learn(every)
 
     def _resume(self, one: SizingCandidate) -> bool:
         """Use the tuned settings of a choice from the folder."""
-        kept = None if self.folder is None else self.folder.tuned(one.choice.name)
+        kept = None if self.folder is None else self.folder.stored(one.choice.name)
         if kept is None:
             return False
         self.tuned += 1
@@ -470,12 +432,12 @@ class Search:
 
     def _simulate(self, one: SizingCandidate, draws: int) -> None:
         """Simulate a choice over the first points of the sequence."""
-        kept = None if self.folder is None else self.folder.kept(one.choice.name, draws)
+        kept = None if self.folder is None else self.folder.stored(one.choice.name, draws)
         if kept is None:
             assert one.tuned is not None
             rtol = RTOL if draws == self.final else COARSE
             one.spread = simulated(one.strokes, one.tuned.setting, self.points[:draws], rtol)
             kept = one.spread.drive
             if self.folder is not None:
-                self.folder.keep(kept)
+                self.folder.store(one.choice.name, kept)
         one.take_drive(kept, self.final)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
-from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import characteristic
 from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
@@ -153,24 +153,31 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
         size of the command
     half_period
         of the second cycle, s; default: that of the square response
+
+    Results
+    -------
+    full : l ANR
+        litres at 100 kPa, 20 degC and 65 % humidity (ISO 8778), chambers filled and vented
+    full_normal : l
+        the same in normal litres: 101325 Pa, 0 degC, dry
+    cycle : l ANR
+        in a cycle of the half period below
+    half_period : s
+        half of the period of that cycle
+    mean_flow : l/min ANR
+        mean flow from the supply in that cycle
     """
     full = drawn_mass(plant, command, FULL_S)
     half = cycle(plant, command).half_s if half_period is None else half_period
     own, gas = drawn_mass(plant, command, half), plant.circuit.gas
     density = gas.anr_density_kg_m3
     normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
-    return {}, {
-        "full": number(
-            litres_anr(full, density),
-            "l ANR",
-            "litres at 100 kPa, 20 degC and 65 % humidity (ISO 8778), chambers filled and vented",
-        ),
-        "full_normal": number(full / normal * 1e3, "l", "the same in normal litres: 101325 Pa, 0 degC, dry"),
-        "cycle": number(litres_anr(own, density), "l ANR", "in a cycle of the half period below"),
-        "half_period": number(half, "s", "half of the period of that cycle"),
-        "mean_flow": number(
-            60.0 * litres_anr(own, density) / (2.0 * half), "l/min ANR", "mean flow from the supply in that cycle"
-        ),
+    return {
+        "full": litres_anr(full, density),
+        "full_normal": full / normal * 1e3,
+        "cycle": litres_anr(own, density),
+        "half_period": half,
+        "mean_flow": 60.0 * litres_anr(own, density) / (2.0 * half),
     }
 
 
@@ -195,6 +202,23 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
         size of the command
     half_period
         s
+
+    Results
+    -------
+    loss : 1
+        component and cause
+    lost : J over loss
+        exergy lost: ambient temperature times entropy produced
+    drawn : J
+        exergy drawn from the supply in one cycle
+    exhausted : J
+        exergy that leaves with the exhaust air
+    load_work : J
+        work done on load and ambience
+    open : 1
+        residual of the balance, over the exergy drawn
+    half_period : s
+        half of the period of the cycle
     """
     found = accounts_of(plant, command, half_period)
     t_0 = plant.ambient[1]
@@ -207,15 +231,14 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
     work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
     rest = entered + wall + work - sum(lost.values())
-    return {"loss": ResultAxis(list(lost), "1", "component and cause")}, {
-        "lost": ResultValue(
-            ("loss",), list(lost.values()), "J", "exergy lost: ambient temperature times entropy produced"
-        ),
-        "drawn": number(drawn, "J", "exergy drawn from the supply in one cycle"),
-        "exhausted": number(drawn - entered, "J", "exergy that leaves with the exhaust air"),
-        "load_work": number(-work, "J", "work done on load and ambience"),
-        "open": number(rest / drawn, "1", "residual of the balance, over the exergy drawn"),
-        "half_period": number(half_period, "s", "half of the period of the cycle"),
+    return {
+        "loss": list(lost),
+        "lost": list(lost.values()),
+        "drawn": drawn,
+        "exhausted": drawn - entered,
+        "load_work": -work,
+        "open": rest / drawn,
+        "half_period": half_period,
     }
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import characteristic
 from pneudrive.datasheet.characteristics.response import short_columns, simulate_plant, start_of
 from pneudrive.datasheet.linear import gas_at, linear_model, moving_gas, open_command
 from pneudrive.errors import SimulationError
@@ -65,6 +65,25 @@ def _bode(
         of both chambers; default: those of slow steady motion
     friction
         presliding, sliding or none
+
+    Results
+    -------
+    frequency : Hz
+        frequency
+    velocity_response : m/s over frequency
+        velocity over command, size
+    velocity_magnitude : dB over frequency
+        the same, in dB re 1 m/s
+    velocity_phase : deg over frequency
+        its phase
+    position_response : m over frequency
+        position over command, size
+    pressure_response : Pa over frequency
+        magnitude of pressure a minus b, over command
+    velocity_gain : m/s
+        velocity over command at low frequency
+    resonance : Hz
+        frequency of the largest response
     """
     x = 0.5 * plant.stroke_m if position is None else position
     gas = moving_gas(plant, x) if pressures is None else gas_at(plant, pressures)
@@ -73,18 +92,15 @@ def _bode(
     velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
-    axes = {"frequency": ResultAxis(f, "Hz", "frequency")}
-    over = ("frequency",)
-    return axes, {
-        "velocity_response": ResultValue(over, np.abs(velocity), "m/s", "velocity over command, size"),
-        "velocity_magnitude": ResultValue(over, 20.0 * np.log10(np.abs(velocity)), "dB", "the same, in dB re 1 m/s"),
-        "velocity_phase": ResultValue(over, np.unwrap(np.angle(velocity)) * 180.0 / math.pi, "deg", "its phase"),
-        "position_response": ResultValue(
-            over, np.abs(velocity) / (2.0 * math.pi * f), "m", "position over command, size"
-        ),
-        "pressure_response": ResultValue(over, np.abs(a - b), "Pa", "magnitude of pressure a minus b, over command"),
-        "velocity_gain": number(gain, "m/s", "velocity over command at low frequency"),
-        "resonance": number(f[int(np.argmax(np.abs(velocity)))], "Hz", "frequency of the largest response"),
+    return {
+        "frequency": f,
+        "velocity_response": np.abs(velocity),
+        "velocity_magnitude": 20.0 * np.log10(np.abs(velocity)),
+        "velocity_phase": np.unwrap(np.angle(velocity)) * 180.0 / math.pi,
+        "position_response": np.abs(velocity) / (2.0 * math.pi * f),
+        "pressure_response": np.abs(a - b),
+        "velocity_gain": gain,
+        "resonance": f[int(np.argmax(np.abs(velocity)))],
     }
 
 
@@ -109,17 +125,27 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
         of the command
     frequencies
         Hz
+
+    Results
+    -------
+    amplitude : 1
+        amplitude of the command
+    frequency : Hz
+        frequency
+    gain : m/s over amplitude, frequency
+        first harmonic of the velocity over the amplitude
+    phase : deg over amplitude, frequency
+        phase of the first harmonic
+    distortion : 1 over amplitude, frequency
+        harmonics 2 to 10 over the first one, root of squares
     """
     grid = np.array([[_harmonics(plant, float(a), float(f)) for f in frequencies] for a in amplitudes])
-    over = ("amplitude", "frequency")
-    axes = {
-        "amplitude": ResultAxis(list(map(float, amplitudes)), "1", "amplitude of the command"),
-        "frequency": ResultAxis(list(map(float, frequencies)), "Hz", "frequency"),
-    }
-    return axes, {
-        "gain": ResultValue(over, grid[:, :, 0], "m/s", "first harmonic of the velocity over the amplitude"),
-        "phase": ResultValue(over, grid[:, :, 1], "deg", "phase of the first harmonic"),
-        "distortion": ResultValue(over, grid[:, :, 2], "1", "harmonics 2 to 10 over the first one, root of squares"),
+    return {
+        "amplitude": list(map(float, amplitudes)),
+        "frequency": list(map(float, frequencies)),
+        "gain": grid[:, :, 0],
+        "phase": grid[:, :, 1],
+        "distortion": grid[:, :, 2],
     }
 
 
@@ -180,6 +206,19 @@ def _load_describing(
         Hz
     pressures
         of both chambers; default: half way from ambient to supply
+
+    Results
+    -------
+    amplitude : N
+        amplitude of the load
+    frequency : Hz
+        frequency
+    compliance : m/N over amplitude, frequency
+        first harmonic of the position over the amplitude
+    phase : deg over amplitude, frequency
+        phase of the first harmonic
+    distortion : 1 over amplitude, frequency
+        harmonics 2 to 10 over the first one, root of squares
     """
     from pneudrive.datasheet.characteristics.steady import full_force
 
@@ -188,15 +227,12 @@ def _load_describing(
         amplitudes = [share * most for share in LOADS]
     gas = gas_at(plant, pressures)
     grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
-    over = ("amplitude", "frequency")
-    axes = {
-        "amplitude": ResultAxis(list(map(float, amplitudes)), "N", "amplitude of the load"),
-        "frequency": ResultAxis(list(map(float, frequencies)), "Hz", "frequency"),
-    }
-    return axes, {
-        "compliance": ResultValue(over, grid[:, :, 0], "m/N", "first harmonic of the position over the amplitude"),
-        "phase": ResultValue(over, grid[:, :, 1], "deg", "phase of the first harmonic"),
-        "distortion": ResultValue(over, grid[:, :, 2], "1", "harmonics 2 to 10 over the first one, root of squares"),
+    return {
+        "amplitude": list(map(float, amplitudes)),
+        "frequency": list(map(float, frequencies)),
+        "compliance": grid[:, :, 0],
+        "phase": grid[:, :, 1],
+        "distortion": grid[:, :, 2],
     }
 
 

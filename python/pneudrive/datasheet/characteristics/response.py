@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import DIRECTIONS, ResultAxis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.linear import gas_at, moving_gas
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -143,6 +143,7 @@ def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, 
 COMMANDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 SHOWN = 400  # samples of a trace
 _TRACE = {
+    "time": ("time_s", "s", "time from the command"),
     "position": ("position_m", "m", "position of the piston"),
     "velocity": ("velocity_m_s", "m/s", "velocity of the piston"),
     "pressure_a": ("pressure_a_pa", "Pa", "absolute pressure in chamber a"),
@@ -150,15 +151,12 @@ _TRACE = {
 }
 
 
-def trace(motion: StrokeRun) -> Found:
+def trace(motion: StrokeRun) -> dict[str, ResultValue]:
     """Return position, velocity and pressures over time, thinned for a figure."""
     time = motion.columns["time_s"]
     shown = np.linspace(time[0], time[-1], SHOWN)
-    values = {
-        name: ResultValue(("time",), np.interp(shown, time, motion.columns[column]), unit, meaning)
-        for name, (column, unit, meaning) in _TRACE.items()
-    }
-    return {"time": ResultAxis(shown, "s", "time from the command")}, values
+    values = {name: np.interp(shown, time, motion.columns[column]) for name, (column, *_) in _TRACE.items()}
+    return {name: ResultValue(("time",), values[name], unit, words) for name, (_, unit, words) in _TRACE.items()}
 
 
 def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]:
@@ -194,8 +192,7 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     x = (0.0 if command > 0.0 else plant.stroke_m) if position is None else position
     at_rest = plant.before(command) if pressures is None else plant.pressures(gas_at(plant, pressures))
     motion = one_stroke(plant, command, x, at_rest)
-    axes, values = trace(motion)
-    return axes, values | _numbers(motion, ())
+    return trace(motion) | _numbers(motion, ())
 
 
 @characteristic(
@@ -217,15 +214,17 @@ def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
         size of the command
     half_period
         half period, s; default: long enough to reach both ends
+
+    Results
+    -------
+    both_strokes : s
+        both stroke times
+    half_period : s
+        half of the period of the command
     """
     motion = cycle(plant, command, half_period)
-    axes, values = trace(motion)
-    cycle_time = number(sum(stroke.stroke_time for stroke in motion.strokes), "s", "both stroke times")
-    half = number(motion.half_s, "s", "half of the period of the command")
-    return axes | {"direction": DIRECTIONS}, values | _numbers(motion, ("direction",)) | {
-        "both_strokes": cycle_time,
-        "half_period": half,
-    }
+    both = sum(stroke.stroke_time for stroke in motion.strokes)
+    return trace(motion) | _numbers(motion, ("direction",)) | {"both_strokes": both, "half_period": motion.half_s}
 
 
 @characteristic(
@@ -241,45 +240,49 @@ def _impact(plant: HeldDrive) -> Found:
 
     Speed and kinetic energy of the moving mass at the first contact with the end, and the total energy that the
     end stop absorbs. Each is that of a full stroke from rest with the emptying chamber at supply pressure.
+
+    Results
+    -------
+    command : 1
+        size of the command
+    end_speed : m/s over command, direction
+        speed at the first contact with the end
+    end_energy : J over command, direction
+        kinetic energy of the moving mass at the first contact with the end
+    absorbed_energy : J over command, direction
+        absorbed by the end stop until rest: kinetic energy and work of the gas
+    peak_force : N over command, direction
+        largest force of the end stop
+    depth : m over command, direction
+        into the end stop
+    mean_speed : m/s over command, direction
+        stroke over stroke time
+    stroke_time : s over command, direction
+        from the command, from rest, to the first contact with the end
+    end_over_mean_speed : 1 over command, direction
+        end speed divided by mean speed (makers assume 1.4 to 1.5)
     """
-    rows, commands = [], plant.sizes(COMMANDS)
+    commands, names = plant.sizes(COMMANDS), ("speed_m_s", "energy_j", "absorbed_j", "peak_force_n", "depth_m")
+    rows = []
     for command in commands:
         out = one_stroke(plant, command, 0.0, plant.before(1.0), ledger=True)
         back = one_stroke(plant, -command, plant.stroke_m, plant.before(-1.0), ledger=True)
         rows.append([(_hit(motion), motion.strokes[0]) for motion in (out, back)])
-    values = np.array(
-        [
-            [
-                (
-                    one["speed_m_s"],
-                    one["energy_j"],
-                    one["absorbed_j"],
-                    one["peak_force_n"],
-                    one["depth_m"],
-                    stroke.mean_speed,
-                    stroke.stroke_time,
-                )
-                for one, stroke in row
-            ]
-            for row in rows
-        ]
-    )
-    said = (
-        ("end_speed", "m/s", "speed at the first contact with the end"),
-        ("end_energy", "J", "kinetic energy of the moving mass at the first contact with the end"),
-        ("absorbed_energy", "J", "absorbed by the end stop until rest: kinetic energy and work of the gas"),
-        ("peak_force", "N", "largest force of the end stop"),
-        ("depth", "m", "into the end stop"),
-        ("mean_speed", "m/s", "stroke over stroke time"),
-        ("stroke_time", "s", "from the command, from rest, to the first contact with the end"),
-    )
-    over = ("command", "direction")
-    found = {name: ResultValue(over, values[:, :, k], unit, what) for k, (name, unit, what) in enumerate(said)}
-    ratio = values[:, :, 0] / values[:, :, 5]
-    found["end_over_mean_speed"] = ResultValue(
-        over, ratio, "1", "end speed divided by mean speed (makers assume 1.4 to 1.5)"
-    )
-    return {"command": ResultAxis(commands, "1", "size of the command"), "direction": DIRECTIONS}, found
+    values = [
+        [(*(hit[name] for name in names), stroke.mean_speed, stroke.stroke_time) for hit, stroke in row] for row in rows
+    ]
+    speed, energy, absorbed, force, depth, mean, time = np.moveaxis(np.array(values), 2, 0)
+    return {
+        "command": commands,
+        "end_speed": speed,
+        "end_energy": energy,
+        "absorbed_energy": absorbed,
+        "peak_force": force,
+        "depth": depth,
+        "mean_speed": mean,
+        "stroke_time": time,
+        "end_over_mean_speed": speed / mean,
+    }
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:
@@ -328,6 +331,21 @@ def _cushion(
         largest admissible pressure, Pa; default: twice the supply (assumed)
     speed
         at which the needle is varied, m/s
+
+    Results
+    -------
+    mass : kg
+        moving mass
+    speed : m/s
+        speed at the beginning of the cushion
+    needle : 1
+        opening of the needle, relative to its description
+    peak_pressure : Pa over mass, speed
+        largest absolute pressure in the cushion
+    end_speed_by_needle : m/s over needle
+        end speed from {speed:g} m/s with the described mass
+    best_needle : 1
+        opening with the lowest peak pressure
     """
     table = plant.circuit.components[plant.piston].plain()
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
@@ -338,22 +356,19 @@ def _cushion(
     grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
     needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
     best = int(np.argmin(needles[:, 0]))
-    axes = {
-        "mass": ResultAxis(masses, "kg", "moving mass"),
-        "speed": ResultAxis(speeds, "m/s", "speed at the beginning of the cushion"),
-        "needle": ResultAxis(list(NEEDLES), "1", "opening of the needle, relative to its description"),
-    }
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
     limits = f"1 if the end speed is at most {end_speed:g} m/s and the pressure at most {1e-5 * most:g} bar (assumed)"
     ends = f"speed at the end of chamber {side}; 0 if it stops before"
-    one = f"end speed from {speed:g} m/s with the described mass"
-    return axes, {
+    return {
+        "mass": masses,
+        "speed": speeds,
+        "needle": list(NEEDLES),
         "end_speed": ResultValue(over, grid[:, :, 0], "m/s", ends),
-        "peak_pressure": ResultValue(over, grid[:, :, 1], "Pa", "largest absolute pressure in the cushion"),
+        "peak_pressure": grid[:, :, 1],
         "admissible": ResultValue(over, allowed, "1", limits),
-        "end_speed_by_needle": ResultValue(("needle",), needles[:, 0], "m/s", one),
-        "best_needle": number(NEEDLES[best], "1", "opening with the lowest peak pressure"),
+        "end_speed_by_needle": needles[:, 0],
+        "best_needle": NEEDLES[best],
     }
 
 
@@ -414,6 +429,13 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
         of the change
     volume
         at the outlet, m3
+
+    Results
+    -------
+    time : s
+        time from the command on
+    outlet_pressure : Pa over time
+        absolute pressure at the outlet
     """  # noqa: D401 - a title
     table = plant.circuit.components[plant.valve].plain()
     if "time_on" not in table:
@@ -428,11 +450,11 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     up = first_passage(time[on], rise, rise[0] + share * (rise[-1] - rise[0]))
     down = first_passage(time[off], -fall, -fall[0] + share * (fall[0] - fall[-1])) - REST_S
     shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
-    axes = {"time": ResultAxis(time[shown], "s", "time from the command on")}
-    return axes, {
-        "outlet_pressure": ResultValue(("time",), pressure[shown], "Pa", "absolute pressure at the outlet"),
-        "time_on": number(up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),
-        "time_off": number(down, "s", f"from the command off to {100.0 * share:g} % of the fall"),
+    return {
+        "time": time[shown],
+        "outlet_pressure": pressure[shown],
+        "time_on": ResultValue((), up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),
+        "time_off": ResultValue((), down, "s", f"from the command off to {100.0 * share:g} % of the fall"),
     }
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.characteristics.response import one_stroke
 from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
 from pneudrive.datasheet.equilibrium import under_load
@@ -104,13 +104,12 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
         rows.append([math.log(high[key] / low[key]) / width for key in _RESULTS])
     table = np.array(rows)
     order = np.argsort(-np.nanmax(np.abs(table), axis=1))
-    axes = {"parameter": ResultAxis([names[k] for k in order], "1", "number of the drive file")}
-    return axes, {
-        f"{key}_sensitivity": ResultValue(
-            ("parameter",), table[order, number], "1", f"relative change of the {what}, over that of the number"
-        )
-        for number, (key, what) in enumerate(_RESULTS.items())
+    over, relative = ("parameter",), "relative change of the {}, over that of the number"
+    found = {
+        f"{key}_sensitivity": ResultValue(over, table[order, number], "1", relative.format(words))
+        for number, (key, words) in enumerate(_RESULTS.items())
     }
+    return found | {"parameter": ResultValue(over, [names[k] for k in order], "1", "number of the drive file")}
 
 
 # --- Speed and stroke time of a drive against its tubes, as a characteristic.
@@ -140,4 +139,4 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS)
     study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
     said = {name: (one.to_numpy(), one.attrs["units"], one.attrs["long_name"]) for name, one in study.variables.items()}
     found = {str(name): ResultValue(tuple(map(str, one.dims)), *said[name]) for name, one in study.data_vars.items()}
-    return {str(name): ResultAxis(*said[name]) for name in study.coords}, found
+    return {str(name): ResultValue((str(name),), *said[name]) for name in study.coords} | found

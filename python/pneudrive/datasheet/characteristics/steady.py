@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import DIRECTIONS, ResultAxis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import at_velocity, under_load
 from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
 from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL
@@ -63,6 +63,23 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     --------
     loads
         forces against the motion, N; default: 0, 25 and 50 % of the stall force
+
+    Results
+    -------
+    command : 1
+        command of the valve
+    load_force : N
+        constant force against the motion
+    velocity : m/s over command, load_force
+        steady velocity of the piston
+    pressure_a : Pa over command, load_force
+        absolute pressure in chamber a
+    pressure_b : Pa over command, load_force
+        absolute pressure in chamber b
+    velocity_gain : m/s over direction
+        slope of velocity over command, for small commands without load
+    dead_zone : 1 over direction
+        command at which that line crosses zero velocity
     """
     x = 0.5 * plant.stroke_m
     sizes = plant.sizes(COMMANDS)
@@ -74,25 +91,17 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     usual = [share * stall for share in LOAD_SHARES] if stall == stall else [0.0]
     against = np.array(usual if loads is None else list(loads), dtype=float)
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
-    axes = {
-        "command": ResultAxis(commands, "1", "command of the valve"),
-        "load_force": ResultAxis(against, "N", "constant force against the motion"),
-        "direction": DIRECTIONS,
-    }
-    over = ("command", "load_force")
     values = {
-        "velocity": ResultValue(over, found[:, :, 0], "m/s", "steady velocity of the piston"),
-        "pressure_a": ResultValue(over, found[:, :, 1], "Pa", "absolute pressure in chamber a"),
-        "pressure_b": ResultValue(over, found[:, :, 2], "Pa", "absolute pressure in chamber b"),
+        "command": commands,
+        "load_force": against,
+        "velocity": found[:, :, 0],
+        "pressure_a": found[:, :, 1],
+        "pressure_b": found[:, :, 2],
     }
     if len(sizes) == 1:  # a switching valve has no small commands
-        return axes, values
+        return values
     gains, zones = zip(*(velocity_gain(plant, u, x) for u in (1.0, -1.0)), strict=True)
-    meaning = "slope of velocity over command, for small commands without load"
-    return axes, values | {
-        "velocity_gain": ResultValue(("direction",), gains, "m/s", meaning),
-        "dead_zone": ResultValue(("direction",), zones, "1", "command at which that line crosses zero velocity"),
-    }
+    return values | {"velocity_gain": gains, "dead_zone": zones}
 
 
 def _moving(plant: HeldDrive, command: float, position: float, load: float) -> tuple[float, float, float]:
@@ -130,6 +139,19 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     --------
     points
         number of loads in each direction
+
+    Results
+    -------
+    share : 1
+        load as a fraction of the stall force
+    load_force : N over direction, share
+        constant force against the motion
+    speed : m/s over direction, share
+        steady speed at full command
+    blocked_force : N over direction
+        force on the pinned piston at full command
+    stall_force : N over direction
+        largest load that the resting piston can move: blocked force less breakaway
     """
     x = 0.5 * plant.stroke_m
     directions = (1.0, -1.0)
@@ -142,17 +164,12 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
             for direction, row in zip(directions, loads, strict=True)
         ]
     )
-    axes = {
-        "direction": DIRECTIONS,
-        "share": ResultAxis(shares, "1", "load as a fraction of the stall force"),
-    }
-    return axes, {
-        "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),
-        "speed": ResultValue(("direction", "share"), speeds, "m/s", "steady speed at full command"),
-        "blocked_force": ResultValue(("direction",), blocked, "N", "force on the pinned piston at full command"),
-        "stall_force": ResultValue(
-            ("direction",), stall, "N", "largest load that the resting piston can move: blocked force less breakaway"
-        ),
+    return {
+        "share": shares,
+        "load_force": loads,
+        "speed": speeds,
+        "blocked_force": blocked,
+        "stall_force": stall,
     }
 
 
@@ -183,6 +200,19 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
     --------
     position
         of the blocked piston, m; default: mid stroke
+
+    Results
+    -------
+    command : 1
+        command of the valve
+    pressure_difference : Pa over command
+        pressure a less pressure b, piston blocked
+    pressure_gain : Pa
+        its slope at a small command; infinite without leakage
+    centre_pressure_a : Pa
+        absolute pressure in chamber a at the centre
+    centre_pressure_b : Pa
+        absolute pressure in chamber b at the centre
     """
     x = 0.5 * plant.stroke_m if position is None else position
     commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
@@ -193,14 +223,12 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
     except SimulationError:  # no leak: any pressure holds at a shut valve
         centre, slope = (math.nan, math.nan), math.inf
-    axes = {"command": ResultAxis(commands, "1", "command of the valve")}
-    return axes, {
-        "pressure_difference": ResultValue(
-            ("command",), difference, "Pa", "pressure a less pressure b, piston blocked"
-        ),
-        "pressure_gain": number(slope, "Pa", "its slope at a small command; infinite without leakage"),
-        "centre_pressure_a": number(centre[0], "Pa", "absolute pressure in chamber a at the centre"),
-        "centre_pressure_b": number(centre[1], "Pa", "absolute pressure in chamber b at the centre"),
+    return {
+        "command": commands,
+        "pressure_difference": difference,
+        "pressure_gain": slope,
+        "centre_pressure_a": centre[0],
+        "centre_pressure_b": centre[1],
     }
 
 
@@ -287,6 +315,25 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     --------
     pressures
         absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+
+    Results
+    -------
+    position : m
+        position of the piston
+    pressure : Pa
+        absolute pressure in both chambers
+    frequency : Hz
+        frequency
+    adiabatic_stiffness : N/m over position, pressure
+        fast: gas without heat exchange, valve shut
+    isothermal_stiffness : N/m over position, pressure
+        slow: gas at the temperature of the wall, valve shut
+    loss_factor : 1 over frequency
+        imaginary over real part of the stiffness
+    largest_loss_factor : 1
+        its largest value
+    loss_frequency : Hz
+        where it is largest
     """
     positions = [share * plant.stroke_m for share in STROKE_SHARES]
     levels = levels_of(plant, pressures)
@@ -296,24 +343,21 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     middle = _at(plant, 0.5 * plant.stroke_m, levels[min(1, len(levels) - 1)])
     over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
-    axes = {
-        "position": ResultAxis(positions, "m", "position of the piston"),
-        "pressure": ResultAxis(levels, "Pa", "absolute pressure in both chambers"),
-        "frequency": ResultAxis(FREQUENCIES, "Hz", "frequency"),
-    }
-    grid = ("position", "pressure")
-    return axes, {
-        "adiabatic_stiffness": ResultValue(grid, fast, "N/m", "fast: gas without heat exchange, valve shut"),
-        "isothermal_stiffness": ResultValue(grid, slow, "N/m", "slow: gas at the temperature of the wall, valve shut"),
+    return {
+        "position": positions,
+        "pressure": levels,
+        "frequency": FREQUENCIES,
+        "adiabatic_stiffness": fast,
+        "isothermal_stiffness": slow,
         "stiffness": ResultValue(
             ("frequency",),
             np.real(over),
             "N/m",
             f"real part at mid stroke, {1e-5 * levels[min(1, len(levels) - 1)]:g} bar",
         ),
-        "loss_factor": ResultValue(("frequency",), loss, "1", "imaginary over real part of the stiffness"),
-        "largest_loss_factor": number(loss.max(), "1", "its largest value"),
-        "loss_frequency": number(FREQUENCIES[int(loss.argmax())], "Hz", "where it is largest"),
+        "loss_factor": loss,
+        "largest_loss_factor": loss.max(),
+        "loss_frequency": FREQUENCIES[int(loss.argmax())],
     }
 
 
@@ -334,6 +378,23 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     --------
     pressures
         absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+
+    Results
+    -------
+    position : m
+        position of the piston
+    pressure : Pa
+        absolute pressure in both chambers
+    mass : kg
+        moving mass
+    natural_frequency : Hz over position, pressure
+        natural frequency of the mass on the air spring without friction and heat exchange, valve shut
+    mode_frequency : Hz over position, pressure
+        size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped
+    damping_ratio : 1 over position, pressure
+        of that pair
+    frequency_by_mass : Hz over mass, pressure
+        natural frequency at mid stroke with other masses
     """
     positions = [share * plant.stroke_m for share in STROKE_SHARES]
     levels = levels_of(plant, pressures)
@@ -341,31 +402,19 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     modes = np.array(
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
-    axes = {
-        "position": ResultAxis(positions, "m", "position of the piston"),
-        "pressure": ResultAxis(levels, "Pa", "absolute pressure in both chambers"),
-        "mass": ResultAxis([k * plant.mass for k in MASSES], "kg", "moving mass"),
-    }
-    grid = ("position", "pressure")
     half = 0.5 * plant.stroke_m
     by_mass = [
         [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
         for m in MASSES
     ]
-    return axes, {
-        "natural_frequency": ResultValue(
-            grid,
-            np.sqrt(bare / plant.mass) / (2.0 * math.pi),
-            "Hz",
-            "natural frequency of the mass on the air spring without friction and heat exchange, valve shut",
-        ),
-        "mode_frequency": ResultValue(
-            grid, modes[:, :, 0], "Hz", "size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped"
-        ),
-        "damping_ratio": ResultValue(grid, modes[:, :, 1], "1", "of that pair"),
-        "frequency_by_mass": ResultValue(
-            ("mass", "pressure"), by_mass, "Hz", "natural frequency at mid stroke with other masses"
-        ),
+    return {
+        "position": positions,
+        "pressure": levels,
+        "mass": [k * plant.mass for k in MASSES],
+        "natural_frequency": np.sqrt(bare / plant.mass) / (2.0 * math.pi),
+        "mode_frequency": modes[:, :, 0],
+        "damping_ratio": modes[:, :, 1],
+        "frequency_by_mass": by_mass,
     }
 
 
@@ -376,9 +425,6 @@ def _mode(linear: Linear) -> tuple[float, float]:
         return 0.0, 1.0
     slowest = min(pairs, key=abs)
     return abs(slowest) / (2.0 * math.pi), -slowest.real / abs(slowest)
-
-
-_PRESSURES = {"pressures": (None, "absolute pressures; default: 2, 3, 4, 5 bar abs below the supply")}
 
 
 # --- Least supply pressure that moves the piston, and breakaway.
@@ -437,6 +483,13 @@ def _minimum(plant: HeldDrive) -> Found:
 
     Least supply pressure, above ambient, at which the piston, with its load, covers 99 % of its stroke within 660
     s from rest at full command. The pressure rises from ambient over 600 s and is then held.
+
+    Results
+    -------
+    minimum_pressure : Pa over direction
+        least supply pressure above ambient that moves the piston, with its load, over its stroke
+    breakaway_force : N over direction
+        steady friction at the onset of sliding, both chambers at ambient pressure
     """
     if plant.supply_pa <= plant.ambient[0]:
         raise CommandError(f"{plant.name}: the supply is not above ambient pressure")
@@ -446,17 +499,7 @@ def _minimum(plant: HeldDrive) -> Found:
         breakaway = abs(plant.sliding(direction * LEAST_VELOCITY, (plant.ambient[0], plant.ambient[0]), x))
         rows.append((least_pressure(plant, direction) - plant.ambient[0], breakaway))
     values = np.array(rows)
-    return {"direction": DIRECTIONS}, {
-        "minimum_pressure": ResultValue(
-            ("direction",),
-            values[:, 0],
-            "Pa",
-            "least supply pressure above ambient that moves the piston, with its load, over its stroke",
-        ),
-        "breakaway_force": ResultValue(
-            ("direction",),
-            values[:, 1],
-            "N",
-            "steady friction at the onset of sliding, both chambers at ambient pressure",
-        ),
+    return {
+        "minimum_pressure": values[:, 0],
+        "breakaway_force": values[:, 1],
     }
