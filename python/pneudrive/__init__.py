@@ -84,6 +84,8 @@ UPPER.update(
     simulate="pneudrive.simulation.simulate",
     Pneu="pneudrive.accessor",
     figure_svg="pneudrive.report.page",
+    **dict.fromkeys(["characterisation_view", "recording_view"], "pneudrive.report.recordings"),
+    map_view="pneudrive.report.speed",
     plot="pneudrive.report.trajectory",
     view_of_run="pneudrive.report.trajectory",
     controllers_view="pneudrive.report.control",

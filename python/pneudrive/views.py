@@ -170,11 +170,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class ShownTable:
-    """A table of texts with its caption."""
+    """A table of texts with its caption; columns from `numbers_from` on are right-aligned."""
 
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    numbers_from: int = 1
 
     @property
     def numbers_from(self) -> int:

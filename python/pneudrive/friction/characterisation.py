@@ -30,10 +30,10 @@ from pneudrive.friction.pressure import (
     fit_pressure_lines,
     run_spread,
 )
-from pneudrive.friction.sentences import flag_sentences, sentence
+from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import StrokeUse, stroke_notes
+from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import (
     CampaignFile,
@@ -47,7 +47,7 @@ from pneudrive.signals.load import (
     recording_files,
 )
 from pneudrive.signals.recording import CHANNELS, Recording
-from pneudrive.views import ShownValue, View
+from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.friction_map import Row
     from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
     from pneudrive.progress import Flag
+    from pneudrive.views import View
 
     Source = Recording | RecordingFile | CampaignFile
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
@@ -99,7 +100,7 @@ def _stick_slip_note(level: Level) -> str:
     )
 
 
-def _doubts(levels: list[Level]) -> list[str]:
+def _doubts(levels: Iterable[Level]) -> list[str]:
     """Return each kind of doubtful value once, with the sentence for the first recording that has it."""
     found: dict[str, list[tuple[str, str]]] = {}
     for level in levels:
@@ -199,7 +200,7 @@ SHOWN = 24  # number of recordings of a larger campaign whose curves are kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class Characterisation(Shown):
+class Characterisation(Viewed):
     """All results of a characterisation. SI, absolute pressures, N.
 
     Attributes
@@ -266,34 +267,14 @@ class Characterisation(Shown):
         """Whether any recording comes from a simulated rig."""
         return any(recording.synthetic for recording in self.recordings)
 
+    @property
+    def doubts(self) -> list[str]:
+        """Sentences on values that no rig can have, with a check."""
+        return _doubts(self.levels)
+
     def view(self) -> View:
-        """Return the values of each speed level, and the notes; the curves are in ``recorded_characteristics``."""
-        rows = []
-        for result in self.results:
-            for level in result.levels:
-                one = len(result.levels) == 1
-                rows += _shown(level, level.recording if one else f"{level.recording}#{level.index + 1}")
-        title = f"{len(self.results)} recordings ({'simulated' if self.synthetic else 'measured'})"
-        raised = {flag for text in self.friction_map["flags"].to_numpy() for flag in str(text).split(",")}
-        return View(title, tuple(rows), notes=(*self.notes, *flag_sentences(raised)))
-
-    def _card(self) -> Card:
-        return self.view().card()
-
-
-def _shown(level: Level, label: str) -> Iterator[ShownValue]:
-    """Return speeds, strokes, friction and offset with U (k = 2), and flags."""
-    for direction, side in level.sides.items():
-        sign = "+x" if direction > 0 else "-x"
-        yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
-    used = sum(side.strokes for side in level.sides.values())
-    yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.strokes)}")
-    for name, value, u in (
-        ("friction", level.friction_n, level.expanded_n),
-        ("offset", level.offset_n, COVERAGE_FACTOR * level.u_offset_n),
-    ):
-        yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
-    yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
+        """Return the values of each speed level, flags with remedies, and figures of friction and force balance."""
+        return upper("characterisation_view")(self)
 
 
 def characterise_recordings(

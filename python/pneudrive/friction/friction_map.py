@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError
 from pneudrive.files.csv_tables import read_csv
 from pneudrive.files.tables import open_table
 from pneudrive.simulation.trajectory import check_target, write_frame
+from pneudrive.views import ShownCurve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -242,3 +244,91 @@ def classify_pressures(pairs: NDArray[np.float64]) -> str:
     if np.linalg.svd(away, compute_uv=False)[1] > SAME_SLOPE * scale:
         return "both"
     return "sum" if np.abs(pairs[:, 0] - pairs[:, 1]).max() < SAME_SLOPE * scale else "line"
+
+
+# --- Groups of rows: one assembly at one pair of pressures.
+
+SAME_PA = 1e4  # chamber pressures that differ by less make one curve
+
+
+class MapGroup(NamedTuple):
+    """Rows of a map with one assembly (mounting, seal, drive) and one pair of chamber pressures.
+
+    Attributes
+    ----------
+    assembly : str
+    rows : ndarray of int
+    gauges : ndarray, shape (2,)
+        Mean gauge pressures of chambers a and b, Pa.
+    """
+
+    assembly: str
+    rows: NDArray[np.int64]
+    gauges: NDArray[np.float64]
+
+    @property
+    def label(self) -> str:
+        """Pressures as text."""
+        a, b = map(bar, self.gauges)
+        return f"a {a}, b {b} bar gauge"
+
+    def curves(self, table: xr.Dataset) -> list[ShownCurve]:
+        """Return friction over speed with U (k = 2), a point for each level.
+
+        Both directions of a level share their friction. Levels of a single direction make a curve for each direction.
+        """
+        import polars as pl
+
+        part = {name: table[name].to_numpy()[self.rows] for name in COLUMNS if name in table}
+        single = np.array(["unpaired" in str(flags) for flags in part["flags"]])
+        frame = pl.DataFrame(
+            {
+                "recording": part["recording"].astype(str),
+                "direction": np.where(single, part["direction"], BOTH),
+                "speed": np.abs(part["velocity_m_s"]),
+                "friction": part["friction_n"],
+                "reach": 2.0 * np.hypot(np.nan_to_num(part["stderr_n"]), part["u_systematic_n"]),
+            }
+        )
+        levels = frame.group_by("recording", "direction", "friction", maintain_order=True)
+        points = levels.agg(pl.col("speed").mean(), pl.col("reach").first()).sort("speed", maintain_order=True)
+        curves = []
+        for (way,), own in sorted(points.partition_by("direction", as_dict=True).items(), reverse=True):
+            x, y, reach = (own[name].to_numpy() for name in ("speed", "friction", "reach"))
+            label = f"{self.assembly}: {self.label}" + {1: ", +x", -1: ", -x"}.get(way, "")
+            axes = ("speed", "friction", "m/s", "N", (y - reach, y + reach))
+            curves.append(ShownCurve(label, label, x, y, *axes, np.ones(x.size, dtype=bool), self.assembly))
+        return curves
+
+
+def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
+    """Return the groups of the first rows of a map: the assemblies in the order of their first rows."""
+    rows = np.arange(table.sizes["row"])[:most]
+    columns = {name: table[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in table}
+    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+    assemblies = np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
+    # Both pressures of a row are the means of its recording.
+    recordings = np.unique(table["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
+    sizes = np.bincount(recordings)
+    means = [np.bincount(recordings, table[f"pressure_{side}_pa"].to_numpy()[rows]) / sizes for side in "ab"]
+    gauges = np.column_stack(means)[recordings] - float(table.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+    groups = []
+    for name in dict.fromkeys(assemblies.tolist()):
+        own = np.flatnonzero(assemblies == name)
+        groups += [MapGroup(name, own[part], gauges[own[part]].mean(axis=0)) for part in alike(gauges[own])]
+    return groups
+
+
+def alike(pairs: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
+    left, out = np.arange(len(pairs)), []
+    while len(left):
+        near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)
+        out.append(left[near])
+        left = left[~near]
+    return out
+
+
+def bar(gauge_pa: float) -> str:
+    """Return a gauge pressure in bar as text. Values near zero become zero."""
+    return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / PA_PER_BAR:.3g}"

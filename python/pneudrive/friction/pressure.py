@@ -223,7 +223,8 @@ class PressureLine(Shown):
 
     ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the 95 % prediction
     interval for the friction of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa). ``basis`` is the
-    source of the spread between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
+    source of the spread between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``. ``quantile`` belongs to
+    the 95 % intervals.
     """
 
     seal: str
@@ -237,7 +238,14 @@ class PressureLine(Shown):
     band_high_n: Array
     basis: str
     speed_pressure_correlation: float
+    quantile: float
     statement: str
+
+    @property
+    def slope_interval_n_pa(self) -> tuple[float, float]:
+        """Ends of the 95 % interval of the slope."""
+        half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
+        return self.slope_n_pa - half, self.slope_n_pa + half
 
 
 def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
@@ -356,13 +364,14 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
         band_high_n=mean + half,
         basis=basis,
         speed_pressure_correlation=together,
+        quantile=student(freedom),
         statement="",
     )
-    return replace(line, statement=_line_statement(line, student(freedom), 0.0 if spread is None else spread.relative))
+    return replace(line, statement=_line_statement(line, 0.0 if spread is None else spread.relative))
 
 
-def _line_statement(line: PressureLine, quantile: float, spread: float) -> str:
-    half_n, half_n_pa = quantile * np.sqrt(np.diag(line.covariance))
+def _line_statement(line: PressureLine, spread: float) -> str:
+    half_n, half_n_pa = line.quantile * np.sqrt(np.diag(line.covariance))
     together, confounded = line.speed_pressure_correlation, ""
     if abs(together) > CONFOUNDED:
         word = "falls" if together < 0 else "rises"

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files.toml import read
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 NAMED = 3  # most cycles that a sentence names
 Said = tuple[str, dict[str, Any]]
@@ -63,6 +64,31 @@ def flag_sentences(raised: Iterable[str]) -> list[str]:
     """Return a sentence for each raised flag, in the order of the table."""
     names = set(raised)
     return [f"{name}: {flag['means']}. {flag['do']}" for name, flag in flag_table().items() if name in names]
+
+
+IMPOSSIBLE = "negative_friction"  # with the doubts, a flag of values that no rig can have
+MOST_NAMED = 8  # recordings that a finding names
+
+
+def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Finding]:
+    """Return the meaning of each raised flag with the recordings that have it, and its remedy.
+
+    Parameters
+    ----------
+    raised : mapping
+        Flag -> names of recordings.
+    count : int
+        Number of all recordings.
+    """
+    findings = []
+    for name, flag in flag_table().items():
+        if names := list(dict.fromkeys(raised.get(name, ()))):
+            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            where = "all recordings" if len(names) == count > 1 else ", ".join(names[:MOST_NAMED]) + more
+            is_bad, is_open = name in table()["doubt"] or name == IMPOSSIBLE, not flag["do"].startswith("Nothing")
+            text = f"{name}: {flag['means']} (in {where})."
+            findings.append(Finding(text, "bad" if is_bad else "open" if is_open else "good", flag["do"]))
+    return findings
 
 
 def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: ANN401 - whatever the sentence names

@@ -1,14 +1,15 @@
-"""The report of recordings: measurement, record, loops, balance, friction over pressure, uncertainty, flags."""
+"""Recordings: the view of one, the view of their characterisation, and its report."""
 
 from __future__ import annotations
 
 import re
-from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.errors import RecordingError
 from pneudrive.figures import (
     MEASURED,
     THIN,
@@ -24,13 +25,15 @@ from pneudrive.figures import (
     look,
     thin,
 )
+from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
-from pneudrive.friction.sentences import flag_table
+from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
-from pneudrive.report import campaign, provenance, speed, strokes
+from pneudrive.report import campaign, provenance, strokes
 from pneudrive.report.layout_figure import is_open, recorded_rig
-from pneudrive.report.page import Items, Paragraph, Picture, Report
+from pneudrive.report.page import Picture, Report, view_report
 from pneudrive.report.render import draw_figure
+from pneudrive.report.speed import map_view, recovered_section
 from pneudrive.report.tables import (
     MOST_SHOWN,
     broken,
@@ -43,7 +46,10 @@ from pneudrive.report.tables import (
     spread_evenly,
 )
 from pneudrive.report.topics import Topic
+from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.recording import clean
 from pneudrive.units import readable
+from pneudrive.views import Finding, LeadingValue, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -56,8 +62,9 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
-    from pneudrive.report.fit import Addition, Fits, Study
+    from pneudrive.report.fit import Fits, Study
     from pneudrive.report.page import Section
+    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
 #: Sections that recordings share with campaigns; a section without data is None.
@@ -72,204 +79,156 @@ CURVES = (
 PRESSURE = Axis("gauge pressure / bar")
 
 
-def write_report(
-    found: Characterisation | None,
-    fits: Fits,
-    folder: str | Path,
-    reproduction: Study | None = None,
-    curves: CampaignCharacteristics | None = None,
-) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
-
-    Parameters
-    ----------
-    found : Characterisation or None
-        Result of recordings, real or simulated.
-    fits : mapping
-        Group -> law -> FrictionFit; may be empty.
-    folder : path-like
-        Must be there; figures go into its folder ``figures``.
-    reproduction : Reproduction, optional
-        Adds the sections of the source paper; any study with an `addition` fits.
-    curves : CampaignCharacteristics, optional
-        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
-
-    Returns
-    -------
-    pathlib.Path
-        Folder of report.html.
-
-    Raises
-    ------
-    CommandError
-        The folder cannot be written to.
-    """
-    study = None if reproduction is None else reproduction.addition(found)
-    lines = speed.lines_of(found, fits, () if study is None else study.verdict)
-    synthetic = found is not None and found.synthetic
-    return Report(_title(found, study), lines, sections(found, fits, study, curves), synthetic).write(folder)
+# --- The view of one recording.
 
 
-def sections(
-    found: Characterisation | None, fits: Fits, study: Addition | None, curves: CampaignCharacteristics | None = None
-) -> list[Section]:
-    """Return all sections with data, in the report's order; sections of one key become one."""
-    of_recordings = () if found is None else (
-        *(part(found) for part in (measured, record, loops, closure, pressure)),
-        speed.section(found, fits),
-        *(part(found) for part in (strokes.drift, strokes.peaks, budget, flags)),
-        speed.recovered_section(found, fits),
-        strokes.stick_slip(found),
-    )  # fmt: skip
-    of_curves = () if curves is None else tuple(part(curves) for part in CURVES)
-    parts: dict[str, Section] = {}
-    for part in (*of_recordings, *(study.sections if study else ()), *of_curves):
-        if part is not None:
-            before = parts.pop(part.key, None)
-            parts[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
-    return [*parts.values(), provenance.section(found, study)]
-
-
-def _title(found: Characterisation | None, study: Addition | None) -> str:
-    if found is None:
-        return study.title if study is not None else "Nothing"
-    title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
-    return f"{title}, with a simulated rig" if study is not None and not found.synthetic else title
-
-
-# --- measurement -----------------------------------------------------------------------------------------------------
-
-# Channel -> (words, factor from SI, unit)
-CHANNELS = {
-    "position_m": ("position", 1e3, "mm"),
-    "force_n": ("force", 1.0, "N"),
-    "pressure_a_pa": ("pressure a", 1e-5, "bar gauge"),
-    "pressure_b_pa": ("pressure b", 1e-5, "bar gauge"),
-}
-
-
-def measured(found: Characterisation) -> Section:
-    """Return the section on rig, sensors and files."""
-    topic, first = Topic("recordings", "measured"), found.recordings[0]
-    uses = found.stroke_uses.values()
-    used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
-    counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
-    areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
-    return topic.section(
-        topic.text(**counts, **used),
-        topic.picture("rig", recorded_rig(first), **areas),
-        topic.table(_sensors(found.recordings), "sensors"),
-        topic.table(_files(found), "files"),
-        *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
+def recording_view(recording: Recording) -> View:
+    """Return ranges and accuracies of the channels, faults of samples with their remedies, and two figures."""
+    topic, faults, found = Topic("recordings", "recording"), dict(recording.flags), ()
+    with suppress(RecordingError):  # the view of an unusable recording shows its samples
+        faults = clean(recording).flags
+        found = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
+    findings = flag_findings({kind: [recording.name] for kind, count in faults.items() if count}, 1)
+    seconds = float(recording.time_s[-1] - recording.time_s[0]) if len(recording) else 0.0
+    numbers = {
+        "duration": (seconds, "s"),
+        "samples": (float(len(recording)), ""),
+        "samples per second": ((len(recording) - 1) / seconds if seconds else float("nan"), ""),
+        "strokes": (float(len(found)), ""),
+    }
+    figures = ()
+    if len(recording):
+        part = thin(recording.time_s)
+        loop = Line(recording.position_m[part], recording.force_n[part], width=0.5)
+        figures = (
+            topic.figure("record", records([(recording, found, recording.name)])),
+            topic.figure("force-position", Figure([Panel([loop])], "position / mm", "force F / N", row_in=2.6)),
+        )
+    return View(
+        f"{recording.name} ({'simulated' if recording.synthetic else 'measured'})",
+        state="open" if any(finding.state != "good" for finding in findings) else "good",
+        leading=tuple(LeadingValue(ShownValue(name, name, name, *value)) for name, value in numbers.items()),
+        findings=tuple(findings),
+        tables=(topic.table(_sensors((recording,)), "sensors").shown,) if len(recording) else (),
+        figures=figures,
     )
 
 
-def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
-    """Return range of each channel over all recordings, and its stated accuracy."""
-    for channel, (name, factor, unit) in CHANNELS.items():
-        values = [getattr(r, channel) for r in recordings]
-        if channel.startswith("pressure"):
-            if all(is_open(r, channel[9]) for r in recordings):
-                yield name, "open to ambient: not measured", None, None
-                continue
-            values = [v - r.ambient_pressure_pa for v, r in zip(values, recordings, strict=True)]
-        stated = [r.accuracy[channel] * factor for r in recordings if channel in r.accuracy]
-        unstated = "not stated" if channel == "position_m" else "not stated: assumed (see the budget)"
-        accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else unstated
-        notes = {r.calibration[channel] for r in recordings if channel in r.calibration}
-        if notes and (stated or channel != "position_m"):
-            accuracy += f" ({'; '.join(sorted(notes))})"
-        low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
-        yield name, f"{unit}; standard uncertainty {accuracy}", low, high
-    rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
-    yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
-
-
-def _files(found: Characterisation) -> Iterator[tuple]:
-    for result in found.results:
-        r = result.recording
-        where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
-        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
-        labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
-        use = found.stroke_uses[r.name]
-        yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
-
-
-IN_ONE_FIGURE, MOST_FIGURES = 3, 3
-
-
-def record(found: Characterisation) -> Section:
-    """Return the section with one recording of each seal over time, all channels."""
-    topic = Topic("recordings", "record")
-    chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
-    parts = [chosen[i : i + IN_ONE_FIGURE] for i in range(0, len(chosen), IN_ONE_FIGURE)]
-    pictures = (
-        Picture(f"record-{i}", topic.say("caption", names=", ".join(r.recording.name for r in part)), records(part))
-        for i, part in enumerate(parts, 1)
-    )
-    return topic.section(topic.text(), *pictures)
-
-
-def records(results: list[RecordingResult]) -> Figure:
-    """Draw position, pressure and force over time with strokes shaded, a column for each recording."""
-    sides = [s for s in ("a", "b") if not all(is_open(r.recording, s) for r in results)] or ["b"]
+def records(shown: Sequence[tuple[Recording, Sequence[Stroke], str]]) -> Figure:
+    """Draw position, pressure and force over time with strokes shaded, a column for each recording and its title."""
+    sides = [s for s in ("a", "b") if not all(is_open(recording, s) for recording, *_ in shown)] or ["b"]
     rows: list[list[Panel]] = [[] for _ in range(2 + len(sides))]
-    for result in results:
-        r, time = result.recording, result.recording.time_s - result.recording.time_s[0]
+    for r, found, title in shown:
+        time = r.time_s - r.time_s[0]
         channels = [("position / mm", r.position_m)]
         for side in sides:
             gauge = getattr(r, f"pressure_{side}_pa") - r.ambient_pressure_pa
             channels.append((f"pressure {side} /\nbar gauge", gauge))
         channels.append(("force F / N", r.force_n))
-        outward = [Rule((time[s.start], time[s.stop - 1])) for s in result.strokes if s.direction > 0]
-        part, title = thin(time), f"{r.name} ({gauge_bar(result.levels[0]):.2g} bar)"
+        outward, part = [Rule((time[s.start], time[s.stop - 1])) for s in found if s.direction > 0], thin(time)
         for row, (label, values) in zip(rows, channels, strict=True):
             line = Line(time[part], values[part], width=0.6)
             row.append(Panel([*outward, line], "" if row is not rows[0] else title, y=label))
     shared = {"share_x": "col", "share_y": "row", "row_in": 1.15}
-    return Figure([panel for row in rows for panel in row], "time / s", columns=len(results), **shared)
+    return Figure([panel for row in rows for panel in row], "time / s", columns=len(shown), **shared)
 
 
-# --- loops, and the balance of both directions -----------------------------------------------------------------------
+# --- The view of a characterisation.
 
+IN_VIEW = 8  # levels whose force balance a view shows
 COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
-MOST_LARGE = 12  # levels that are named
-
-
-def loops(found: Characterisation) -> Section:
-    """Return the section with a figure for each seal, a panel for each recording and speed class."""
-    topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
-    for seal, results in groups.items():
-        pairs = [(r, level) for r in results for level in r.levels]
-        shown = spread_evenly(pairs, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
-        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
-        some = topic.say("some", shown=len(shown), all=len(pairs)) if len(shown) < len(pairs) else ""
-        figure = Figure(
-            [_loop(level) for _, level in shown],
-            "position / mm",
-            "balance, friction, offset / N",
-            columns=COLUMNS,
-            row_in=1.75,
-            rest_in=0.7,
-            share_x="all",
-            share_y="all",
-            text_scale=0.9,
-        )
-        pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), figure))
-    large = [
-        topic.say(
-            "large",
-            recording=level.recording,
-            offset_n=level.offset_n,
-            friction=with_u(level.friction_n, level.expanded_n),
-        )
-        for level in found.levels
-        if abs(level.offset_n) > level.friction_n
-    ]
-    return topic.section(topic.text(), *topic.listed(large[:MOST_LARGE]), *pictures)
-
-
 MOST_STROKES = 100  # of each direction: more thin lines cannot be told apart
+
+
+def characterisation_view(found: Characterisation, fits: Fits | None = None) -> View:
+    """Return the values of each speed level, what decides, flags with remedies, and the figures.
+
+    Parameters
+    ----------
+    found : Characterisation
+    fits : mapping, optional
+        Group -> law -> FrictionFit: fitted laws, parameters, and what the data leave undetermined.
+    """
+    base, topic = map_view(found.friction_map, fits), Topic("recordings", "view")
+    levels, spread = spread_evenly(found.levels, IN_VIEW), found.run_spread
+    relative = [level.expanded_n / level.friction_n for level in found.levels if level.friction_n > 0]
+    findings = [*base.findings, *(Finding(doubt, "bad") for doubt in found.doubts)]
+    if spread and relative and spread.relative > float(np.median(relative)):
+        findings.append(
+            Finding(topic.say("runs_beyond_u", percent=100 * spread.relative), "open", topic.say("more_runs"))
+        )
+    figures, tables = [*base.figures], [*base.tables]
+    if _has_pressures(found):
+        known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
+        band = topic.say("runs" if spread else "one_run")
+        texts = {"further": BAND[spread is not None], "known": known, "band": band}
+        figures.append(topic.figure("friction-pressure", over_pressure(found), **texts))
+    if spread is not None:
+        cells = ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
+        tables.append(topic.table(cells, "cells").shown)
+    if found.closures:
+        shown = spread_evenly(found.closures, MOST_GROUPS)
+        text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
+        text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
+        figures.append(topic.figure("closure", closures(shown), said=text))
+        tables.append(topic.table(_areas(found.closures), "areas").shown)
+    some = topic.say("some", shown=len(levels), all=len(found.levels)) if len(levels) < len(found.levels) else ""
+    figures.append(topic.figure("loops", loops_figure(levels), some=some))
+    states = {finding.state for finding in findings}
+    single = (sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
+    return replace(
+        base,
+        title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
+        rows=tuple(value for result in found.results for value in _values(result)),
+        curves=(),
+        state=next((state for state in ("bad", "open") if state in states), "good"),
+        leading=(*base.leading, *_effects(found)),
+        findings=tuple(findings),
+        notes=(*(note for note in found.notes if note not in found.doubts), *single),
+        tables=tuple(tables),
+        figures=tuple(figures),
+    )
+
+
+def _values(result: RecordingResult) -> Iterator[ShownValue]:
+    """Yield speeds, strokes, friction and offset with U (k = 2), and flags of each level."""
+    for level in result.levels:
+        label = level.recording if len(result.levels) == 1 else f"{level.recording}#{level.index + 1}"
+        for direction, side in level.sides.items():
+            sign = "+x" if direction > 0 else "-x"
+            yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
+        used = sum(side.strokes for side in level.sides.values())
+        yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.strokes)}")
+        offset_u = COVERAGE_FACTOR * level.u_offset_n
+        for name, value, u in (
+            ("friction", level.friction_n, level.expanded_n),
+            ("offset", level.offset_n, offset_u),
+        ):
+            yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
+        yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
+
+
+def _effects(found: Characterisation) -> Iterator[LeadingValue]:
+    """Yield the largest change with pressure, the spread between runs, and the force zero farthest from 0."""
+    if found.pressure_lines:
+        line = max(found.pressure_lines, key=lambda line: abs(line.slope_n_pa))
+        name = f"friction per pressure ({line.seal})"
+        yield LeadingValue(ShownValue("slope", line.seal, name, line.slope_n_pa, "N/Pa", line.slope_interval_n_pa))
+    if found.run_spread is not None:
+        percent = f"{100 * found.run_spread.relative:.0f} %"
+        yield LeadingValue(ShownValue("spread", "runs", "standard deviation between runs", percent))
+    if found.closures:
+        fit = max(found.closures, key=lambda fit: abs(fit.force_zero_n.value))
+        zero = fit.force_zero_n
+        interval = (zero.low, zero.high) if np.isfinite(zero.low) else None
+        yield LeadingValue(ShownValue("zero", fit.group, f"force zero ({fit.group})", zero.value, "N", interval))
+
+
+def loops_figure(levels: Sequence[Level]) -> Figure:
+    """Draw the force balance over position, a panel for each level."""
+    shared = {"share_x": "all", "share_y": "all", "text_scale": 0.9}
+    y = "balance, friction, offset / N"
+    return Figure(list(map(_loop, levels)), "position / mm", y, columns=COLUMNS, row_in=1.75, rest_in=0.7, **shared)
 
 
 def _loop(level: Level) -> Panel:
@@ -290,21 +249,6 @@ def _loop(level: Level) -> Panel:
 
 MOST_GROUPS = 8
 MOST_JOINED = 12  # points beyond which residuals are not joined by lines
-
-
-def closure(found: Characterisation) -> Section | None:
-    """Return the section on half the sum of both directions' forces against pressure; None at one pressure."""
-    if not found.closures:
-        return None
-    topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
-    text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
-    text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
-    return topic.section(
-        topic.text(),
-        topic.picture("closure", closures(shown), said=text),
-        topic.table(_areas(found.closures)),
-        *(Paragraph(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
-    )
 
 
 def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
@@ -353,26 +297,13 @@ def _interval(estimate: Estimate) -> str:
     return f"{estimate.value:+.2f}{ends}"
 
 
-# --- friction over pressure ------------------------------------------------------------------------------------------
-
 MOST_PANELS = 9
 #: Meaning of the band, by whether a run was repeated.
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
 
-def pressure(found: Characterisation) -> Section | None:
-    """Return the section on friction over pressure for each seal; None at one pressure."""
-    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
-        return None
-    topic, spread = Topic("recordings", "pressure"), found.run_spread
-    known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
-    cells = () if spread is None else ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
-    return topic.section(
-        topic.text(band=topic.say("runs" if spread else "one_run")),
-        topic.picture("friction-pressure", over_pressure(found), further=BAND[spread is not None], known=known),
-        topic.table(cells) if spread is not None else None,
-        Items(tuple(sentence(line.statement) for line in found.pressure_lines)),
-    )
+def _has_pressures(found: Characterisation) -> bool:
+    return len(found.points) > 1 and bool(np.ptp([p.pressure_pa for p in found.points]) >= MINIMUM_RANGE_PA)
 
 
 def plot_pressure(found: Characterisation, path: str | Path) -> matplotlib.figure.Figure:
@@ -432,10 +363,172 @@ def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Se
     return Panel(marks, title)
 
 
-# --- uncertainty and flags -------------------------------------------------------------------------------------------
+# --- The report.
+
+
+def recordings_report(
+    found: Characterisation | None,
+    fits: Fits,
+    study: Study | None = None,
+    curves: CampaignCharacteristics | None = None,
+) -> Report:
+    """Return the report: the view, and sections on measurement, record, strokes and budget; sections of one key join.
+
+    Parameters
+    ----------
+    found : Characterisation or None
+        Result of recordings, real or simulated.
+    fits : mapping
+        Group -> law -> FrictionFit; may be empty.
+    study : Study, optional
+        Adds its sections, such as those of the source paper.
+    curves : CampaignCharacteristics, optional
+        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
+    """
+    addition = None if study is None else study.addition(found)
+    parts: list[Section | None] = []
+    if found is not None:
+        sections = (measured, record, loops, strokes.drift, strokes.peaks, budget)
+        parts += [*(part(found) for part in sections), recovered_section(found, fits), strokes.stick_slip(found)]
+    parts += addition.sections if addition is not None else ()
+    parts += [] if curves is None else [part(curves) for part in CURVES]
+    joined: dict[str, Section] = {}
+    for part in filter(None, parts):
+        before = joined.pop(part.key, None)
+        joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
+    last = provenance.section(found, addition)
+    if found is None:
+        title = "Nothing" if addition is None else addition.title
+        return Report(title, () if addition is None else addition.verdict, [*joined.values(), last])
+    title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
+    title += ", with a simulated rig" if addition is not None and not found.synthetic else ""
+    view = replace(characterisation_view(found, fits), title=title)
+    report = view_report(view, *joined.values(), last, synthetic=found.synthetic)
+    report.verdict = [*report.verdict, *(() if addition is None else addition.verdict)]
+    return report
+
+
+def write_report(
+    found: Characterisation | None,
+    fits: Fits,
+    folder: str | Path,
+    reproduction: Study | None = None,
+    curves: CampaignCharacteristics | None = None,
+) -> Path:
+    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    found : Characterisation or None
+        Result of recordings, real or simulated.
+    fits : mapping
+        Group -> law -> FrictionFit; may be empty.
+    folder : path-like
+        Must be there; figures go into its folder ``figures``.
+    reproduction : Reproduction, optional
+        Adds the sections of the source paper; any study with an `addition` fits.
+    curves : CampaignCharacteristics, optional
+        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    return recordings_report(found, fits, reproduction, curves).write(folder)
+
+
+# Channel -> (words, factor from SI, unit)
+CHANNELS = {
+    "position_m": ("position", 1e3, "mm"),
+    "force_n": ("force", 1.0, "N"),
+    "pressure_a_pa": ("pressure a", 1e-5, "bar gauge"),
+    "pressure_b_pa": ("pressure b", 1e-5, "bar gauge"),
+}
+
+
+def measured(found: Characterisation) -> Section:
+    """Return the section on rig, sensors and files."""
+    topic, first = Topic("recordings", "measured"), found.recordings[0]
+    uses = found.stroke_uses.values()
+    used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
+    counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
+    areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
+    return topic.section(
+        topic.text(**counts, **used),
+        topic.picture("rig", recorded_rig(first), **areas),
+        Topic("recordings", "recording").table(_sensors(found.recordings), "sensors"),
+        topic.table(_files(found), "files"),
+        *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
+    )
+
+
+def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
+    """Return range of each channel over all recordings, and its stated accuracy."""
+    for channel, (name, factor, unit) in CHANNELS.items():
+        values = [getattr(r, channel) for r in recordings]
+        if channel.startswith("pressure"):
+            if all(is_open(r, channel[9]) for r in recordings):
+                yield name, "open to ambient: not measured", None, None
+                continue
+            values = [v - r.ambient_pressure_pa for v, r in zip(values, recordings, strict=True)]
+        stated = [r.accuracy[channel] * factor for r in recordings if channel in r.accuracy]
+        unstated = "not stated" if channel == "position_m" else "not stated: assumed (see the budget)"
+        accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else unstated
+        notes = {r.calibration[channel] for r in recordings if channel in r.calibration}
+        if notes and (stated or channel != "position_m"):
+            accuracy += f" ({'; '.join(sorted(notes))})"
+        low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
+        yield name, f"{unit}; standard uncertainty {accuracy}", low, high
+    rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
+    yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
+
+
+def _files(found: Characterisation) -> Iterator[tuple]:
+    for result in found.results:
+        r = result.recording
+        where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
+        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
+        labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        use = found.stroke_uses[r.name]
+        yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
+
+
+IN_ONE_FIGURE, MOST_FIGURES = 3, 3
+
+
+def record(found: Characterisation) -> Section:
+    """Return the section with one recording of each seal over time, all channels."""
+    topic, pictures = Topic("recordings", "record"), []
+    chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
+    for i in range(0, len(chosen), IN_ONE_FIGURE):
+        part = chosen[i : i + IN_ONE_FIGURE]
+        caption = topic.say("caption", names=", ".join(r.recording.name for r in part))
+        shown = [(r.recording, r.strokes, f"{r.recording.name} ({gauge_bar(r.levels[0]):.2g} bar)") for r in part]
+        pictures.append(Picture(f"record-{i // IN_ONE_FIGURE + 1}", caption, records(shown)))
+    return topic.section(topic.text(), *pictures)
+
+
+def loops(found: Characterisation) -> Section | None:
+    """Return the section with the force balance of the levels of each seal; None if the view shows all levels."""
+    if len(found.levels) <= IN_VIEW:
+        return None
+    topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
+    for seal, results in groups.items():
+        levels = [level for result in results for level in result.levels]
+        shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
+        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
+        some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
+        pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), loops_figure(shown)))
+    return topic.section(topic.text(), *pictures)
+
 
 STATISTICAL = "spread between strokes"
-MOST_NAMED = 8  # names of recordings with a flag
 
 
 def budget(found: Characterisation) -> Section:
@@ -478,25 +571,3 @@ def _sources(level: Level) -> Iterator[tuple]:
         yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
     yield "combined, u", "", "", "", float(np.hypot(chance, level.u_systematic_n)), level.u_offset_n
     yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n
-
-
-def flags(found: Characterisation) -> Section:
-    """Return the section on flags: meaning and place of each."""
-    topic, where, samples, rows = Topic("recordings", "flags"), {}, Counter(), []
-    for level in found.levels:
-        spoilt = ["breakaway_spoiled"] if level.peaks and all(p.flags for p in level.peaks) else []
-        for flag in (*level.flags, *spoilt):
-            where.setdefault(flag, {})[level.recording] = True
-    for recording in found.recordings:
-        samples.update(recording.flags)
-    for flag, texts in flag_table().items():
-        names = list(where.get(flag, ()))
-        if not names:
-            continue
-        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-        every = len(names) == len(found.results) > 1
-        shown = "all recordings" if every else ", ".join(names[:MOST_NAMED]) + more
-        rows.append((flag.replace("_", " "), texts["means"], texts["do"], shown, len(names), samples.get(flag, "")))
-    if not rows:
-        return topic.section(topic.text("nothing"))
-    return topic.section(topic.text(kinds=plural(len(rows), "kind")), topic.table(rows))

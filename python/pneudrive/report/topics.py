@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.report.page import Block, Items, PageTable, Paragraph, Picture, Section
 from pneudrive.report.tables import PageColumn, table
-from pneudrive.views import ShownTable
+from pneudrive.views import ShownFigure, ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -61,6 +61,10 @@ class Topic:
     ) -> Picture:
         """Return a picture with its caption."""
         return Picture(name, self.texts["pictures"][name].format(**values), figure, synthetic)
+
+    def figure(self, name: str, figure: Figure, /, **values: object) -> ShownFigure:
+        """Return a figure of a view with its caption."""
+        return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> PageTable:
         """Return a table of records."""

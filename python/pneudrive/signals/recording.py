@@ -9,8 +9,9 @@ import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
-from pneudrive.repr_tables import Shown
+from pneudrive.lazy_names import upper
 from pneudrive.signals.motion import NOISE_FACTOR, middle, noise_level, thinned
+from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from pneudrive.signals.force_calibration import ForceCalibration
     from pneudrive.signals.motion import Stroke
+    from pneudrive.views import View
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
@@ -45,7 +47,7 @@ class ParallelForce(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class Recording(Shown):
+class Recording(Viewed):
     """One measured run: synchronous samples in SI with absolute pressures.
 
     Parameters
@@ -147,6 +149,10 @@ class Recording(Shown):
     def __len__(self) -> int:
         """Return the number of samples."""
         return self.time_s.size
+
+    def view(self) -> View:
+        """Return ranges and accuracies of the channels, faults of samples with remedies, and two figures."""
+        return upper("recording_view")(self)
 
     def at(self, keep: NDArray[np.bool_]) -> Recording:
         """Return the recording at some of its samples."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 from posixpath import basename, dirname
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.campaign.planning.next_points import limits_of
-from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.friction.friction_map import ALL_RECORDINGS, AMBIENT, LEVELS, group_of, read_map
+from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.friction.sentences import flag_sentences
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import common, curve_differences, read_fit
@@ -50,57 +49,6 @@ MOST_NEXT = 200  # largest number of proposed points
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
-SAME_PA = 1e4  # chamber pressures that differ by less make one curve
-
-
-class Group(NamedTuple):
-    """Rows of a map with one assembly (mounting, seal, drive) and one pair of chamber pressures.
-
-    Attributes
-    ----------
-    assembly : str
-    rows : ndarray of int
-    gauges : ndarray, shape (2,)
-        Mean gauge pressures of chambers a and b, Pa.
-    """
-
-    assembly: str
-    rows: Array
-    gauges: Array
-
-    @property
-    def label(self) -> str:
-        """Pressures as text."""
-        a, b = map(bar, self.gauges)
-        return f"a {a}, b {b} bar gauge"
-
-
-def groups_of(table: xr.Dataset) -> list[Group]:
-    """Return the groups of a map in the order of their first rows, by assembly."""
-    rows = np.arange(min(table.sizes["row"], MOST_POINTS))
-    columns = {name: table[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in table}
-    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
-    assemblies = np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
-    # Both pressures of a row are the means of its recording.
-    recordings = np.unique(table["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
-    sizes = np.bincount(recordings)
-    means = [np.bincount(recordings, table[f"pressure_{side}_pa"].to_numpy()[rows]) / sizes for side in "ab"]
-    gauges = np.column_stack(means)[recordings] - float(table.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    groups = []
-    for name in dict.fromkeys(assemblies.tolist()):
-        own = np.flatnonzero(assemblies == name)
-        groups += [Group(name, own[part], gauges[own[part]].mean(axis=0)) for part in alike(gauges[own])]
-    return groups
-
-
-def alike(pairs: Array) -> list[Array]:
-    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
-    left, out = np.arange(len(pairs)), []
-    while len(left):
-        near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)
-        out.append(left[near])
-        left = left[~near]
-    return out
 
 
 def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
@@ -152,7 +100,7 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
 def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[dict[str, Any]], dict[str, FrictionFit], str]:
     """Return a map, its groups as plain data, the fit of each assembly, and reasons for missing fits."""
     table = read_map(path)
-    found = groups_of(table)
+    found = groups_of(table, MOST_POINTS)
     names = list(dict.fromkeys(group.assembly for group in found))
     found.sort(key=lambda group: (names.index(group.assembly), *group.gauges))
     groups = [
@@ -384,11 +332,6 @@ def _points(table: xr.Dataset, rows: Array) -> list[dict[str, Any]]:
         "flags": part["flags"].to_numpy().tolist(),
     }
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-
-
-def bar(gauge_pa: float) -> str:
-    """Return a gauge pressure in bar as text. Values near zero become zero."""
-    return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
 
 
 def _fit(workspace: Workspace, path: str) -> AnyFit:
