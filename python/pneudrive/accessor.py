@@ -121,7 +121,7 @@ class Pneu:
         """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
 
         A run under control has its score instead, a characteristic its results, an ensemble the spread of its outputs,
-        and a sensitivity the effect of each number.
+        a sensitivity the effect of each number, and a friction map its curves and flags.
 
         Parameters
         ----------
@@ -150,6 +150,8 @@ class Pneu:
             return upper("characteristic_view")(self._run)
         if "member" in self._run.dims or "number" in self._run.dims:
             return upper("ensemble_view" if "member" in self._run.dims else "sensitivity_view")(self._run)
+        if "row" in self._run.dims:
+            return upper("map_view")(self._run)
         return upper("view_of_run")(self._run, drive)
 
     def info(self, drive: Drive | Circuit | None = None) -> View:

@@ -16,7 +16,6 @@ import polars as pl
 import xarray as xr
 
 from pneudrive.campaign.storage.folder import RIG
-from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.control.results.card import ABOUT as BENCHMARK
 from pneudrive.control.results.card import read_comparison
 from pneudrive.describe.all_values import values_of
@@ -30,12 +29,14 @@ from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
 from pneudrive.files.csv_tables import csv_names
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
-from pneudrive.friction.friction_map import AMBIENT, read_map
+from pneudrive.friction.friction_map import groups_of, read_map
 from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.follow.regulator import Regulator
+from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
+from pneudrive.report.speed import map_view
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
@@ -194,26 +195,16 @@ def _validation_view(stored: StoredResult) -> View:
 
 
 def _characterisation_view(stored: StoredResult) -> View:
-    fits = ((name, fit.view()) for name, fit in stored.content["fits"].items())
-    rows = [replace(row, key=f"{name}: {row.key}") for name, view in fits for row in view.rows]
-    return replace(_map_view(stored.content["map"]), rows=tuple(rows))
-
-
-def _map_view(found: xr.Dataset) -> View:
-    """Return friction over speed, a curve for each direction and pair of gauge pressures, with U (k = 2)."""
-    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    sides = (np.round((found[f"pressure_{side}_pa"].to_numpy() - ambient) / 1e5, 1) + 0.0 for side in "ab")
-    velocity, friction = found["velocity_m_s"].to_numpy(), found["friction_n"].to_numpy()
-    reach = 2.0 * np.hypot(found["stderr_n"].to_numpy(), found["u_systematic_n"].to_numpy())
-    signs = np.where(velocity > 0.0, "+x", "-x")
-    labels = np.array([f"{sign}, {a:g} and {b:g} bar gauge" for sign, a, b in zip(signs, *sides, strict=True)])
-    curves = []
-    for label in dict.fromkeys(labels.tolist()):
-        rows = np.flatnonzero(labels == label)
-        rows = rows[np.argsort(np.abs(velocity[rows]), kind="stable")]
-        band = (friction[rows] - reach[rows], friction[rows] + reach[rows])
-        curves.append(_curve(label, np.abs(velocity[rows]), friction[rows], ("speed", "friction", "m/s", "N"), band))
-    return View(f"{found.sizes['row']} points of friction", curves=tuple(curves))
+    fits, table = stored.content["fits"], stored.table
+    rows = [
+        replace(row, key=f"{name}: {row.key}", label=f"{name}: {row.label}")
+        for name, fit in fits.items()
+        for row in fit.view().rows
+    ]
+    groups = list(dict.fromkeys(group.assembly for group in groups_of(table)))
+    names = {group: "fit" if len(groups) == 1 else Path(fit_file(group)).stem for group in groups}
+    laws = {group: {fits[name].law: fits[name]} for group, name in names.items() if hasattr(fits.get(name), "law")}
+    return replace(map_view(table, laws), rows=tuple(rows))
 
 
 def _curve(
@@ -270,8 +261,7 @@ def view_of(result: Any) -> View:  # noqa: ANN401 - any result
         The result is a description, which has no view.
     """
     if isinstance(result, xr.Dataset):
-        views = {"run": _run_view, "friction map": _map_view}
-        return views[kind](result) if (kind := kind_of(result)) in views else result.pneu.view()
+        return _run_view(result) if kind_of(result) == "run" else result.pneu.view()
     if hasattr(result, "view"):
         return result.view()
     raise CommandError(f"a {kind_of(result)} has no values to show")

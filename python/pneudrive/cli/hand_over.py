@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
-    from pneudrive import report, units
+    from pneudrive import units
     from pneudrive.describe.files import load
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.identify import export as friction_export
@@ -23,7 +23,7 @@ with used_later(__name__):
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import friction_curve
     from pneudrive.report import fit as fit_pages
-    from pneudrive.report import speed
+    from pneudrive.report import recordings as recordings_page
     from pneudrive.studies import bracha, identified_axis
     from pneudrive.studies.bracha import reproduction
 
@@ -166,7 +166,9 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
     made = reproduction.reproduce(folder / bracha.FOLDER)
     sections = (identified_axis.identify_axis(pn.Circuit.load(AXIS)).section(),)
-    page = report.write_report(found, fits, folder, fit_pages.WithSections(made, sections))
-    for number, line in enumerate(speed.verdict(found, fits, made), 1):
-        typer.echo(f"{number}. {line}")
+    report = recordings_page.recordings_report(found, fits, fit_pages.WithSections(made, sections))
+    page = report.write(folder)
+    typer.echo(f"{report.title}: {len(found.results)} recordings")
+    for number, line in enumerate(report.lines, 1):
+        typer.echo(f"{number}. {line.text}")
     typer.echo(f"\nReport: {page.resolve()}")

@@ -29,6 +29,7 @@ with used_later(__name__):
     from pneudrive.report import campaign as campaign_page
     from pneudrive.report import comparison as comparison_page
     from pneudrive.report import layout_figure, render
+    from pneudrive.report import recordings as recordings_page
     from pneudrive.signals import layout as layouts
     from pneudrive.signals import load
     from pneudrive.signals import proposal as proposals
@@ -137,7 +138,7 @@ def characterise(
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
     _show_problems(problems)
-    terminal.show_view(found.view())
+    terminal.show_view(recordings_page.characterisation_view(found, fits))
     balances = [closure.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
     terminal.show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:

@@ -12,6 +12,7 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError
 from pneudrive.files.csv_tables import read_csv
 from pneudrive.files.tables import open_table
+from pneudrive.lazy_names import upper
 from pneudrive.simulation.trajectory import check_target, write_frame
 from pneudrive.views import ShownCurve
 
@@ -78,6 +79,7 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
         if name in columns:
             kind = {"": object, "1": np.int64}.get(unit, np.float64)
             variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
+    upper("Pneu")  # registers `map.pneu`
     return xr.Dataset(variables, attrs={"title": "friction map"})
 
 

@@ -44,9 +44,10 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Items:
-    """A list of sentences."""
+    """A list of sentences; `kind` as of a paragraph."""
 
     items: tuple[str, ...]
+    kind: str = "plain"
 
 
 @dataclass(frozen=True)
@@ -101,16 +102,18 @@ def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None 
 
 def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
     """Return the section of a result: findings, leading values and notes, values, figures and tables."""
-    states = {"open": "note", "bad": "fails"}
-    findings = (Paragraph(f"{f.text} {f.remedy}".strip(), states[f.state]) for f in view.findings if f.state in states)
-    good = (f"{f.text} {f.remedy}".strip() for f in view.findings if f.state == "good")
-    facts = Items((*(value.text for value in view.leading), *good, *view.notes))
+    facts: dict[str, list[str]] = {"fails": [], "note": [], "plain": [value.text for value in view.leading]}
+    for finding in view.findings:
+        kind = {"bad": "fails", "open": "note"}.get(finding.state, "plain")
+        facts[kind].append(f"{finding.text} {finding.remedy}".strip())
+    facts["plain"] += view.notes
+    lists = (Items(tuple(items), kind) for kind, items in facts.items() if items)
     tables = []
     for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
         tables += [PageTable(tuple(head), tuple(map(tuple, rows)), caption)] if rows else []
     pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
     tables += [PageTable(table.head, table.rows, table.caption, table.numbers_from) for table in view.tables]
-    return section(key, view.title, *findings, facts if facts.items else None, *pictures, *tables, synthetic=synthetic)
+    return section(key, view.title, *lists, *pictures, *tables, synthetic=synthetic)
 
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:

@@ -163,7 +163,8 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
             label = curve.label.removeprefix(f"{assembly}: ") if is_single else ""
             names = () if is_single else (*[""] * (curve.x.size - 1), bar(max(group.gauges, key=abs)))
             size = 2.2 if count > MANY else 4.0
-            marks.append(Markers(curve.x, curve.y, label, own, *ends, size, not index % 2, names=names))
+            look = {"size": size, "filled": not index % 2, "names": names}
+            marks.append(Markers(curve.x, curve.y, label, own, *ends, **look))
             marks += _law(group, curve, fits.get(assembly) or fits.get(ALL_RECORDINGS), own)
         drawn.append(Panel(marks, "" if is_single else assembly))
     y = Axis("friction / N", low=0.0) if all((c.y >= 0.0).all() for _, own in groups for c in own) else "friction / N"

@@ -17,7 +17,7 @@ from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import campaign_friction
 from pneudrive.report import write_report
 from pneudrive.report.campaign import write_campaign_report
-from pneudrive.report.speed import verdict
+from pneudrive.report.recordings import recordings_report
 from pneudrive.studies.bracha import Claim
 
 PRESSURES = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
@@ -140,7 +140,7 @@ def test_a_verdict_reaches_page_and_summary(made, tmp_path):
     page = write_report(None, {}, tmp_path, other).read_text(encoding="utf-8")
     assert "0 of 1 sentence that can be checked hold, 0 hold in part, 1 does not hold" in page
     assert "The lower line is the higher pressure." in page
-    assert "1 does not hold" in verdict(None, {}, other)[0]
+    assert "1 does not hold" in recordings_report(None, {}, other).lines[0].text
 
 
 def test_printed_chambers_lose_energy_and_the_balance_does_not(made):

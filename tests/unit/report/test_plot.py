@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.figures import Figure, Line, Panel
 from pneudrive.friction import level
 from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
-from pneudrive.friction.sentences import flag_sentences, flag_table
+from pneudrive.friction.sentences import flag_table
 from pneudrive.report.recordings import pressure_panel
 from pneudrive.report.render import draw_figure
 from pneudrive.signals import recording, text_table
@@ -107,8 +107,10 @@ def test_the_guide_has_the_meanings_and_remedies_of_the_table():
 
 def test_terminal_and_notebook_explain_the_raised_flags(make):
     found = characterise_recordings(make(friction=-4.0))
-    assert flag_sentences(["negative_friction"])[0] in found.view().notes
-    assert not any("unpaired:" in note for note in found.view().notes)
+    text, flag = str(found.view()), FLAGS["negative_friction"]
+    assert f"negative_friction: {flag['means']}" in text
+    assert flag["do"] in text
+    assert "unpaired:" not in text
 
 
 def test_what_the_code_raises_is_explained():

@@ -41,7 +41,7 @@ def verdict(
     """Return the results as a few lines, or as one line."""
     topic, pairs = Topic(PAGE, "verdict"), recovered(found)
     first = topic.say("paper", count=count_verdicts(claims))
-    truth = topic.say("recovered", inside=pairs.inside, all=pairs.true_n.size) if pairs else ""
+    truth = "" if pairs is None else topic.say("recovered", inside=pairs["is_inside"].sum(), all=pairs.height)
     if not alone:
         yield f"{first}; {truth}."
         return
