@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,17 +36,7 @@ from pneudrive.friction.strokes import StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import (
-    CampaignFile,
-    LongFile,
-    RecordingFile,
-    find_cycles,
-    find_long,
-    from_run,
-    is_run,
-    read_cycles,
-    recording_files,
-)
+from pneudrive.signals.load import LongFile, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import Viewed
 
@@ -59,7 +50,7 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
     from pneudrive.views import View
 
-    Source = Recording | RecordingFile | CampaignFile
+    Reader = Callable[[], Recording | LongFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 
@@ -309,26 +300,28 @@ def characterise_recordings(
         If a file or recording cannot be used.
     """
     choice = protocol if protocol is not None else Settled()
-    watch, sources = Watch(progress, cancel), _sources(recordings, layout)
-    number = sum(len(source) if isinstance(source, CampaignFile) else 1 for source in sources)
+    watch, (number, readers) = Watch(progress, cancel), _readers(recordings, layout)
     is_large = number > KEPT_IN_FULL
     shown = np.unique(np.linspace(0, number - 1, SHOWN).astype(int)) if is_large else np.arange(number)
     found = _Results(large=is_large)
-    for place, read in enumerate(_readers(sources)):
+    for place, (name, read) in enumerate(readers):
         watch.tell(place, number, "recordings characterised")
-        found.add(read, choice, watch, is_shown=place in shown)
+        found.add(name, read, choice, watch, is_shown=place in shown)
     watch.tell(number, number, "recordings characterised")
     return found.characterisation(choice)
 
 
-def _sources(recordings: Input, layout: Layout | str | Path | None) -> list[Source]:
-    """Return the recordings, files and campaign files of the input; recordings and trajectories first."""
+def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int, Iterator[tuple[str, Reader]]]:
+    """Return the number of recordings, and the name of each with a function that reads it, or opens it if it is long.
+
+    Recordings and trajectories come before files.
+    """
     items: list = [recordings]
     if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
         items = list(recordings)
     if not items:
         raise RecordingError("no recording is given", remedy="Give at least one recording or file.")
-    loaded: list[Source] = []
+    loaded: list[Recording] = []
     paths: list[str | Path] = []
     for item in items:
         if isinstance(item, str | Path):
@@ -342,19 +335,21 @@ def _sources(recordings: Input, layout: Layout | str | Path | None) -> list[Sour
                 "this is not a recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
             )
     files = recording_files(paths, layout) if paths else []
-    return loaded + [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
+    campaigns = [find_cycles(file) if file.has_cycles else None for file in files]
+
+    def readers() -> Iterator[tuple[str, Reader]]:
+        yield from ((recording.name, partial(_itself, recording)) for recording in loaded)
+        for file, campaign in zip(files, campaigns, strict=True):
+            if campaign is None:
+                yield file.name, lambda file=file: find_long(file, reduction.LONG_SAMPLES) or file.read()
+            else:
+                yield from ((cycle.name, partial(_itself, cycle)) for cycle in campaign.recordings())
+
+    return len(loaded) + sum(1 if campaign is None else len(campaign) for campaign in campaigns), readers()
 
 
-def _readers(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording | LongFile]]]:
-    """Yield the name of each recording and a function that reads it, or opens it if it is long."""
-    for source in sources:
-        if isinstance(source, CampaignFile):
-            for cycle in read_cycles(source):
-                yield cycle.name, lambda cycle=cycle: cycle
-        elif isinstance(source, Recording):
-            yield source.name, lambda source=source: source
-        else:
-            yield source.name, lambda source=source: find_long(source, reduction.LONG_SAMPLES) or source.read()
+def _itself(recording: Recording) -> Recording:
+    return recording
 
 
 class _Results:
@@ -376,14 +371,7 @@ class _Results:
         self.long: list[str] = []
         self._seen: dict[bytes, str] = {}
 
-    def add(
-        self,
-        source: tuple[str, Callable[[], Recording | LongFile]],
-        choice: SampleChoice,
-        watch: Watch,
-        *,
-        is_shown: bool,
-    ) -> None:
+    def add(self, name: str, read: Reader, choice: SampleChoice, watch: Watch, *, is_shown: bool) -> None:
         """Read and reduce a recording.
 
         Raises
@@ -391,7 +379,6 @@ class _Results:
         RecordingError
             If it cannot be used, and is not one of many.
         """
-        name, read = source
         try:
             recording = read()
             if isinstance(recording, LongFile):

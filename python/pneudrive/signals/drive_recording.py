@@ -390,12 +390,12 @@ def _labels(about: object) -> dict[str, str]:
     return {str(key): str(text) for key, text in labels.items()} if isinstance(labels, dict) else {}
 
 
-def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array]:
+def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array | float]:
     """Return the columns of a file in SI, and warn of flags."""
     imported = import_file(path, said)
     for flag, count in imported.flags.items():
         warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
-    return {name: column.to_numpy() for name, column in imported.frame.to_dict().items()}
+    return dict(imported.columns)
 
 
 def check_plausible(recording: DriveRecording, drive: Drive) -> None:

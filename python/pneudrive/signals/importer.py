@@ -1,4 +1,4 @@
-"""One importer: a foreign file of any format becomes one polars frame, through a layout with named columns in SI.
+"""One importer: a foreign file of any format becomes columns in SI, named by a layout.
 
 `read_foreign` reads every column of a file without a layout. `read_channels` reads the columns of a layout in the units
 of the file, each with one value for each time. `import_file` brings them to SI, with absolute pressures. Nothing behind
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    import polars as pl
     from numpy.typing import NDArray
 
     from pneudrive.signals.layout import FileLayout, TimeColumn
@@ -68,19 +67,20 @@ SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over
 
 @dataclass(frozen=True)
 class Imported:
-    """A file as one frame.
+    """A file as columns of one length.
 
     Attributes
     ----------
-    frame : polars.DataFrame
-        Columns in SI by the names of `SI_NAMES`, and the forces of ``[[force]]`` by ``force 1``; pressures absolute.
+    columns : dict
+        Columns in SI by the names of `SI_NAMES`, and the forces of ``[[force]]`` by ``force 1``; pressures absolute. A
+        stated pressure is a number.
     flags : dict
         Counts of faults on reading.
     sha256 : str or None
         Hash of the file; None for a part of it.
     """
 
-    frame: pl.DataFrame
+    columns: Mapping[str, Array | float]
     flags: dict[str, int] = field(default_factory=dict)
     sha256: str | None = None
 
@@ -305,7 +305,7 @@ def read_rows(path: Path, layout: FileLayout, rows: tuple[int, int]) -> Columns:
 
 
 def import_file(path: Path, layout: FileLayout) -> Imported:
-    """Read the columns that a layout names as one frame in SI.
+    """Read the columns that a layout names, in SI.
 
     Raises
     ------
@@ -332,7 +332,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
         )
     guessed = sum(column.guessed for column in layout.channels.values())
     flags = table.flags | ({"unit_guessed": guessed} if guessed else {})
-    return Imported(si_frame(layout, raw), flags, hashlib.sha256(data).hexdigest())
+    return Imported(si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest())
 
 
 def unit_doubts(layout: FileLayout) -> list[str]:
@@ -370,13 +370,11 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
     ]
 
 
-def si_frame(layout: FileLayout, raw: Columns) -> pl.DataFrame:
-    """Return raw columns, by channel, as one frame in SI on one time base, with stated pressures and parallel forces.
+def si_columns(layout: FileLayout, raw: Columns) -> dict[str, Array | float]:
+    """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
 
     A delayed channel is shifted, and the ends at which it has no values are left out.
     """
-    import polars as pl
-
     values = {channel: convert(layout, channel, column) for channel, column in raw.items()}
     time, delay_s = values["time"], layout.time.delay_s
     known = np.isfinite(time)
@@ -389,9 +387,8 @@ def si_frame(layout: FileLayout, raw: Columns) -> pl.DataFrame:
     for number, force in enumerate(layout.force, 1):
         across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)
         values[f"force {number}"] = (1 if force.positive == "+x" else -1) * force.area_m2 * across
-    frame = pl.DataFrame({SI_NAMES.get(channel, channel): column for channel, column in values.items()})
     stated = layout.chamber_pressures() if layout.kind == "rig" else {}
-    return frame.with_columns(pl.lit(pressure).alias(SI_NAMES[channel]) for channel, pressure in stated.items())
+    return {SI_NAMES.get(channel, channel): column for channel, column in (values | stated).items()}
 
 
 def convert(layout: FileLayout, channel: str, raw: Array) -> Array:

@@ -6,6 +6,7 @@ import hashlib
 import sys
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table
-from pneudrive.signals.importer import SI_NAMES, Imported, import_file, read_rows, si_frame
+from pneudrive.signals.importer import SI_NAMES, Imported, import_file, read_rows, si_columns
 from pneudrive.signals.layout import KINDS, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
 from pneudrive.signals.text_table import column_number, read_bytes
@@ -41,16 +42,21 @@ class RecordingFile:
     layout: Layout | None
     name: str
 
+    @cached_property
+    def said(self) -> FileLayout | None:
+        """The layout with the overrides that match the name of the file."""
+        return None if self.layout is None else self.layout.for_file(self.path)
+
     @property
     def has_cycles(self) -> bool:
         """Whether it is a campaign file, with a recording for each cycle."""
-        return self.layout is not None and self.layout.for_file(self.path).columns.cycle is not None
+        return self.said is not None and self.said.columns.cycle is not None
 
     def read(self) -> Recording:
         """Read its single recording."""
-        if self.layout is None:
+        if self.said is None:
             return read_trajectory(self.path, self.name)
-        return load_recording(self.path, self.layout, self.name)
+        return to_recording(self.name, self.path, self.said, import_file(self.path, self.said))
 
 
 def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
@@ -155,8 +161,6 @@ class LongFile:
     Attributes
     ----------
     file : RecordingFile
-    said : FileLayout or None
-        None: a trajectory.
     count : int
         Rows of the file.
     table : Table
@@ -164,26 +168,26 @@ class LongFile:
     """
 
     file: RecordingFile
-    said: FileLayout | None
     count: int
     table: Table
 
     @property
     def first(self) -> int:
         """First row that is used."""
-        return 0 if self.said is None else self.said.skip_samples
+        return 0 if self.file.said is None else self.file.said.skip_samples
 
     def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
         """Read some rows of the raw columns, by channel."""
-        if self.said is None:
+        if self.file.said is None:
             return read_columns(self.file.path, MEASURED, rows, self.table)
-        return read_rows(self.file.path, self.said, rows)
+        return read_rows(self.file.path, self.file.said, rows)
 
     def recording(self, raw: dict[str, NDArray[np.float64]]) -> Recording:
         """Return the recording of raw columns, without the hash of the file."""
-        if self.said is None:
-            return from_trajectory(raw, self.file.name, self.file.path, is_part=True)
-        return to_recording(self.file.name, self.file.path, self.said, Imported(si_frame(self.said, raw)))
+        name, path, said = self.file.name, self.file.path, self.file.said
+        if said is None:
+            return from_trajectory(raw, name, path, is_part=True)
+        return to_recording(name, path, said, Imported(si_columns(said, raw)))
 
     def sha256(self, ended: Event) -> str:
         """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
@@ -191,7 +195,7 @@ class LongFile:
         After `ended` is set, no caller waits for the hash, which then covers only the part that was read.
         """
         path = self.file.path
-        if self.said is None:
+        if self.file.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
             pieces = ((column, part) for column in COLUMNS for part in parts if not ended.is_set())
             return digest_of(read_columns(path, [c], part, self.table)[c] for c, part in pieces)
@@ -204,19 +208,19 @@ class LongFile:
 
 def find_long(file: RecordingFile, least: int) -> LongFile | None:
     """Return a Parquet file with more than `least` rows for reading in parts; None for other files and for dates."""
-    said = None if file.layout is None or file.has_cycles else file.layout.for_file(file.path)
-    if file.has_cycles or (said is not None and (said.format != "parquet" or said.dates or not said.is_plain)):
-        return None
-    if said is None and file.path.suffix != ".parquet":
-        return None
-    table = open_table(file.path, "parquet")
-    count = table.count()
-    return LongFile(file, said, count, table) if count is not None and count > least else None
+    said = file.said
+    if said is None:
+        is_plain = file.path.suffix == ".parquet"
+    else:
+        is_plain = said.format == "parquet" and said.is_plain and not said.dates and not file.has_cycles
+    table = open_table(file.path, "parquet") if is_plain else None
+    count = None if table is None else table.count()
+    return LongFile(file, count, table) if table is not None and count is not None and count > least else None
 
 
 def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) -> Recording:
     """Return the recording of a file that was imported through a layout."""
-    frame, curve = imported.frame, layout.force_calibration if "force" in layout.channels else None
+    columns, curve = imported.columns, layout.force_calibration if "force" in layout.channels else None
     _, *rig_channels = KINDS["rig"].units
     measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
     limits = {name: column.range for name, column in measured.items() if column.range is not None}
@@ -227,8 +231,8 @@ def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) 
     area_a, area_b = layout.geometry.areas() if layout.kind == "rig" else (0.0, 0.0)
     return Recording(
         name=name,
-        time_s=frame["time_s"].to_numpy(),
-        **{name: frame[name].to_numpy() if name in frame else 0.0 for name in CHANNELS},  # type: ignore[arg-type]
+        time_s=columns["time_s"],
+        **{name: columns.get(name, 0.0) for name in CHANNELS},  # type: ignore[arg-type]
         area_a_m2=area_a,
         area_b_m2=area_b,
         ambient_pressure_pa=layout.ambient_pa,
@@ -246,7 +250,7 @@ def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) 
         calibration={name: column.calibration for name, column in measured.items() if column.calibration},
         force_calibration=curve.applied() if curve is not None else None,
         parallel=tuple(
-            ParallelForce(force.name, force.area_m2, force.area_accuracy, frame[f"force {number}"].to_numpy())
+            ParallelForce(force.name, force.area_m2, force.area_accuracy, columns[f"force {number}"])
             for number, force in enumerate(layout.force, 1)
         ),
     )
@@ -259,8 +263,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 class CampaignFile:
     """A campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
 
-    path: Path
-    layout: Layout
+    file: RecordingFile
     bounds: NDArray[np.int64]
     numbers: NDArray[np.int64]
 
@@ -268,8 +271,22 @@ class CampaignFile:
         """Return the number of cycles."""
         return self.numbers.size
 
+    def recordings(self) -> Iterator[Recording]:
+        """Yield one cycle after the other, reading a batch of rows at a time."""
+        path, said, start = self.file.path, self.file.said, 0
+        assert said is not None
+        while start < len(self):
+            last = int(np.searchsorted(self.bounds, self.bounds[start] + BATCH_SAMPLES, side="right")) - 1
+            stop = min(max(last, start + 1), len(self))
+            rows = self.bounds[start : stop + 1] - self.bounds[start]
+            raw = read_rows(path, said, (int(self.bounds[start]), int(self.bounds[stop])))
+            for number, first, end in zip(self.numbers[start:stop], rows[:-1], rows[1:], strict=True):
+                cycle = {channel: column[first:end] for channel, column in raw.items()}
+                yield to_recording(f"{stem(path)}/{number}", path, said, Imported(si_columns(said, cycle)))
+            start = stop
 
-def find_cycles(path: Path, layout: Layout) -> CampaignFile:
+
+def find_cycles(file: RecordingFile) -> CampaignFile:
     """Find where each cycle of a campaign file starts.
 
     A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
@@ -282,7 +299,8 @@ def find_cycles(path: Path, layout: Layout) -> CampaignFile:
     RecordingError
         If the file is not Parquet, has no such column or no rows, or a cycle is in two places.
     """
-    said = layout.for_file(path)
+    path, said = file.path, file.said
+    assert said is not None
     if said.format != "parquet":
         raise RecordingError(
             "cycles are read from Parquet only",
@@ -310,24 +328,7 @@ def find_cycles(path: Path, layout: Layout) -> CampaignFile:
             where=str(path),
             rule="all rows of a cycle must be together, in the order of time",
         )
-    return CampaignFile(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
-
-
-def read_cycles(cycles: CampaignFile) -> Iterator[Recording]:
-    """Yield one cycle after the other, reading a batch of rows at a time."""
-    said = cycles.layout.for_file(cycles.path)
-    start = 0
-    while start < len(cycles):
-        last = int(np.searchsorted(cycles.bounds, cycles.bounds[start] + BATCH_SAMPLES, side="right")) - 1
-        stop = min(max(last, start + 1), len(cycles))
-        first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
-        raw = read_rows(cycles.path, said, (first_row, end_row))
-        for index in range(start, stop):
-            part = slice(int(cycles.bounds[index]) - first_row, int(cycles.bounds[index + 1]) - first_row)
-            name = f"{stem(cycles.path)}/{cycles.numbers[index]}"
-            frame = si_frame(said, {channel: column[part] for channel, column in raw.items()})
-            yield to_recording(name, cycles.path, said, Imported(frame))
-        start = stop
+    return CampaignFile(file, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
 
 
 # Columns that identify a trajectory file; other files lack some.

@@ -34,8 +34,8 @@ from pneudrive.signals.evidence import (
     unit_by_size,
 )
 from pneudrive.signals.importer import read_foreign
-from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import find_cycles, load_recording, read_cycles
+from pneudrive.signals.layout import Layout, stem
+from pneudrive.signals.load import RecordingFile, find_cycles
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.times import COUNTERS, filled, on_clock, unwrapped
 from pneudrive.units import converter
@@ -45,15 +45,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.progress import Watch
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
     from pneudrive.signals.text_table import FileForm
 
     Array = NDArray[np.float64]
-    from numpy.typing import NDArray
-
-    from pneudrive.progress import Watch
-    from pneudrive.signals.evidence import FileColumn
-    from pneudrive.signals.motion import Stroke
-    from pneudrive.signals.recording import Recording
 
 CLEAR = 1.0  # least difference of the weights of two candidates
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
@@ -658,9 +655,8 @@ def _one_pressure(guesses: list[Guess]) -> list[Guess]:
 
 
 def _first_recording(path: Path, layout: Layout) -> Recording:
-    if layout.for_file(path).columns.cycle is None:
-        return load_recording(path, layout)
-    return next(read_cycles(find_cycles(path, layout)))
+    file = RecordingFile(path, layout, stem(path))
+    return next(find_cycles(file).recordings()) if file.has_cycles else file.read()
 
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:

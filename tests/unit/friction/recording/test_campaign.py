@@ -10,7 +10,7 @@ from pneudrive import batching
 from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
 from pneudrive.friction import characterisation
-from pneudrive.signals.load import find_cycles
+from pneudrive.signals.load import RecordingFile, find_cycles
 
 LAYOUT = Layout.loads("""
 format = "parquet"
@@ -124,7 +124,7 @@ def test_one_bad_cycle_of_many_is_skipped_and_named(plan, monkeypatch, tmp_path)
     assert found.skipped == (("bad/7", "no motion"),)
     assert found.friction_map.sizes["row"] == 22
     frame.filter(pl.col("cycle") != 8).with_columns(twin).write_parquet(tmp_path / "less.parquet")
-    assert find_cycles(tmp_path / "less.parquet", LAYOUT).numbers.tolist() == [*range(9), 10, 11]
+    assert find_cycles(RecordingFile(tmp_path / "less.parquet", LAYOUT, "less")).numbers.tolist() == [*range(9), 10, 11]
 
 
 def test_files_that_are_no_campaign(plan, tmp_path):
