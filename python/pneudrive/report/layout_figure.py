@@ -1,4 +1,4 @@
-"""A figure of how a proposed layout reads a foreign file."""
+"""Figures of a recording and its rig, and of how a proposed layout reads a foreign file."""
 
 from __future__ import annotations
 
@@ -9,20 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive import figures
 from pneudrive.errors import CommandError
-from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack
+from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
 from pneudrive.report.render import draw_figure
+from pneudrive.report.tables import spread_evenly
 from pneudrive.report.topics import texts_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     from pneudrive.rig.interface import Envelope, Identity
+    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.proposal import Proposal
     from pneudrive.signals.recording import Recording
 
 
 SHOWN_STROKES = 6
+MOST_STROKES = 200  # over position: more thin lines cannot be told apart
 FIRST_SAMPLES = 4000
 WIDTH_IN = 9.0
 TITLE_WIDTH = 95  # characters over one panel
@@ -48,7 +52,12 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     CommandError
         If the picture cannot be written.
     """
-    figure = _columns(proposal) if proposal.recording is None else _recording(proposal)
+    if proposal.recording is None:
+        figure = _columns(proposal)
+    else:
+        notes = {guess.role: f"column {guess.column!r}: {guess.reason}" for guess in proposal.guesses}
+        title = f"{proposal.path.name}: as understood, {len(proposal.strokes)} strokes found"
+        figure = record_figure(proposal.recording, proposal.strokes, notes, title)
     try:
         draw_figure(figure, path)
     except (OSError, ValueError) as error:
@@ -69,26 +78,37 @@ def _columns(proposal: Proposal) -> Figure:
     return stack(panels, 5.4, x="row", title=f"{proposal.path.name}: {text}", width_in=WIDTH_IN)
 
 
-def _recording(proposal: Proposal) -> Figure:
-    """Draw the channels of the first strokes over time, and force against position."""
-    recording, strokes = proposal.recording, proposal.strokes
-    assert recording is not None
-    names = {guess.role: guess for guess in proposal.guesses}
-    part = slice(0, strokes[min(SHOWN_STROKES, len(strokes)) - 1].stop if strokes else FIRST_SAMPLES)
+def record_figure(
+    recording: Recording, strokes: Sequence[Stroke], notes: Mapping[str, str] | None = None, title: str = ""
+) -> Figure:
+    """Draw the channels over time with strokes shaded, and force against position.
+
+    Parameters
+    ----------
+    recording : Recording
+    strokes : sequence of Stroke
+    notes : mapping, optional
+        Channel -> title of its panel: the first strokes are drawn. Without notes, all samples of all channels are.
+    title : str
+    """
+    first = strokes[:SHOWN_STROKES] if notes else strokes
+    stop = first[-1].stop if first else FIRST_SAMPLES
+    part = slice(0, stop, thin(recording.time_s[:stop]).step) if notes else thin(recording.time_s)
     channels = [("position", recording.position_m, "position / mm")]
     for side in ("a", "b"):
-        if f"pressure_{side}" in names:
+        if f"pressure_{side}" in notes if notes else not is_open(recording, side):
             gauge = getattr(recording, f"pressure_{side}_pa") - recording.ambient_pressure_pa
             channels.append((f"pressure_{side}", gauge, f"pressure {side} /\nbar gauge"))
     channels.append(("force", recording.force_n, "force, +x / N"))
-    time, panels = recording.time_s, []
+    time, panels = recording.time_s - (0.0 if notes else recording.time_s[0]), []
     spans = [
         Rule((time[s.start], time[s.stop - 1]), look=Look("shade two" if s.direction > 0 else "shade"))
-        for s in strokes[:SHOWN_STROKES]
+        for s in first
+        if notes or s.direction > 0
     ]
     for role, values, label in channels:
-        title = fill(f"column {names[role].column!r}: {names[role].reason}", TITLE_WIDTH)
-        panels.append(Panel([*spans, Line(time[part], values[part], width=0.8)], title, y=label))
+        note = fill((notes or {}).get(role, ""), TITLE_WIDTH)
+        panels.append(Panel([*spans, Line(time[part], values[part], width=0.8)], note, y=label))
     loops = [
         Line(
             recording.position_m[s.samples],
@@ -96,12 +116,12 @@ def _recording(proposal: Proposal) -> Figure:
             look=Look() if s.direction > 0 else Look("orange", "--"),
             width=0.5,
         )
-        for s in strokes
+        for s in spread_evenly(strokes, MOST_STROKES)
     ]
     tall = Panel(loops, "", "position / mm", "force, +x / N (solid: towards +x, dashed: back)")
-    more = {"tall": tall, "widths": (2, 1), "width_in": WIDTH_IN, "text_scale": 0.85}
-    title = f"{proposal.path.name}: as understood, {len(strokes)} strokes found"
-    return stack(panels, 5.4, x="time / s (dark: towards +x)", title=title, **more)
+    more = {"tall": tall, "widths": (2, 1), "width_in": WIDTH_IN if notes else figures.WIDTH_IN, "text_scale": 0.85}
+    height = 5.4 if notes else 1.4 * len(panels)
+    return stack(panels, height, x="time / s (dark: towards +x)", title=title, **more)
 
 
 # --- Sketches of rigs, from strokes in a table.

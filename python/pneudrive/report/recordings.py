@@ -23,14 +23,13 @@ from pneudrive.figures import (
     Panel,
     Rule,
     look,
-    thin,
 )
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
 from pneudrive.report import campaign, provenance, strokes
-from pneudrive.report.layout_figure import is_open, recorded_rig
+from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
 from pneudrive.report.page import Picture, Report, view_report
 from pneudrive.report.render import draw_figure
 from pneudrive.report.speed import map_view, recovered_section
@@ -64,7 +63,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
     from pneudrive.report.fit import Fits, Study
     from pneudrive.report.page import Section
-    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
 #: Sections that recordings share with campaigns; a section without data is None.
@@ -96,41 +94,14 @@ def recording_view(recording: Recording) -> View:
         "samples per second": ((len(recording) - 1) / seconds if seconds else float("nan"), ""),
         "strokes": (float(len(found)), ""),
     }
-    figures = ()
-    if len(recording):
-        part = thin(recording.time_s)
-        loop = Line(recording.position_m[part], recording.force_n[part], width=0.5)
-        figures = (
-            topic.figure("record", records([(recording, found, recording.name)])),
-            topic.figure("force-position", Figure([Panel([loop])], "position / mm", "force F / N", row_in=2.6)),
-        )
     return View(
         f"{recording.name} ({'simulated' if recording.synthetic else 'measured'})",
         state="open" if any(finding.state != "good" for finding in findings) else "good",
         leading=tuple(LeadingValue(ShownValue(name, name, name, *value)) for name, value in numbers.items()),
         findings=tuple(findings),
         tables=(topic.table(_sensors((recording,)), "sensors").shown,) if len(recording) else (),
-        figures=figures,
+        figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),
     )
-
-
-def records(shown: Sequence[tuple[Recording, Sequence[Stroke], str]]) -> Figure:
-    """Draw position, pressure and force over time with strokes shaded, a column for each recording and its title."""
-    sides = [s for s in ("a", "b") if not all(is_open(recording, s) for recording, *_ in shown)] or ["b"]
-    rows: list[list[Panel]] = [[] for _ in range(2 + len(sides))]
-    for r, found, title in shown:
-        time = r.time_s - r.time_s[0]
-        channels = [("position / mm", r.position_m)]
-        for side in sides:
-            gauge = getattr(r, f"pressure_{side}_pa") - r.ambient_pressure_pa
-            channels.append((f"pressure {side} /\nbar gauge", gauge))
-        channels.append(("force F / N", r.force_n))
-        outward, part = [Rule((time[s.start], time[s.stop - 1])) for s in found if s.direction > 0], thin(time)
-        for row, (label, values) in zip(rows, channels, strict=True):
-            line = Line(time[part], values[part], width=0.6)
-            row.append(Panel([*outward, line], "" if row is not rows[0] else title, y=label))
-    shared = {"share_x": "col", "share_y": "row", "row_in": 1.15}
-    return Figure([panel for row in rows for panel in row], "time / s", columns=len(shown), **shared)
 
 
 # --- The view of a characterisation.
@@ -499,18 +470,16 @@ def _files(found: Characterisation) -> Iterator[tuple]:
         yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
 
 
-IN_ONE_FIGURE, MOST_FIGURES = 3, 3
+MOST_RECORDS = 9
 
 
 def record(found: Characterisation) -> Section:
     """Return the section with one recording of each seal over time, all channels."""
     topic, pictures = Topic("recordings", "record"), []
-    chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
-    for i in range(0, len(chosen), IN_ONE_FIGURE):
-        part = chosen[i : i + IN_ONE_FIGURE]
-        caption = topic.say("caption", names=", ".join(r.recording.name for r in part))
-        shown = [(r.recording, r.strokes, f"{r.recording.name} ({gauge_bar(r.levels[0]):.2g} bar)") for r in part]
-        pictures.append(Picture(f"record-{i // IN_ONE_FIGURE + 1}", caption, records(shown)))
+    for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
+        shown = group[len(group) // 2]
+        caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
+        pictures.append(Picture(f"record-{index}", caption, record_figure(shown.recording, shown.strokes)))
     return topic.section(topic.text(), *pictures)
 
 

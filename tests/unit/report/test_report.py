@@ -107,7 +107,7 @@ def test_a_map_and_a_recording_have_views_too(real):
     assert [value.text for value in view.leading] == [value.text for value in found.view().leading[:2]]
     assert "Stribeck velocity" in " ".join(finding.text for finding in characterisation_view(found, fits).findings)
     own = found.recordings[0].view()
-    assert [figure.name for figure in own.figures] == ["record", "force-position"]
+    assert [figure.name for figure in own.figures] == ["record"]
     for made in (view, own, found.view()):
         json.dumps(made.data(), allow_nan=False)
 
