@@ -48,7 +48,7 @@ from pneudrive.report.topics import Topic
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -106,7 +106,6 @@ def recording_view(recording: Recording) -> View:
 
 # --- The view of a characterisation.
 
-IN_VIEW = 8  # levels whose force balance a view shows
 COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
 MOST_STROKES = 100  # of each direction: more thin lines cannot be told apart
 
@@ -121,7 +120,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         Group -> law -> FrictionFit: fitted laws, parameters, and what the data leave undetermined.
     """
     base, topic = map_view(found.friction_map, fits), Topic("recordings", "view")
-    levels, spread = spread_evenly(found.levels, IN_VIEW), found.run_spread
+    spread = found.run_spread
     relative = [level.expanded_n / level.friction_n for level in found.levels if level.friction_n > 0]
     findings = [*base.findings, *(Finding(doubt, "bad") for doubt in found.doubts)]
     if spread and relative and spread.relative > float(np.median(relative)):
@@ -129,7 +128,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
             Finding(topic.say("runs_beyond_u", percent=100 * spread.relative), "open", topic.say("more_runs"))
         )
     figures, tables = [*base.figures], [*base.tables]
-    if _has_pressures(found):
+    if len(found.points) > 1 and np.ptp([p.pressure_pa for p in found.points]) >= MINIMUM_RANGE_PA:
         known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
         band = topic.say("runs" if spread else "one_run")
         texts = {"further": BAND[spread is not None], "known": known, "band": band}
@@ -143,8 +142,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
         figures.append(topic.figure("closure", closures(shown), said=text))
         tables.append(topic.table(_areas(found.closures), "areas").shown)
-    some = topic.say("some", shown=len(levels), all=len(found.levels)) if len(levels) < len(found.levels) else ""
-    figures.append(topic.figure("loops", loops_figure(levels), some=some))
+    figures += _loops(topic, found)
     states = {finding.state for finding in findings}
     single = (sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
     return replace(
@@ -195,11 +193,17 @@ def _effects(found: Characterisation) -> Iterator[LeadingValue]:
         yield LeadingValue(ShownValue("zero", fit.group, f"force zero ({fit.group})", zero.value, "N", interval))
 
 
-def loops_figure(levels: Sequence[Level]) -> Figure:
-    """Draw the force balance over position, a panel for each level."""
-    shared = {"share_x": "all", "share_y": "all", "text_scale": 0.9}
-    y = "balance, friction, offset / N"
-    return Figure(list(map(_loop, levels)), "position / mm", y, columns=COLUMNS, row_in=1.75, rest_in=0.7, **shared)
+def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
+    """Yield the force balance over position: a figure for each seal, a panel for each level."""
+    groups, shared = by_seal(found), {"share_x": "all", "share_y": "all", "text_scale": 0.9}
+    for seal, results in groups.items():
+        levels = [level for result in results for level in result.levels]
+        shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
+        some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
+        panels, y = list(map(_loop, shown)), "balance, friction, offset / N"
+        figure = Figure(panels, "position / mm", y, columns=COLUMNS, row_in=1.75, rest_in=0.7, **shared)
+        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
+        yield replace(topic.figure("loops", figure, seal=seal, some=some), name=f"loops-{name}")
 
 
 def _loop(level: Level) -> Panel:
@@ -271,10 +275,6 @@ def _interval(estimate: Estimate) -> str:
 MOST_PANELS = 9
 #: Meaning of the band, by whether a run was repeated.
 BAND = {True: "a further run", False: "a further recording of the same run"}
-
-
-def _has_pressures(found: Characterisation) -> bool:
-    return len(found.points) > 1 and bool(np.ptp([p.pressure_pa for p in found.points]) >= MINIMUM_RANGE_PA)
 
 
 def plot_pressure(found: Characterisation, path: str | Path) -> matplotlib.figure.Figure:
@@ -359,7 +359,7 @@ def recordings_report(
     addition = None if study is None else study.addition(found)
     parts: list[Section | None] = []
     if found is not None:
-        sections = (measured, record, loops, strokes.drift, strokes.peaks, budget)
+        sections = (measured, record, strokes.drift, strokes.peaks, budget)
         parts += [*(part(found) for part in sections), recovered_section(found, fits), strokes.stick_slip(found)]
     parts += addition.sections if addition is not None else ()
     parts += [] if curves is None else [part(curves) for part in CURVES]
@@ -480,20 +480,6 @@ def record(found: Characterisation) -> Section:
         shown = group[len(group) // 2]
         caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
         pictures.append(Picture(f"record-{index}", caption, record_figure(shown.recording, shown.strokes)))
-    return topic.section(topic.text(), *pictures)
-
-
-def loops(found: Characterisation) -> Section | None:
-    """Return the section with the force balance of the levels of each seal; None if the view shows all levels."""
-    if len(found.levels) <= IN_VIEW:
-        return None
-    topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
-    for seal, results in groups.items():
-        levels = [level for result in results for level in result.levels]
-        shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
-        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
-        some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
-        pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), loops_figure(shown)))
     return topic.section(topic.text(), *pictures)
 
 

@@ -91,7 +91,7 @@ def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
 
 
 def _fit_findings(table: xr.Dataset, fits: Fits) -> Iterator[Finding]:
-    """Yield what the fitted laws leave undetermined."""
+    """Yield a finding for the undetermined values of the fitted laws, and for each note on a fit."""
     topic, speeds = Topic("recordings", "open"), 1e3 * np.abs(table["velocity_m_s"].to_numpy())
     low, high = f"{speeds.min():.3g}", f"{speeds.max():.3g}"
     span = f"{low} to {high} mm/s" if low != high else f"{low} mm/s alone"

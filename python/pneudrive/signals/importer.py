@@ -80,7 +80,7 @@ class Imported:
         Hash of the file; None for a part of it.
     """
 
-    columns: Mapping[str, Array | float]
+    columns: Mapping[str, Any]
     flags: dict[str, int] = field(default_factory=dict)
     sha256: str | None = None
 
@@ -370,7 +370,7 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
     ]
 
 
-def si_columns(layout: FileLayout, raw: Columns) -> dict[str, Array | float]:
+def si_columns(layout: FileLayout, raw: Columns) -> dict[str, Any]:
     """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
 
     A delayed channel is shifted, and the ends at which it has no values are left out.
