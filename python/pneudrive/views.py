@@ -175,7 +175,6 @@ class ShownTable:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    numbers_from: int = 1
 
     @property
     def numbers_from(self) -> int:

@@ -62,7 +62,7 @@ class PageTable:
     @property
     def shown(self) -> ShownTable:
         """The table of a view."""
-        return ShownTable(self.caption, self.head, self.rows, self.numbers_from)
+        return ShownTable(self.caption, self.head, self.rows)
 
 
 @dataclass(frozen=True)
