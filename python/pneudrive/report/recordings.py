@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -97,7 +98,9 @@ def recording_view(recording: Recording) -> View:
     return View(
         f"{recording.name} ({'simulated' if recording.synthetic else 'measured'})",
         state="open" if any(finding.state != "good" for finding in findings) else "good",
-        leading=tuple(LeadingValue(ShownValue(name, name, name, *value)) for name, value in numbers.items()),
+        leading=tuple(
+            LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
+        ),
         findings=tuple(findings),
         tables=(topic.table(_sensors((recording,)), "sensors").shown,) if len(recording) else (),
         figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),

@@ -103,7 +103,7 @@ def _block(block: Block) -> Iterator[str]:
         yield ""
     elif isinstance(block, PageTable):
         if block.caption:
-            yield f"#text(fill: luma(90))[#{literal(block.caption)}]"
+            yield f"#block(sticky: true, text(fill: luma(90), {literal(block.caption)}))"
         align = ", ".join("right" if k >= block.numbers_from else "left" for k in range(len(block.head)))
         widths = ", ".join(
             ["auto"] * (len(block.head) - 1) + ["1fr" if block.numbers_from >= len(block.head) else "auto"]
