@@ -38,6 +38,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.report.speed import map_view
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
 from pneudrive.sizing.result import SUMMARY, SizingResult
@@ -90,13 +91,15 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     Parameters
     ----------
     path : path-like
-        File or folder that pneudrive wrote, a description, or ``catalogue:NAME``.
+        File or folder that pneudrive wrote, a description, ``catalogue:NAME``, or a recording of a rig with its
+        ``layout.toml``.
 
     Returns
     -------
     object
         Drive, Circuit, Tank or Regulator; a fit of any kind; run, friction map or ensemble as `xarray.Dataset`;
-        evaluated campaign; comparison of controllers; sizing; validation and characterisation as `StoredResult`.
+        evaluated campaign; comparison of controllers; sizing; validation and characterisation as `StoredResult`;
+        `Recording`.
 
     Raises
     ------
@@ -115,6 +118,9 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     kinds = ((_load_folder, path.is_dir()), (_load_toml, path.suffix == ".toml"))
     read = next((read for read, holds in (*kinds, (_load_table, path.suffix in SUFFIXES)) if holds), None)
     result = read(path) if read is not None and path.exists() else None
+    if result is None and path.is_file() and path.suffix not in NO_RECORDING:
+        layout = find_layout(path)
+        result = load_recording(path, layout) if layout is not None and layout.kind == "rig" else None
     if result is None:
         raise CommandError(
             f"{path} is not a result" if path.exists() else f"there is no {path}",

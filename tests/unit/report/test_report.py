@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pneudrive as pn
 from pneudrive.characterise import characterise_recordings, load_recordings
 from pneudrive.figures import LOOKS, Drawing
 from pneudrive.friction.pressure import LevelPoint
@@ -105,7 +106,7 @@ def test_a_map_and_a_recording_have_views_too(real):
     view = found.friction_map.pneu.view()
     assert [value.text for value in view.leading] == [value.text for value in found.view().leading[:2]]
     assert "Stribeck velocity" in " ".join(finding.text for finding in characterisation_view(found, fits).findings)
-    own = found.recordings[0].view()
+    own = pn.load(DATA / "friction" / "PK_1bar.csv.xz").view()
     assert [figure.name for figure in own.figures] == ["record"]
     for made in (view, own, found.view()):
         json.dumps(made.data(), allow_nan=False)
