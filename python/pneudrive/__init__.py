@@ -86,7 +86,6 @@ UPPER.update(
     figure_svg="pneudrive.report.page",
     **dict.fromkeys(["characterisation_view", "recording_view"], "pneudrive.report.recordings"),
     map_view="pneudrive.report.speed",
-    view_of="pneudrive.results",
     plot="pneudrive.report.trajectory",
     view_of_run="pneudrive.report.trajectory",
     controllers_view="pneudrive.report.control",

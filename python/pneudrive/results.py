@@ -201,7 +201,7 @@ def _validation_view(stored: StoredResult) -> View:
 
 
 def _characterisation_view(stored: StoredResult) -> View:
-    fits, table = stored.content["fits"], stored.table
+    fits, table = stored.content["fits"], stored.content["map"]
     rows = [
         replace(row, key=f"{name}: {row.key}", label=f"{name}: {row.label}")
         for name, fit in fits.items()

@@ -14,7 +14,7 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
 from pneudrive.report.render import render
 from pneudrive.simulation.trajectory import whole
-from pneudrive.views import Finding, ShownTable
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -58,11 +58,6 @@ class PageTable:
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
     numbers_from: int = 1
-
-    @property
-    def shown(self) -> ShownTable:
-        """The table of a view."""
-        return ShownTable(self.caption, self.head, self.rows)
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ def recording_view(recording: Recording) -> View:
             LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
         ),
         findings=tuple(findings),
-        tables=(topic.table(_sensors((recording,)), "sensors").shown,) if len(recording) else (),
+        tables=(topic.shown(_sensors((recording,)), "sensors"),) if len(recording) else (),
         figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),
     )
 
@@ -138,13 +138,13 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         figures.append(topic.figure("friction-pressure", over_pressure(found), **texts))
     if spread is not None:
         cells = ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
-        tables.append(topic.table(cells, "cells").shown)
+        tables.append(topic.shown(cells, "cells"))
     if found.closures:
         shown = spread_evenly(found.closures, MOST_GROUPS)
         text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
         text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
         figures.append(topic.figure("closure", closures(shown), said=text))
-        tables.append(topic.table(_areas(found.closures), "areas").shown)
+        tables.append(topic.shown(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
     states = {finding.state for finding in findings}
     single = (sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)

@@ -111,7 +111,7 @@ def _fit_findings(table: xr.Dataset, fits: Fits) -> Iterator[Finding]:
 
 def _fit_tables(topic: Topic, fits: Fits) -> Iterator[ShownTable]:
     """Yield the fitted parameters, and the values that cannot be determined with their remedies."""
-    yield topic.table(_parameters(fits)).shown
+    yield topic.shown(_parameters(fits))
     lost: dict[tuple[str, str, str], list[str]] = {}
     for group, by_law in fits.items():
         names: dict[tuple[str, str], list[str]] = {}
@@ -120,7 +120,7 @@ def _fit_tables(topic: Topic, fits: Fits) -> Iterator[ShownTable]:
         for (reason, remedy), own in names.items():
             lost.setdefault((", ".join(own), reason, remedy), []).append(group)
     if lost:
-        yield topic.table(((", ".join(groups), *row) for row, groups in lost.items()), "lost").shown
+        yield topic.shown(((", ".join(groups), *row) for row, groups in lost.items()), "lost")
 
 
 def _parameters(fits: Fits) -> Iterator[tuple[str, ...]]:
