@@ -95,25 +95,8 @@ def status_of(folder: str | Path) -> Status:
 MEASURED = ("sweep", "sentinel", "stop")
 
 
-@dataclass(frozen=True)
-class Finished:
-    """A finished cycle with its preliminary estimate.
-
-    Attributes
-    ----------
-    cycle : Cycle
-    flags : dict
-    friction_n : float
-        Mean friction of a sweep, or greatest force after a stop. NaN if it was not or cannot be estimated.
-    """
-
-    cycle: Cycle
-    flags: dict[str, int]
-    friction_n: float = float("nan")
-
-
-def finished_of(files: Sequence[CycleFile], identity: Identity) -> list[Finished]:
-    """Return finished cycles with their estimates, from their files.
+def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> list[float]:
+    """Return mean friction of each sweep, or greatest force after each stop, N; NaN for other cycles.
 
     Raises
     ------
@@ -126,7 +109,7 @@ def finished_of(files: Sequence[CycleFile], identity: Identity) -> list[Finished
         if isinstance(samples, CampaignError):
             raise samples
         frictions[file.path] = preliminary_friction(samples, file.head.cycle, identity)
-    return [Finished(f.head.cycle, f.head.flags, frictions.get(f.path, float("nan"))) for f in files]
+    return [frictions.get(file.path, float("nan")) for file in files]
 
 
 def preliminary_friction(samples: Samples, cycle: Cycle, identity: Identity) -> float:

@@ -163,9 +163,10 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
             name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
             yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
-    for begin in ("pressure of", "breakaway per decade", "scatter of one"):
+    first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
+    for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
         chosen = [row for row in values if row.key.startswith(begin) and row.quantity == "value"]
-        yield from (replace(row, quantity=f"{row.label}:") for row in chosen[-1:])
+        yield from (replace(row, quantity=f"{row.label}:") for row in chosen[part])
 
 
 def summary(found: CampaignCharacteristics) -> Section:

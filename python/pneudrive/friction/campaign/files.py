@@ -12,7 +12,7 @@ from pneudrive.describe.files.toml import sections
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import TRACE
-from pneudrive.friction.friction_map import AMBIENT, LEVELS, columns_to_dataset, write_map
+from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVELS, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.simulation.trajectory import check_target, whole, write_frame
 
@@ -180,30 +180,18 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
     """Write all curves as one table: condition, direction, the columns of `Curve`, and the excluded points."""
     import polars as pl
 
-    path = check_target(path, (".parquet", ".csv"))
-    rows: list[dict[str, Any]] = []
+    path, frames = check_target(path, (".parquet", ".csv")), []
     for curve in found.curves:
-        of_curve = {name: getattr(curve, name) for name in ("direction", "contains_air", "complete")}
-        common = {**vars(curve.condition), **of_curve}
-        rows += [
-            {**common, **{name: getattr(curve, name)[i].item() for name in CURVE_COLUMNS}, "excluded": ""}
-            for i in range(curve.speed_m_s.size)
-        ]
-        nothing = dict.fromkeys((name for name in CURVE_COLUMNS if name.endswith("_n")), float("nan"))
-        if curve.direction == 0:
-            rows += [
-                {
-                    **common,
-                    **nothing,
-                    "speed_m_s": point.speed_m_s,
-                    "friction_n": point.friction_n,
-                    "measured": True,
-                    "cycles": 1,
-                    "excluded": point.reason,
-                }
-                for point in curve.excluded
-            ]
-    write_frame(pl.DataFrame(rows, infer_schema_length=None), path)
+        out = curve.excluded if curve.direction == BOTH else ()
+        added: dict[str, list[Any]] = {name: [getattr(p, name) for p in out] for name in ("speed_m_s", "friction_n")}
+        added |= {"measured": [True] * len(out), "cycles": [1] * len(out)}
+        nothing = [float("nan")] * len(out)
+        columns = {name: [*getattr(curve, name).tolist(), *added.get(name, nothing)] for name in CURVE_COLUMNS}
+        excluded = [*[""] * curve.speed_m_s.size, *(p.reason for p in out)]
+        of_curve = vars(curve.condition) | {n: getattr(curve, n) for n in ("direction", "contains_air", "complete")}
+        same = {name: [value] * len(excluded) for name, value in of_curve.items()}
+        frames.append(pl.DataFrame({**same, **columns, "excluded": excluded}))
+    write_frame(pl.concat(frames), path)
     return path
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.running.live import read_live
-from pneudrive.campaign.status import Finished, Status, finished_of, status_of
+from pneudrive.campaign.status import Status, preliminary_frictions, status_of
 from pneudrive.campaign.storage.control import WORDS, ask, holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
@@ -22,6 +22,8 @@ from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from pneudrive.campaign.cycle import Head
 
 
 PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
@@ -65,7 +67,7 @@ class WatchedCampaign:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._lock = threading.Lock()
-        self._points: dict[tuple[Path, int], Finished] = {}  # keyed by file and time of writing
+        self._points: dict[tuple[Path, int], tuple[Head, float]] = {}  # keyed by file and time of writing
         self._status: Status | None = None
         self._seen, self._next = 0, 0.0
 
@@ -111,8 +113,9 @@ class WatchedCampaign:
         sound = {
             key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
         }
-        found = finished_of(list(sound.values()), status.campaign.identity)
-        self._points = known | dict(zip(sound, found, strict=True))
+        found = preliminary_frictions(list(sound.values()), status.campaign.identity)
+        heads = (file.head for file in sound.values())
+        self._points = known | dict(zip(sound, zip(heads, found, strict=True), strict=True))
         self._status = status
 
 
@@ -160,13 +163,13 @@ def ask_campaign(workspace: Workspace, path: str, given: Mapping[str, Any], cont
     ask(folder, str(word), f"{getpass.getuser()}, from the page")
 
 
-def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:
+def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[dict[str, Any]]:
     """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
     groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
-    for one in points[:MOST_POINTS]:
-        cycle, friction = one.cycle, one.friction_n
+    for head, friction in points[:MOST_POINTS]:
+        cycle = head.cycle
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
-            point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(one.flags)}
+            point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(head.flags)}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
     return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
 
