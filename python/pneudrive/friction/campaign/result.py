@@ -474,8 +474,8 @@ class CampaignCharacteristics(Viewed):
             found[f"interaction of both pressures{where}"] = e.interaction_n_pa2
             found[f"curvature over pressure{where}"] = e.curvature
         for a in self.asymmetry:
-            zero = "" if a.basis == "tare" else " with the zero of the sensor"
-            found[f"half the difference between +x and -x{zero}, {named(a.condition)}"] = a.mean
+            zero = "" if a.basis == "tare" else " (with the sensor's zero)"
+            found[f"half of +x less -x{zero}, {named(a.condition)}"] = a.mean
         for p in self.position:
             where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
             found[f"trend along the stroke, {where}"] = p.trend_per_m
@@ -490,7 +490,8 @@ class CampaignCharacteristics(Viewed):
             found |= {"drift per kelvin": d.per_kelvin, "friction after an interruption": d.interrupted}
         found["zero of the force sensor per hour"] = self.zero.per_hour
         for s in self.dwell:
-            found |= {f"{name}, {s.name}": estimate for name, estimate in s.effects(named).items()}
+            series = f", {s.name}" if len(self.dwell) > 1 else ""
+            found |= {f"{name}{series}": estimate for name, estimate in s.effects(named).items()}
         return {name: estimate for name, estimate in found.items() if estimate is not None}
 
     def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
