@@ -12,12 +12,11 @@ from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures, worst
 from pneudrive.report.page import view_report
-from pneudrive.report.tables import MM, chance, plural, spread_evenly
+from pneudrive.report.tables import MM, cell, chance, plural, sentence, spread_evenly
 from pneudrive.report.topics import Topic
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
@@ -54,7 +53,7 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     synthetic = c.first.synthetic or c.second.synthetic
     unlike = [check.what for check in c.checks if not check.comparable]
     last = topic.say("unlike", what=", ".join(unlike)) if unlike else topic.say("alike")
-    title, notes = f"{c.first.name} against {c.second.name}", (topic.say("questions"),)
+    title, notes = f"{c.first.name} against {c.second.name}", (topic.say("questions"), *view.notes)
     report = view_report(
         replace(view, title=title, notes=notes, figures=()), _comparable(c), *_figured(c), synthetic=synthetic
     )
@@ -69,8 +68,9 @@ def _figured(c: Comparison) -> list[Section]:
 
 def comparison_view(c: Comparison) -> View:
     """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
-    values = tuple(value for test in c.tests for value in _values(test))
-    sizes = [v for v in values if isinstance(v.value, float) and v.key in {_name(t) for t in c.tests if t.different}]
+    rows = [(_values(test, repeated=[t.what for t in c.tests].count(test.what) > 1), test) for test in c.tests]
+    values = tuple(value for of_test, _ in rows for value in of_test)
+    sizes = [of_test[0] for of_test, test in rows if test.different and test.difference is not None]
     findings = findings_of(c.statements)
     return View(
         title=f"{c.second.name} less {c.first.name}: {c}",
@@ -78,24 +78,22 @@ def comparison_view(c: Comparison) -> View:
         state=worst(findings),
         leading=tuple(LeadingValue(replace(v, quantity=f"{v.label}:")) for v in sizes[:MOST_LEADING]),
         findings=findings,
+        notes=tuple(sentence(f"{test.what}: {test.note}") for test in c.tests),
         figures=shown_figures(_figured(c)),
     )
 
 
-def _name(test: Test) -> str:
-    return f"{test.what}, {test.note}" if test.note else test.what
+def _values(test: Test, *, repeated: bool) -> list[ShownValue]:
+    """Return the difference of a test with its interval, its probabilities, and whether it counts.
 
-
-def _values(test: Test) -> Iterator[ShownValue]:
-    """Return the difference of a test with its interval, its probabilities, and whether it counts."""
-    name, e = _name(test), test.difference
-    if e is not None:
-        yield ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))
+    A question that several series of stops repeat has its note in its name.
+    """
+    name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
     beyond = {True: "yes", False: "no", None: ""}[test.beyond_repeatability]
-    words = {"p": chance(test.p), "p corrected": chance(test.adjusted_p)}
-    words |= {"different": "yes" if test.different else "not shown", "beyond repeatability": beyond}
-    for quantity, text in words.items():
-        yield ShownValue(f"{name}, {quantity}", name, quantity, text)
+    texts = {"p": chance(test.p), "p corrected": chance(test.adjusted_p), "different": cell(test.different, "shown")}
+    texts["beyond repeatability"] = beyond
+    size = [] if e is None else [ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))]
+    return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
 
 
 def _comparable(c: Comparison) -> Section:
