@@ -75,7 +75,7 @@ class ShownValue:
         >>> ShownValue("f", "a recording", "friction", 9.79, "N", (9.3, 10.28)).text
         '9.79 ± 0.49'
         >>> ShownValue("s", "a rig", "scatter", 1.02, "N", (0.62, 45.0)).text  # unlike halves
-        '1.02 (0.62 … 45.0)'
+        '1.02 (0.620 … 45)'
         """
         if isinstance(self.value, str):
             return self.value

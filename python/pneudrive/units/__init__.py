@@ -430,7 +430,6 @@ _READABLE = {
     "N/Pa": "N/bar",
     "N/Pa2": "N/bar2",
     "1/Pa": "%/bar",
-    "1/m": "%/m",
     "m/(s Pa)": "mm/(s bar)",
     "m^3/(s Pa)": "dm3/(s bar)",
     "s": "s",
