@@ -80,6 +80,7 @@ with lazily(__name__) as _HOME:
 
 # Functions that methods of lower layers forward to.
 UPPER.update(
+    serve="pneudrive.web.serve",
     start="pneudrive.simulation.start",
     simulate="pneudrive.simulation.simulate",
     Pneu="pneudrive.accessor",

@@ -40,13 +40,13 @@ MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pn
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a folder with a chain: description -> run -> fit -> drive -> validation, and recordings -> map -> fit."""
     folder = tmp_path_factory.mktemp("chain")
-    before = drive()
-    (folder / "axis.toml").write_text(before.to_toml())
+    (folder / "axis.toml").write_text(drive().to_toml())
+    before = pn.Drive.load(folder / "axis.toml")
     pl.DataFrame(record(before, 3, duration_s=1.0).columns).write_parquet(folder / "monday.parquet")
     pn.save(pn.simulate(before, "0 s: 0.3, 0.4 s: -0.3", "0.8 s"), folder / RUN)
     fit = pn.identify(before, folder / "monday.parquet", ["valve.conductance"])
     fit.to_toml(folder / FIT)
-    (folder / AFTER).write_text(fit.apply().to_toml())
+    assert run_command(["apply", str(folder / FIT), "--out", str(folder / AFTER)]) == 0
     (folder / "results" / "check").mkdir(parents=True)
     pn.validate(pn.Drive.load(folder / AFTER), folder / "monday.parquet").write(folder / "results" / "check")
     (folder / "results" / "rings").mkdir()
@@ -88,9 +88,10 @@ def test_a_chain_goes_back_to_the_description_by_hashes(chain: Served) -> None:
     assert get(chain, "/api/stale") == {"stale": {}, "unchecked": 0}
 
 
-def test_a_changed_input_is_told_downstream_and_a_renamed_one_is_not(chain: Served) -> None:
+def test_a_changed_input_is_told_downstream_and_a_missing_one_is_not(chain: Served) -> None:
     axis = chain.folder / "axis.toml"
-    axis.rename(chain.folder / "moved.toml")  # the hash finds it
+    axis.rename(chain.folder / "moved.toml")
+    assert get(chain, "/api/lineage", path=RUN)["inputs"][0]["state"] == "missing"
     (chain.folder / AFTER).write_text((chain.folder / AFTER).read_text().replace("name =", "# mine\nname ="))
     assert get(chain, "/api/stale")["stale"] == {}
     (chain.folder / "moved.toml").rename(axis)
@@ -124,15 +125,14 @@ def test_a_map_is_stale_once_the_file_of_a_recording_has_other_content(chain: Se
     names = [f"O-ring_{pressure}bar.csv.xz" for pressure in (1, 5)]
     write_map(pn.characterise([folder / name for name in names]), folder / out)
     assert states(get(chain, "/api/lineage", path=out)["inputs"]) == dict.fromkeys(names, "same")
-    # Another recording of the name in a newer folder is not the one; it is only asked about where there are two.
+    # Another recording of the name in a newer folder is not the one.
     (folder / "tuesday").mkdir()
     other = shutil.copy(folder / names[0], folder / "tuesday" / names[1])
     assert states(get(chain, "/api/lineage", path=out)["inputs"]) == dict.fromkeys(names, "same")
     assert get(chain, "/api/map", path=out)["recordings"] == {"O-ring_1bar": names[0], "O-ring_5bar": names[1]}
     shutil.copy(folder / names[0], folder / names[1])
-    assert get(chain, "/api/stale")["stale"] == {out: ["O-ring_5bar"]}
-    assert get(chain, "/api/lineage", path=out)["again"] is None  # nobody knows from which of the two
-    assert get(chain, "/api/map", path=out)["recordings"] == {"O-ring_1bar": names[0]}
+    assert get(chain, "/api/stale")["stale"] == {out: names[1:]}
+    assert get(chain, "/api/lineage", path=out)["again"]["recordings"] == names
     other.unlink()
     assert get(chain, "/api/stale")["stale"] == {out: names[1:]}
     (folder / names[1]).unlink()
@@ -150,21 +150,21 @@ def test_a_validation_keeps_its_recording_beside_another_of_its_name(chain: Serv
     }  # known by its name alone
 
 
-def test_the_rig_of_a_campaign_is_told_from_another_of_its_name(served: Served) -> None:
+@pytest.mark.parametrize("rig", ["tuesday/rig.toml", "/elsewhere/rig.toml"])
+def test_the_rig_of_a_campaign_is_known_by_its_path(served: Served, rig: str) -> None:
     campaign = served.folder / "campaigns" / "first"
     campaign.mkdir(parents=True)
-    texts = {"monday/rig.toml": "kind = 'opc-ua'\n", "tuesday/rig.toml": "kind = 'opc-ua' # mine\n"}
-    for name, text in texts.items():
-        (served.folder / name).parent.mkdir()
-        (served.folder / name).write_text(text)
-    digest = hashlib.sha256(texts["tuesday/rig.toml"].encode()).hexdigest()
+    (served.folder / "tuesday").mkdir()
+    text = "kind = 'opc-ua'\n"
+    (served.folder / "tuesday/rig.toml").write_text(text)
+    digest = hashlib.sha256(text.encode()).hexdigest()
     for name in ("campaign.json", "rig.json"):
-        (campaign / name).write_text(json.dumps({"rig": "/rigs/rig.toml", "rig_sha256": digest}))
-    assert states(get(served, "/api/lineage", path="campaigns/first")["inputs"]) == {"tuesday/rig.toml": "same"}
+        (campaign / name).write_text(json.dumps({"rig": rig, "rig_sha256": digest}))
+    is_known = not rig.startswith("/")
+    found = states(get(served, "/api/lineage", path="campaigns/first")["inputs"])
+    assert found == {rig: "same" if is_known else "missing"}
     (served.folder / "tuesday/rig.toml").write_text("kind = 'opc-ua' # yours\n")
-    assert get(served, "/api/stale")["stale"] == {"campaigns/first": ["/rigs/rig.toml"]}
-    (served.folder / "monday/rig.toml").unlink()
-    assert get(served, "/api/stale")["stale"] == {"campaigns/first": ["tuesday/rig.toml"]}
+    assert get(served, "/api/stale")["stale"] == ({"campaigns/first": ["tuesday/rig.toml"]} if is_known else {})
 
 
 def test_a_law_of_its_own_that_changed_is_a_change_of_the_drive(served: Served) -> None:
@@ -234,6 +234,15 @@ def test_two_fits_are_compared_as_the_command_does(
     refused = post(chain, "/api/compare", {"before": names[0], "after": "axis.toml"}, 400)
     assert "of one kind" in refused["problems"][0]["what"]
     assert post(chain, "/api/compare", {"before": "../a.toml", "after": "axis.toml"}, 400)["problems"]
+
+
+def test_any_two_results_of_one_kind_are_compared(chain: Served) -> None:
+    (chain.folder / "heavy.toml").write_text(drive(load__mass="9 kg").to_toml())
+    pn.save(pn.simulate(pn.Drive.load(chain.folder / "heavy.toml"), "0.3", "0.8 s"), chain.folder / "heavy.parquet")
+    for pair in ((RUN, "heavy.parquet"), (CHECK, CHECK), (MAP, MAP), (LAWS, LAWS), ("axis.toml", "heavy.toml")):
+        found = post(chain, "/api/compare", dict(zip(("before", "after"), pair, strict=True)))
+        assert bool(found["values"]) == (pair[0] != pair[1]), pair
+    assert "of one kind" in post(chain, "/api/compare", {"before": RUN, "after": CHECK}, 400)["problems"][0]["what"]
 
 
 # --- A campaign on the simulated rig, begun by the page, killed, resumed: the bits of one that nobody disturbed.

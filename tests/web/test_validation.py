@@ -72,8 +72,8 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
     names: dict = {}
     exec(copied["python"], names)
     found = names["found"]
-    Path("by-python").mkdir()
-    for path in found.write("by-python"):
+    Path("results/by-python").mkdir()  # paths of inputs are relative to the folder
+    for path in found.write("results/by-python"):
         assert path.read_bytes() == Path("results/friday", path.name).read_bytes()
 
     shown = get(served, "/api/validation", path=WRITTEN)

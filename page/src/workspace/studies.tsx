@@ -102,7 +102,7 @@ export function StudiesView() {
 }
 
 /** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
-const ALIKE = ["drive", "fit"];
+const ALIKE = ["drive", "circuit", "fit", "friction map", "recording", "validation", "comparison", "sizing", "campaign"];
 const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
 const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
@@ -135,7 +135,7 @@ function Compare() {
   if (!pair.value.length) return null;
   return (
     <section class="panel" aria-label="Compare two">
-      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick its box` : pair.value.join(" and ")}</h2>
+      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another of its kind: tick its box` : pair.value.join(" and ")}</h2>
       <Problems of={apart.value} />
       {compared.value && <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />}
       {compared.value && <Copied {...compared.value} />}

@@ -17,6 +17,7 @@ from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Op
 from pneudrive.campaign.storage.control import FolderLock, make_folder, now
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
+from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import plain
 
@@ -118,6 +119,7 @@ def run_campaign(
                     remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
                 )
             about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
+            about |= stored_beside({INPUTS: [stored_input("rig", source, source, about["rig_sha256"])]}, folder)
             campaign = create(folder, asked.text, plan.identity, about)
             return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
 

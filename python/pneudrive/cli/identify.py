@@ -24,6 +24,7 @@ with used_later(__name__):
     from pneudrive.campaign.planning import plan as plans
     from pneudrive.campaign.running import live
     from pneudrive.describe.files import toml
+    from pneudrive.files import inputs
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction.campaign import characteristics
     from pneudrive.friction.campaign.stops import dwell_models
@@ -373,6 +374,8 @@ def apply(
     """
     terminal.check_outputs(out, (".toml",))
     found = files.read_fit(fit)
+    if out is not None:
+        found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
     if isinstance(found, follow.FollowFit | regulator.RegulatorFit):
         if drive is not None or isinstance(found, regulator.RegulatorFit):
             raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))

@@ -16,7 +16,7 @@ import pneudrive as pn
 from pneudrive.cli import terminal
 from pneudrive.cli.options import Port, changed, command_of, names_in
 from pneudrive.errors import CommandError, RecordingError, nearest
-from pneudrive.lazy_names import used_later
+from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
     from pneudrive import platforms, report
@@ -32,7 +32,6 @@ with used_later(__name__):
     from pneudrive.report.platform import page
     from pneudrive.simulation import run_view, trajectory, tube_study
     from pneudrive.simulation import simulate as simulation
-    from pneudrive.web import serve
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -419,7 +418,7 @@ def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser
                 _write_redirect(redirect, address)
                 threading.Thread(target=webbrowser.open, args=(redirect.as_uri(),), daemon=True).start()
 
-        serve.serve(folder, port, opened, control=control)
+        upper("serve")(folder, port, opened, control=control)
 
 
 def _write_redirect(path: Path, address: str) -> None:

@@ -18,6 +18,7 @@ from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation.simulate import SOLVER, Run, positive, require
@@ -361,6 +362,7 @@ def provenance_of(
         "citations": list(circuit.cited),
         "assumed": [*circuit.assumed(), *assumed, "supervisor: its thresholds and times"],
         "labels": dict(circuit.labels),
+        INPUTS: inputs_of(tuning.belief),
     }
 
 

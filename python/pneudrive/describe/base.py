@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from difflib import get_close_matches
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
@@ -16,8 +17,10 @@ from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from pydantic.fields import FieldInfo
+    from typing_extensions import Self
 
 
 _STORED_IN = sorted({units.suffix(unit) for unit in units.KINDS} - {"a", "v"} | {"hz", "m_s3"}, key=len, reverse=True)
@@ -196,6 +199,16 @@ class Described(Shown, BaseModel):
         field = next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
         mark = mark_of(field)
         return field.default if mark is None else mark.show(field.default)
+
+    @cached_property
+    def source_file(self) -> str:
+        """File that the description was read from, before its values were changed; empty if unknown."""
+        return ""
+
+    def read_from(self, file: str | Path) -> Self:
+        """Note the file that the description was read from, and return the description."""
+        vars(self)["source_file"] = str(file)
+        return self
 
     def stored(self) -> dict[str, Any]:
         """Return the fields that are not None, by their names: values in SI, tables unchanged."""

@@ -168,7 +168,7 @@ class Circuit(Described):
         """
         if isinstance(source, str) and "\n" in source:
             return cls.from_tables(toml.parse(source, "circuit"), source, Path("circuit"))
-        return cls.from_tables(*toml.read(source), Path(source))
+        return cls.from_tables(*toml.read(source), Path(source)).read_from(source)
 
     @classmethod
     def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Circuit:
@@ -208,7 +208,7 @@ class Circuit(Described):
                 for other in one.same_size(last):
                     tables["components"][path[1]].pop(other, None)
             toml.put(tables, ".".join([*path, last]), as_tables(value))
-        return type(self).model_validate(tables)
+        return type(self).model_validate(tables).read_from(self.source_file)
 
     @cached_property
     def wiring(self) -> Wiring:

@@ -126,7 +126,7 @@ class Drive(Described):
         """
         if str(source).startswith(catalogue.PREFIX):
             return cls._from_catalogue(str(source), {})
-        return cls.from_tables(*toml.read(source), Path(source))
+        return cls.from_tables(*toml.read(source), Path(source)).read_from(source)
 
     @classmethod
     def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Drive:
@@ -157,7 +157,7 @@ class Drive(Described):
     def _from_catalogue(cls, reference: str, changes: dict[str, Any]) -> Drive:
         made = cls.model_validate(merge(catalogue.drive_tables(reference), changes))
         vars(made)["origins"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
-        return made
+        return made.read_from(reference)
 
     def replace(self, changes: dict[str, Any]) -> Drive:
         """Return a checked drive with some values changed.
@@ -182,7 +182,7 @@ class Drive(Described):
         if known:
             after = type(self).model_validate(tables | {"provenance": known})
         vars(after)["origins"] = _untouched(self.origins, nested)
-        return after
+        return after.read_from(self.source_file)
 
     @property
     def supply_pressure_pa(self) -> float:
@@ -247,7 +247,8 @@ class Drive(Described):
         if self.valve.is_switching:  # its load can be varied; a drive with lines keeps its hash
             parts.setdefault("load", {"mass": "0 kg"})
         # Friction is passed as an object: a custom law from a file has no complete text.
-        return Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
+        circuit = Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
+        return circuit.read_from(self.source_file)
 
     @cached_property
     def system(self) -> System:

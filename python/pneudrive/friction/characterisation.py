@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -15,9 +14,10 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
+from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import HASHES, rows_to_dataset
+from pneudrive.friction.friction_map import rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.motion import SampleChoice, Settled
 from pneudrive.friction.pressure import (
@@ -366,7 +366,7 @@ class _Results:
         self.labels: list[dict[str, str]] = []
         self.points: list[LevelPoint] = []
         self.uses: dict[str, StrokeUse] = {}
-        self.hashes: dict[str, str] = {}
+        self.inputs: list[dict[str, str]] = []
         self.skipped: list[tuple[str, str]] = []
         self.long: list[str] = []
         self._seen: dict[bytes, str] = {}
@@ -401,8 +401,7 @@ class _Results:
         self.labels += [result.recording.labels] * len(rows)
         self.points += map(LevelPoint.of, result.levels)
         self.uses[name] = result.stroke_use
-        if result.recording.sha256:
-            self.hashes[name] = result.recording.sha256
+        self.inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
         self.shown += [result] if is_shown else []
 
     def characterisation(self, choice: SampleChoice) -> Characterisation:
@@ -420,7 +419,7 @@ class _Results:
         friction_map = rows_to_dataset(self.rows, self.labels)
         friction_map.attrs["protocol"] = choice.name
         friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
-        friction_map.attrs[HASHES] = json.dumps(self.hashes)
+        friction_map.attrs[INPUTS] = self.inputs
         if self.shown:
             ambient = float(np.mean([result.recording.ambient_pressure_pa for result in self.shown]))
             friction_map.attrs["ambient_pressure_pa"] = ambient

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError
 from pneudrive.files.csv_tables import read_csv
+from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.files.tables import open_table
 from pneudrive.lazy_names import upper
 from pneudrive.simulation.trajectory import check_target, write_frame
@@ -49,7 +51,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
-HASHES = "recordings_sha256"  # attribute, and metadata of map.parquet: recording -> hash as it carries it, as JSON
+FILE = "file"  # attribute: path of the map
 Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
@@ -86,7 +88,7 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
 def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     """Write map.parquet or map.csv, by suffix: the columns of ``COLUMNS``, and after them the labels.
 
-    Only Parquet keeps the hashes of the recordings.
+    Only Parquet keeps the list of its recordings. The map gets its file as an attribute.
 
     Raises
     ------
@@ -99,8 +101,10 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     columns = {str(name): column.to_numpy() for name, column in friction_map.data_vars.items()}
     kinds = {"i": pl.Int64, "f": pl.Float64}
     series = [pl.Series(n, v.tolist(), dtype=kinds.get(v.dtype.kind, pl.String)) for n, v in columns.items()]
-    kept = {HASHES: friction_map.attrs[HASHES]} if HASHES in friction_map.attrs else {}
-    write_frame(pl.DataFrame(series), path, kept)
+    known = stored_beside({INPUTS: friction_map.attrs.get(INPUTS, [])}, path.parent)
+    write_frame(pl.DataFrame(series), path, {INPUTS: json.dumps(known[INPUTS])})
+    if path.suffix == ".parquet" or FILE not in friction_map.attrs:
+        friction_map.attrs[FILE] = str(path.resolve())
     return path
 
 
@@ -112,10 +116,10 @@ def read_map(path: str | Path) -> xr.Dataset:
     RecordingError
         The file does not exist, is not such a table, or lacks columns.
     """
-    path, hashes = Path(path), None
+    path, inputs = Path(path), "[]"
     if path.suffix == ".parquet":
         table = open_table(path, "parquet")
-        columns, hashes = table.get(table.names), table.metadata.get(HASHES)
+        columns, inputs = table.get(table.names), table.metadata.get(INPUTS, "[]")
     else:
         import polars as pl
 
@@ -130,8 +134,7 @@ def read_map(path: str | Path) -> xr.Dataset:
     found = columns_to_dataset({n: _checked(n, v, path) for n, v in columns.items() if n in COLUMNS})
     if AMBIENT in columns:
         found.attrs[AMBIENT] = float(found[AMBIENT].mean())
-    if hashes is not None:
-        found.attrs[HASHES] = hashes
+    found.attrs |= {FILE: str(path.resolve()), **located({INPUTS: json.loads(inputs)}, path.parent)}
     own = {name: values for name, values in columns.items() if name not in COLUMNS}  # labels added by a user
     return found.assign(
         {n: ("row", values.astype(object) if values.dtype.kind == "U" else values) for n, values in own.items()}

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StrictBool, Stri
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
+from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.compared import FittedData, comparison_figure
 from pneudrive.identify.identified import Identified, correlations_of, joined
 from pneudrive.lazy_names import upper
@@ -276,6 +277,8 @@ class Fit(Viewed):
         Free value -> its interval by profile likelihood; None if the fit was read from a file.
     fitted : dict
         Name -> measured values and those of the model; empty if the fit was read from a file.
+    file : str
+        File that it was read from, or written to.
     """
 
     #: Names of this kind of fit in file and messages, and tables of its values, those of `values` first.
@@ -299,6 +302,7 @@ class Fit(Viewed):
     converged: bool = True
     profiler: Callable[[str], tuple[float, float]] | None = field(default=None, repr=False)
     fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
+    file: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
@@ -513,6 +517,7 @@ class Fit(Viewed):
             sources={key: self.sources.get(name, self.recordings) for name, key in keys.items()},
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
+            file=self.file,
             model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
             correlations=correlations_of(
                 {name: key for name, key in keys.items() if key in ends and name in self.free},
@@ -549,8 +554,8 @@ class Fit(Viewed):
             entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}
         return entry | {"model_error": self.model_errors.get(name), "sources": self.sources.get(name)}
 
-    def toml(self) -> str:
-        """Return the text of fit.toml."""
+    def toml(self, folder: Path | None = None) -> str:
+        """Return the text of fit.toml; with the inputs of the fit only for a file in a folder."""
         tables: dict[str, Any] = {"schema": SCHEMA, **self._first()}
         for table, values in zip(self.GROUPS, self._groups(), strict=True):
             tables |= {f"{table}.{toml.key_text(name)}": self._entry(name, value) for name, value in values.items()}
@@ -558,7 +563,8 @@ class Fit(Viewed):
             tables["covariance"] = {"names": list(self.free), "matrix": self.covariance.tolist()}
         if self.undetermined:
             tables["undetermined"] = [vars(one) if isinstance(one, Undetermined) else one for one in self.undetermined]
-        tables |= {"statistics": self.statistics, "provenance": self.provenance}
+        about = {key: value for key, value in self.provenance.items() if key != INPUTS or folder is not None}
+        tables |= {"statistics": self.statistics, "provenance": stored_beside(about, folder or Path())}
         text = "\n".join([self.HEAD, *toml.sections(tables)]) + "\n"
         return text + (f"\n{toml.write(self._last())}" if self._last() else "")
 
@@ -571,7 +577,8 @@ class Fit(Viewed):
             The file cannot be written.
         """
         with whole(Path(path)) as temporary:
-            temporary.write_text(self.toml(), encoding="utf-8")
+            temporary.write_text(self.toml(Path(path).parent), encoding="utf-8")
+        object.__setattr__(self, "file", str(path))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
@@ -597,7 +604,9 @@ class Fit(Viewed):
             )
         try:
             file = FitFile.read(cls._present(content), cls.TITLE, cls.GROUPS, where, text)
-            found = cls(**cls._fields(file))
+            fields = cls._fields(file)
+            fields["provenance"] = located(fields["provenance"], Path(path).parent)
+            found = cls(**fields, file=str(path))
             _ = str(found), found.toml()  # a key that only some fits need raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f'"{error.args[0]}" is missing' if isinstance(error, KeyError) else str(error)

@@ -56,6 +56,8 @@ class Identified:
         Name -> its recordings.
     fit : str
         Hash that identifies the fit.
+    file : str
+        Its file, if known.
     confidence : float
         Coverage probability of the intervals.
     model_errors : dict
@@ -68,6 +70,7 @@ class Identified:
     intervals: Mapping[str, tuple[float, float]]
     sources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fit: str = ""
+    file: str = ""
     confidence: float = 0.95
     model_errors: Mapping[str, float] = field(default_factory=dict)
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -97,7 +100,8 @@ class Identified:
             }
             shared = {other: share for other, share in shared.items() if share}
             origin |= {"correlation": shared} if shared else {}
-            out[name] = origin | ({"fit": self.fit} if self.fit else {})
+            known = {"fit": self.fit, "file": self.file}
+            out[name] = origin | {key: text for key, text in known.items() if text}
         return out
 
 
@@ -164,7 +168,8 @@ def apply_identified(
         inside = {name: ends for name, ends in beside.intervals.items() if name in marks}
         sources = dict.fromkeys(inside, (beside.source,))
         origins |= replace(found, values=beside.values, intervals=inside, sources=sources).origins(marks)
-    return after.replace({"provenance": {name: origin for name, origin in origins.items() if name not in own}})
+    origins = {name: origin for name, origin in origins.items() if name not in own}
+    return after.replace({"provenance": origins}).read_from(found.file)
 
 
 def _of_lines(drive: Drive) -> dict[str, Quantity]:

@@ -20,6 +20,7 @@ from pneudrive.describe.tank import Tank
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, FittedData, Undetermined
 from pneudrive.identify.dynamic.fit import noise_of, solve
@@ -426,6 +427,7 @@ def _result(
                 {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s}
                 for r in records
             ],
+            INPUTS: inputs_of(tank, records),
         },
         start=tank,
         fitted=fitted,

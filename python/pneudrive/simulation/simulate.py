@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__, units
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.lazy_names import upper
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.references import bibtex
@@ -302,6 +303,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
         "citations": list(dict.fromkeys([*result["citations"], *getattr(drive, "cited", ()), *water])),
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
+        INPUTS: inputs_of(drive),
         **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),
         **ledger,
     }

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, RecordingError, nearest, warn
 from pneudrive.files.csv_tables import spreadsheet_text
+from pneudrive.files.inputs import INPUTS, stored_beside
 from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ _SUFFIXES = {
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
-) | {"air", "choices", "deviations", "events", "factors", "gains", "motion", "score"}
+) | {"air", "choices", "deviations", "events", "factors", "gains", "motion", "score", INPUTS}
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
@@ -196,7 +197,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     check_si(run)
     if target.suffix.lower() == ".nc":
         flat = run.copy()
-        flat.attrs = {key: _flat(value) for key, value in run.attrs.items()}
+        flat.attrs = {key: _flat(value) for key, value in stored_beside(run.attrs, target.parent).items()}
         checked = {
             str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim and v.dtype.kind in "iuf"
         }
@@ -218,7 +219,7 @@ def save_columns(table: Mapping[str, np.ndarray | Column], provenance: Mapping[s
     from pneudrive._core import write_parquet
 
     target = check_target(path, (".parquet", ".csv"))
-    metadata = {"pneudrive": json.dumps(dict(provenance), default=str)}
+    metadata = {"pneudrive": json.dumps(stored_beside(provenance, target.parent), default=str)}
     if target.suffix.lower() == ".parquet" and _are_numbers(table):
         with whole(target) as temporary:
             write_parquet(temporary, list(table.items()), list((metadata | {SEAL: BLANK}).items()))

@@ -12,6 +12,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
@@ -259,7 +260,9 @@ class Validation(Viewed):
         """
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
-            temporary.write_text("\n".join([HEAD, *toml.sections(self.content())]) + "\n", encoding="utf-8")
+            tables = self.content()
+            tables["provenance"] = stored_beside(tables["provenance"], target.parent)
+            temporary.write_text("\n".join([HEAD, *toml.sections(tables)]) + "\n", encoding="utf-8")
         return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
 
     def content(self) -> dict[str, Any]:
@@ -272,7 +275,8 @@ class Validation(Viewed):
             "synthetic": self.synthetic,
             "notes": list(self.notes),
             "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
-            | identified,
+            | identified
+            | {INPUTS: inputs_of(drive, [record.recording for record in self.records])},
             "verdict": [
                 {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in self.verdicts
             ],
@@ -518,6 +522,7 @@ def save_run(found: Validation, number: int, folder: Path) -> Path:
     record = found.records[number]
     about = {"validation of": found.drive.description_hash, "recording": record.recording.name}
     about |= {"sha256": record.recording.sha256, "version": __version__}
+    about[INPUTS] = inputs_of(found.drive, [record.recording])
     return save_columns(run_columns(record), about, folder / run_name(number))
 
 

@@ -33,8 +33,8 @@ SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-do
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 
 
-def view_at(workspace: Workspace, path: str) -> View:
-    """Return the view of a file or folder that pneudrive wrote.
+def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any result
+    """Read a file or folder that pneudrive wrote.
 
     Raises
     ------
@@ -47,7 +47,12 @@ def view_at(workspace: Workspace, path: str) -> View:
             workspace.folder(f"{path}/{inner.name}")
     elif path.endswith(DESCRIPTIONS):
         workspace.check_named(path, toml.read(place, CommandError)[0])
-    return results.view_of(results.load(place))
+    return results.load(place)
+
+
+def view_at(workspace: Workspace, path: str) -> View:
+    """Return the view of a result; errors are those of `load_at`."""
+    return results.view_of(load_at(workspace, path))
 
 
 def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -1,11 +1,18 @@
-"""Commands that the page starts. The form, the copied command, the copied Python and the job come from one table."""
+"""Commands that the page starts: form, copied command, copied Python and job of each.
+
+Arguments, options and defaults are those of the command's function.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from inspect import Parameter, signature
 from posixpath import dirname
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.cli.main import COMMANDS
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import is_held
@@ -20,7 +27,6 @@ from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, design_python, existing_folder, folder_name
-from pneudrive.web.lineage import is_fit
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.requests import call, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
@@ -37,6 +43,12 @@ FILES = {"map": (".parquet", ".csv"), **dict.fromkeys(("model", "fit", "task"), 
 TYPES = {"flag": bool, "recordings": list, "number": int}
 
 
+@cache
+def parameters_of(command: str) -> Mapping[str, Parameter]:
+    """Return the parameters of a command: an argument is positional, an option keyword-only."""
+    return signature(getattr(import_module(COMMANDS[command]), command)).parameters
+
+
 @dataclass(frozen=True)
 class CommandInput:
     """One input of a command.
@@ -51,16 +63,15 @@ class CommandInput:
         ``"recordings"``, ``"choice"``, ``"text"``, ``"number"`` (a whole one), ``"flag"``, ``"keys"``
         (of values, between commas), ``"name"`` (of the result) or ``"out"`` (a new TOML file).
     option : str
-        Parameter of the command. Without one, the input is an argument.
+        Parameter of the command. Empty: the key.
     start : object
         Value that a form begins with.
     choices : tuple of (str, str)
         Values and their titles.
     most : int
         Upper bound of a number, whose lower bound is 1.
-    hint : str
-    suffix : str
-        Ending of a name, which the form shows behind it.
+    hint, suffix : str
+        Example in an empty field, and ending of a name.
     only : tuple of str
         Key of a choice and its value, without which the input does not apply.
     """
@@ -84,9 +95,9 @@ class CommandInput:
         PneudriveError
             The value is of another kind, unknown, out of bounds, or a file that is not in the workspace.
         """
-        if given is None and self.start is None:
-            return None
         value = self.start if given is None else given
+        if value is None:
+            return None
         if type(value) is not TYPES.get(self.kind, str):
             raise CommandError(f"{self.key} is missing, or of another kind", value=str(value)[:80])
         match self.kind:
@@ -107,17 +118,16 @@ class CommandInput:
                 if not value:
                     raise CommandError("no changeable value is named", remedy=f"Write {self.hint}, for instance.")
             case kind if kind in FILES:
-                _check_file(value, workspace, self)
+                self._check_file(value, workspace)
         return value
 
-
-def _check_file(given: str, workspace: Workspace, of: CommandInput) -> None:
-    """Refuse a file that does not exist."""
-    if of.kind == "model" and is_in_catalogue(given):
-        if given.partition(":")[2] not in entries():
-            raise CommandError(f"the catalogue has no drive {given[:80]}")
-    elif not workspace.path(given, FILES[of.kind]).is_file():
-        raise CommandError(f"there is no {of.label.lower()} {given[:200]}", remedy="Save it, or choose another one.")
+    def _check_file(self, name: str, workspace: Workspace) -> None:
+        if self.kind == "model" and is_in_catalogue(name):
+            if name.partition(":")[2] not in entries():
+                raise CommandError(f"the catalogue has no drive {name[:80]}")
+        elif not workspace.path(name, FILES[self.kind]).is_file():
+            what = f"there is no {self.label.lower()} {name[:200]}"
+            raise CommandError(what, remedy="Save it, or choose another one.")
 
 
 def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None:
@@ -153,17 +163,8 @@ def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Signature:
-    """A command that a page starts.
-
-    Attributes
-    ----------
-    title : str
-        Text of the button.
-    out : str
-        Form of the result, from the values of the inputs.
-    inputs : tuple of CommandInput
-    """
+class CommandForm:
+    """A command that a page starts: text of its button, form of its result from the values, and its inputs."""
 
     title: str
     out: str
@@ -173,65 +174,57 @@ class Signature:
         """Return the job of a request."""
         values: dict[str, Any] = {}
         for each in self.inputs:
-            is_asked = not each.only or values[each.only[0]] == each.only[1]
-            values[each.key] = each.read(given.get(each.key), workspace) if is_asked else None
+            applies = not each.only or values[each.only[0]] == each.only[1]
+            values[each.key] = each.read(given.get(each.key), workspace) if applies else None
         folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
         out = self.out.format(**values, folder=folder, suffix=suffix).lstrip("/")
         if kind == "size" and out.lower().endswith(DESCRIPTIONS):
             raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
+        named = {each.option or each.key: values[each.key] for each in self.inputs}
+        named |= {"rig": RIG} if kind == "design" else {}
         names: list[str] = []
         options: dict[str, Any] = {}
-        for each in (each for each in self.inputs if each.kind not in ("name", "out")):
-            value = values[each.key]
-            if each.option:
-                options |= {each.option: value}
-            else:
+        for name, parameter in parameters_of(kind).items():
+            value = named.get(name)
+            if parameter.kind is Parameter.KEYWORD_ONLY:
+                options[name] = value
+            elif value is not None:
                 names += value if isinstance(value, list) else [value]
-        options |= {"rig": RIG} if kind == "design" else {}
-        python = f"import pneudrive as pn\n{_python(kind, values, out, workspace)}\n"
-        return JobRequest(words(kind, *names, **options, out=out), out, python=python)
+        python = f"import pneudrive as pn\n{_python(kind, values, out)}\n"
+        return JobRequest(words(kind, *names, **options | {"out": out}), out, python=python)
 
 
-def _python(kind: str, values: Mapping[str, Any], out: str, workspace: Workspace) -> str:
+def _python(kind: str, values: Mapping[str, Any], out: str) -> str:
     """Return lines of Python with the same numbers as a command."""
-    drive, fit, recordings = (values.get(key, "") for key in ("drive", "fit", "recordings"))
-    described = "from pneudrive.describe.files.load import load_described\n"
-    reads_fit = "from pneudrive.identify.files import read_fit\n"
-    if drive and not is_in_catalogue(drive) and kind in ("validate", "identify", "apply"):
-        is_of_fit = is_fit(workspace.path(drive))
-    else:
-        is_of_fit = False
-    loaded = f"{reads_fit}\ndrive = read_fit({drive!r})\n" if is_of_fit else f"\ndrive = pn.Drive.load({drive!r})\n"
+    drive, fit, recordings = (values.get(key) for key in ("drive", "fit", "recordings"))
     match kind:
         case "characterise":
             return f"\ncurves = pn.characterise({recordings!r})"
         case "fit":
             law, form = CANDIDATES[values["law"]], values["pressure"]
-            shape = f"stribeck_exponent={law.exponent}, stribeck_shape={'lorentzian' if law.lorentzian else None!r}"
-            pressure = "" if form == "none" else f", pressure_dependence=True, pressure={form!r}"
-            read = f"from pneudrive.friction.friction_map import read_map\n\ncurves = read_map({values['map']!r})\n"
-            return f"{read}fit = pn.fit_friction(curves, {law.law!r}, {shape}, any_shape=True{pressure})"
+            options = {"stribeck_exponent": law.exponent, "stribeck_shape": "lorentzian" if law.lorentzian else None}
+            options |= {} if form == "none" else {"pressure_dependence": True, "pressure": form}
+            done = call("pn.fit_friction", "curves", repr(law.law), **options, any_shape=True)
+            return f"\ncurves = pn.load({values['map']!r})\nfit = {done}"
         case "design":
-            return design_python(fit, values["points"])
+            return design_python(str(fit), values["points"])
         case "validate":
-            return f"{loaded}found = pn.validate(drive, {recordings!r})"
+            return f"\nfound = pn.validate(pn.load({drive!r}), {recordings!r})"
         case "identify":
-            return f"{loaded}fit = pn.identify(drive, {recordings!r}, {values['free'].split(', ')!r})"
+            return f"\nfit = pn.identify(pn.load({drive!r}), {recordings!r}, {values['free'].split(', ')!r})"
         case "apply":
-            return f"{'' if is_of_fit else reads_fit}{loaded}after = read_fit({fit!r}).apply(drive)"
+            return f"\nafter = pn.load({fit!r}).apply(pn.load({drive!r}))"
         case "size":
             counts = {name: values[name] for name in ("least", "most", "draws")}
             counts["draws_best"] = DRAWS_BEST_OF * values["draws"]
             return f"\nfound = {call('pn.size', repr(values['task']), **counts)}"
         case "export":
-            fmi = values["fmi"] if values["to"] == "fmu" else ""
-            options = {"version": fmi, "actuator": values["actuator"], "initial": values["initial"]}
-            done = call(f"pn.export_{values['to']}", "drive", repr(out), **options)
-            return f"{described}\ndrive = load_described({drive!r})\ndone = {done}"
+            options = {"version": values["fmi"], "actuator": values["actuator"], "initial": values["initial"]}
+            done = call(f"pn.export_{values['to']}", f"pn.load({drive!r})", repr(out), **options)
+            return f"\ndone = {done}"
         case _:
-            build = "from pneudrive.datasheet.sheet import build\n"
-            sheet = f"sheet = build(load_described({drive!r}), [], None, Watch())"
-            return f"{build}{described}from pneudrive.progress import Watch\n\n{sheet}"
+            build = "from pneudrive.datasheet.sheet import build\nfrom pneudrive.progress import Watch\n"
+            return f"{build}\nsheet = build(pn.load({drive!r}), [], None, Watch())"
 
 
 def _same(*names: str) -> tuple[tuple[str, str], ...]:
@@ -240,66 +233,72 @@ def _same(*names: str) -> tuple[tuple[str, str], ...]:
 
 BELOW = f"{RESULTS}/{{name}}"
 NAME = CommandInput("name", "Into results/", "name")
-DRIVE = CommandInput("drive", "Drive or circuit", "drive")
+DRIVE, SOURCE = (CommandInput("drive", "Drive or circuit", "drive", name) for name in ("drive", "source"))
 MODEL = CommandInput("drive", "Drive or fit of a drive", "model")
 RECORDINGS = CommandInput("recordings", "Recordings with command, position and both pressures", "recordings")
 FIT = CommandInput("fit", "Fit", "fit")
 OUT = CommandInput("out", "Into", "out")
 ACTUATOR = "The other tool moves the piston and gets its force (for multibody tools)"
 TOOLS = (("fmu", "FMU"), ("c", "Library with header for C"))
-POINTS = CommandInput("points", "Points, repeats included", "number", "points", None, most=MOST_NEXT, hint="auto")
+POINTS = CommandInput("points", "Points, repeats included", "number", start=None, most=MOST_NEXT, hint="auto")
 LAWS, FORMS = _same(*CANDIDATES), _same("none", *PRESSURE_FORMS)
-TUNED = "Largest number of tuned choices"
+
+
+def _number(key: str, label: str, option: str, most: int) -> CommandInput:
+    """Return a number of a sizing, which begins with the default of the command."""
+    return CommandInput(key, label, "number", option, parameters_of("size")[option].default, most=most)
+
+
 SIGNATURES = {
-    "characterise": Signature(
+    "characterise": CommandForm(
         "Characterise", BELOW, (CommandInput("recordings", "Recordings", "recordings", hint="rig"), NAME)
     ),
-    "fit": Signature(
+    "fit": CommandForm(
         "Fit again",
         "{folder}/{name}.toml",
         (
-            CommandInput("map", "Friction map", "map"),
+            CommandInput("map", "Friction map", "map", "source"),
             CommandInput("law", "Law", "choice", "laws", "stribeck gaussian", LAWS),
-            CommandInput("pressure", "Pressure", "choice", "pressure", "none", FORMS),
+            CommandInput("pressure", "Pressure", "choice", start="none", choices=FORMS),
             CommandInput("name", "Into", "name", start="fit-2", suffix=".toml"),
         ),
     ),
-    "design": Signature(
+    "design": CommandForm(
         "Write the protocol",
         "{name}.toml",
         (FIT, POINTS, CommandInput("name", "Protocol", "name", start="next-points", suffix=".toml")),
     ),
-    "validate": Signature("Validate", BELOW, (MODEL, RECORDINGS, NAME)),
-    "identify": Signature(
+    "validate": CommandForm("Validate", BELOW, (MODEL, RECORDINGS, NAME)),
+    "identify": CommandForm(
         "Identify from these recordings",
         "{out}",
-        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", "free", hint="valve.conductance"), OUT),
+        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", hint="valve.conductance"), OUT),
     ),
-    "apply": Signature("Apply to a new drive file", "{out}", (FIT, MODEL, OUT)),
-    "size": Signature(
+    "apply": CommandForm("Apply to a new drive file", "{out}", (FIT, MODEL, OUT)),
+    "size": CommandForm(
         "Size",
         BELOW,
         (
             CommandInput("task", "Task", "task"),
-            CommandInput("least", "Least number of choices", "number", "min_candidates", 10, most=MOST_LEAST),
-            CommandInput("most", TUNED, "number", "max_candidates", 160, most=MOST_TUNED),
-            CommandInput("draws", "Samples of each", "number", "samples", 256, most=MOST_DRAWS),
+            _number("least", "Least number of choices", "min_candidates", MOST_LEAST),
+            _number("most", "Largest number of tuned choices", "max_candidates", MOST_TUNED),
+            _number("draws", "Samples of each", "samples", MOST_DRAWS),
             NAME,
         ),
     ),
-    "export": Signature(
+    "export": CommandForm(
         "Export",
         f"{BELOW}{{suffix}}",
         (
-            DRIVE,
-            CommandInput("to", "As", "choice", "to", "fmu", TOOLS),
-            CommandInput("fmi", "FMI", "choice", "fmi", "2.0", _same(*VERSIONS), only=("to", "fmu")),
-            CommandInput("initial", "Start state", "text", "initial", hint="position = 50 mm"),
-            CommandInput("actuator", ACTUATOR, "flag", "actuator", start=False, only=("to", "fmu")),
+            SOURCE,
+            CommandInput("to", "As", "choice", start="fmu", choices=TOOLS),
+            CommandInput("fmi", "FMI", "choice", start="2.0", choices=_same(*VERSIONS), only=("to", "fmu")),
+            CommandInput("initial", "Start state", "text", hint="position = 50 mm"),
+            CommandInput("actuator", ACTUATOR, "flag", start=False, only=("to", "fmu")),
             NAME,
         ),
     ),
-    "datasheet": Signature("Write the data sheet", f"{BELOW}/{REPORT}", (DRIVE, NAME)),
+    "datasheet": CommandForm("Write the data sheet", f"{BELOW}/{REPORT}", (DRIVE, NAME)),
 }
 
 

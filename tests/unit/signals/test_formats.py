@@ -12,7 +12,7 @@ import xarray as xr
 
 from pneudrive.characterise import Layout, characterise
 from pneudrive.errors import RecordingError
-from pneudrive.friction.friction_map import HASHES
+from pneudrive.files.inputs import INPUTS
 from pneudrive.signals.proposal import propose_layout
 
 LAYOUT = """\
@@ -202,7 +202,7 @@ def test_the_same_map(table, tmp_path, case):
     if case == "tdms, waveform":  # its times are products, not the ones that were recorded
         xr.testing.assert_allclose(found, expected, rtol=1e-9)
     else:
-        assert found.attrs.pop(HASHES) != expected.attrs.pop(HASHES)  # of two files, and all that tells them apart
+        assert found.attrs.pop(INPUTS) != expected.attrs.pop(INPUTS)  # of two files, and all that tells them apart
         xr.testing.assert_identical(found, expected)
 
 

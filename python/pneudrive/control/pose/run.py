@@ -18,6 +18,7 @@ from pneudrive.control.results.measures import LAST_S, air_of
 from pneudrive.control.setup import read_setup, told
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.outputs import pose_columns
 from pneudrive.progress import Watch
@@ -138,6 +139,7 @@ def run_pose(
         "gains": {one.belief.name: {gain.key: gain.value for gain in one.gains} for one in tunings},
         "dynamics": dynamics,
         "payload": str(payloads[0] or ""),
+        INPUTS: inputs_of(circuit),
         "score": score.to_dict(),
         "events": events,
     }

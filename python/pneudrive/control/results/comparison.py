@@ -23,6 +23,7 @@ from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.tuning import Tuning, alone, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError
+from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
@@ -148,7 +149,8 @@ def benchmark(
     keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
     about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": own[1] if own else "", "count": count, "rtol": rtol, **_references_told(to_follow)}
-    about |= card.told(tunings) | {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
+    about |= card.told(tunings) | {"mark": store.mark, "keys": hashlib.sha256("".join(keys).encode()).hexdigest()}
+    about |= stored_beside({INPUTS: [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]}, folder)
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
     card.begin(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})

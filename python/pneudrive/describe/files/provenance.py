@@ -52,8 +52,8 @@ class Origin(Described):
     """Origin of one value.
 
     `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings, and `fit`
-    the hash of the fit. `model_error` is the lower limit of the model error, if known. `correlation` has the
-    correlations with the errors of other values, by their names.
+    the hash of the fit, and `file` its file. `model_error` is the lower limit of the model error, if known.
+    `correlation` has the correlations with the errors of other values, by their names.
     """
 
     table_name: ClassVar[str] = "provenance"
@@ -61,6 +61,7 @@ class Origin(Described):
     confidence: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))] = 0.95
     source: str
     fit: str = ""
+    file: str = ""
     model_error: str | float = ""
     correlation: dict[str, Annotated[float, Quantity("", bounds=Bounds(at_least=-1.0, at_most=1.0))]] = Field(
         default_factory=dict

@@ -18,6 +18,7 @@ from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import SIMULATED, Fit, FittedData, Undetermined
 from pneudrive.identify.dynamic.problem import white_noise
 from pneudrive.identify.dynamic.result import LARGEST_REACH, unresolved_damping
@@ -144,6 +145,7 @@ def identify_presliding(
             "drive": drive.name,
             "description_hash": drive.description_hash,
             "recordings": [str(getattr(loop, "name", f"loop {i}")) for i, loop in enumerate(every, 1)],
+            INPUTS: inputs_of(drive),
         },
         profiler=ends.__getitem__,
         fitted={

@@ -27,6 +27,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, FittedData, Undetermined
 from pneudrive.identify.dynamic.problem import Iterate
@@ -558,6 +559,7 @@ def assembled(
     )
     lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
+    fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 

@@ -12,6 +12,7 @@ from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import Fit, Undetermined
 from pneudrive.identify.compared import FittedData
 from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit, driven_recordings
@@ -524,7 +525,11 @@ def _result(
         spreads=spreads,
         undetermined=lost,
         statistics={"recordings": float(len(records))},
-        provenance={"version": __version__, "recordings": [record.table() for record in records]},
+        provenance={
+            "version": __version__,
+            "recordings": [record.table() for record in records],
+            INPUTS: inputs_of(described, [record.recording for record in problem.records]),
+        },
         fitted=fitted_pressures(solution),
         records=records,
         rivals=beside,
@@ -758,5 +763,6 @@ def simulate_motion(
         "motion": record.name,
         "motion_sha256": record.recording.sha256,
         "assumed": described.assumed(),
+        INPUTS: inputs_of(described, [record.recording]),
     }
     return driven.trajectory(record), provenance

@@ -20,6 +20,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, FitError
+from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import Fit
 from pneudrive.identify.compared import FittedData
 from pneudrive.signals.drive_recording import read_volume_recordings
@@ -245,7 +246,11 @@ def identify_regulator(
         intervals=intervals,
         undetermined=tuple(lost),
         statistics=statistics,
-        provenance={"version": __version__, "recordings": [{"name": r.name, "sha256": r.sha256} for r in records]},
+        provenance={
+            "version": __version__,
+            "recordings": [{"name": r.name, "sha256": r.sha256} for r in records],
+            INPUTS: inputs_of(described, records),
+        },
         runs=runs,
         spread=spread,
         fitted={

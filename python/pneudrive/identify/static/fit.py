@@ -22,7 +22,8 @@ from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals
-from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
+from pneudrive.files.inputs import INPUTS, stored_input
+from pneudrive.friction.friction_map import ALL_RECORDINGS, FILE, group_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.static.diagnose import (
     Support,
@@ -161,6 +162,7 @@ def fit_friction(
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
         "recordings": recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
     }
     used = loss if robust else "linear"
     return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
@@ -368,6 +370,7 @@ def fit_any_law(
         "direction": "both" if direction is None else f"{direction:+d}",
         "ambient_pressure_pa": ambient,
         "recordings": recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
     }
     return LawFit(
         model=model,

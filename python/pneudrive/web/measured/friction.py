@@ -28,7 +28,7 @@ from pneudrive.identify.static.result import (
 from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
 from pneudrive.web.jobs import RIG, design_python
-from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map
+from pneudrive.web.lineage import SAME, Lineage, recordings_of_map
 from pneudrive.web.messages import Array, number
 from pneudrive.web.requests import shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
@@ -366,8 +366,8 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     }
     if not isinstance(fit, SlidingFit):
         return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
-    (edge,) = Lineage(workspace, MOST_TRACED).edges(path)
-    if edge.state != SAME:
+    edge = next(iter(Lineage(workspace).edges(path)), None)
+    if edge is None or edge.state != SAME:
         return found | {"why": "Residuals and profiles need the map of the fit: it was removed or changed."}
     table = read_map(workspace.path(edge.path))
     data = with_map(fit, table).compared()["friction"]

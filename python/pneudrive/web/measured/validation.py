@@ -12,11 +12,11 @@ from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
 from pneudrive.describe.all_values import DescribedValue, values_of
+from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import numbers_of, with_shape
-from pneudrive.identify.files import read_fit
 from pneudrive.results import compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
@@ -27,17 +27,18 @@ from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.lineage import MOST_TRACED, Input, Lineage, is_fit
+from pneudrive.web.lineage import Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.requests import MOST_PIXELS, PageRequest, shell, wrong_request
+from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.identify.files import AnyFit
+    from pneudrive.web.lineage import Edge
 
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 
@@ -53,11 +54,11 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
     content = _read(workspace, path)
     provenance = content["provenance"]
     recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
-    lineage = Lineage(workspace, MOST_TRACED)
-    place, drive = lineage.drive_of(provenance["description_hash"])
+    lineage = Lineage(workspace)
+    place, drive = lineage.drive_of(path)
+    files = {edge.digest: edge.path for edge in lineage.edges(path) if edge.kind == "recording"}
     for record in content["record"]:
-        named = Input("recording", record["source"] or record["name"], record["sha256"])
-        record["file"] = lineage.file_of(named)
+        record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
     return plain(
         {
@@ -66,9 +67,9 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
             "name": provenance["drive"],
             "version": provenance["version"],
             "drive": place,
-            "editable": drive is not None and (is_in_catalogue(place) or not is_fit(workspace.path(place))),
+            "editable": drive is not None and (is_in_catalogue(place) or lineage.files[place].kind != "fit"),
             "suspects": _suspects(drive, content["diagnosis"]),
-            "values": _values(lineage, drive, recordings, provenance.get("identified", {})),
+            "values": _values(lineage.edges(place), drive, recordings, provenance.get("identified", {})),
             "channels": [
                 {"column": column, "label": label, "size": size, "unit": unit}
                 for column, label in CHANNELS.items()
@@ -110,7 +111,7 @@ def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[st
 
 
 def _values(
-    lineage: Lineage, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
+    inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
     """Return the values of the drive with their sources, or without the drive the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
@@ -118,6 +119,7 @@ def _values(
         {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
         for one in (() if drive is None else values_of(drive))
     ]
+    fits = {edge.digest: edge.path for edge in inputs if edge.kind == "fit"}
     out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
     for value in out:
         if origin := known.get(value["key"]):
@@ -125,7 +127,7 @@ def _values(
             value["origin"] = ""
             value["interval"] = " … ".join(str(end) for end in origin["interval"])
             value["source"] = [{"name": name, "file": recordings.get(name, "")} for name in names]
-            value["fit"] = lineage.fits.get(origin.get("fit", ""), "")
+            value["fit"] = fits.get(origin.get("fit", ""), "")
     return out
 
 
@@ -221,18 +223,18 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
 
 
 def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
-    """Return the differences between two drives, or two fits of one kind: values with their intervals.
+    """Return the differences between two results or descriptions of one kind: values with their intervals.
 
-    For drives, also return the lines of their full texts that differ.
+    For drives and circuits, also return the lines of their full texts that differ.
 
     Raises
     ------
-    CommandError, DescriptionError, FitError
-        A name leads out of the workspace, a file is neither a valid drive nor a fit, or the files are of two kinds.
+    PneudriveError
+        A name leads out of the workspace, a file is not a result, or the files are of two kinds.
     """
     names = (before, after)
     sources = [_source(workspace, name) for name in names]
-    texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive)]
+    texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive | Circuit)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n"
     return {
@@ -243,12 +245,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     }
 
 
-def _source(workspace: Workspace, name: str) -> Drive | AnyFit:
-    if not is_in_catalogue(name):
-        path = workspace.path(name, DESCRIPTIONS)
-        if any(one.path == name and one.kind == "fit" for one in workspace.files()):
-            return read_fit(path)
-    found = described_at(workspace, name)
-    if not isinstance(found, Drive):
-        raise CommandError("a circuit has no identified values to compare")
-    return found
+def _source(workspace: Workspace, name: str) -> Any:  # noqa: ANN401 - any result
+    """Read a drive, a circuit or any other result."""
+    kind = next((one.kind for one in workspace.files() if one.path == name), "")
+    return described_at(workspace, name) if kind in ("", "drive", "circuit") else load_at(workspace, name)

@@ -1,0 +1,53 @@
+"""Inputs of a result: the list that each writer stores in the provenance of its format.
+
+An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the content that decides the result:
+values of a description or a map, samples of a recording, the bytes of any other file. A comment or a label therefore
+changes no input.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+#: Key of the list in a provenance.
+INPUTS = "inputs"
+
+
+def stored_input(kind: str, name: str, file: str | Path | None, sha256: str | None) -> dict[str, str]:
+    """Return an input with the full path of its file; the name of a catalogue's drive is not changed."""
+    path = str(Path(file).resolve()) if file and Path(file).exists() else str(file or "")
+    return {"kind": kind, "name": name, "file": path, "sha256": sha256 or ""}
+
+
+def inputs_of(described: Any, recordings: Iterable[Any] = ()) -> list[dict[str, str]]:  # noqa: ANN401 - drive, circuit or tank
+    """Return a description and recordings as inputs."""
+    file, digest = (getattr(described, name, "") for name in ("source_file", "description_hash"))
+    read = [stored_input("recording", one.name, one.source, one.sha256) for one in recordings]
+    return [stored_input("drive", described.name, file, digest), *read]
+
+
+def stored_beside(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a provenance for a file in a folder: full paths of inputs become relative to this folder."""
+    if INPUTS not in provenance:
+        return dict(provenance)
+    return {**provenance, INPUTS: [{**one, "file": path_from(one["file"], folder)} for one in provenance[INPUTS]]}
+
+
+def path_from(file: str, folder: Path) -> str:
+    """Return a full path as seen from a folder; unchanged on another drive of the computer."""
+    start = folder.resolve()
+    is_near = Path(file).is_absolute() and Path(file).drive == start.drive
+    return Path(os.path.relpath(file, start)).as_posix() if is_near else file
+
+
+def located(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a provenance from a file in a folder, with the full paths of its inputs."""
+    files = [folder / one["file"] if one["file"] else "" for one in provenance.get(INPUTS, ())]
+    places = [{"file": str(file.resolve())} if file and file.exists() else {} for file in files]
+    inputs = [one | place for one, place in zip(provenance.get(INPUTS, ()), places, strict=True)]
+    return {**provenance, INPUTS: inputs} if inputs else dict(provenance)
