@@ -11,8 +11,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
-from pneudrive.numbers import plain
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +38,7 @@ HIGHEST = 50.0  # times the supply: no steady state has such a pressure
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibrium(Shown):
+class Equilibrium(Viewed):
     """A steady state: no pressure and no temperature changes.
 
     Attributes
@@ -67,17 +66,14 @@ class Equilibrium(Shown):
     friction_n: float
     load_n: float
 
-    def _card(self) -> Card:
-        rows = [
-            ("command", f"{self.command:g}"),
-            ("position, velocity", f"{plain(1e3 * self.position_m)} mm, {plain(self.velocity_m_s)} m/s"),
-            ("pressures", f"{plain(1e-5 * self.pressure_a_pa)}, {plain(1e-5 * self.pressure_b_pa)} bar abs"),
-            ("temperatures", f"{plain(self.temperature_a_k)}, {plain(self.temperature_b_k)} K"),
-            ("force without friction", f"{plain(self.gas_force_n)} N"),
-            ("friction", f"{plain(self.friction_n)} N"),
-            ("load that balances it", f"{plain(self.load_n)} N"),
-        ]
-        return Card("equilibrium", rows=rows)
+    def view(self) -> View:
+        """Return the values of the state."""
+        labels = ("command", "position", "velocity", "pressure a, absolute", "pressure b, absolute", "temperature a")
+        labels += ("temperature b", "force without friction", "friction", "load that balances it")
+        units_si = ("", "m", "m/s", "Pa", "Pa", "K", "K", "N", "N", "N")
+        values = zip(vars(self).items(), labels, units_si, strict=True)
+        rows = (ShownValue(name, label, "value", value, unit) for (name, value), label, unit in values)
+        return View("equilibrium", tuple(rows))
 
 
 def equilibrium(

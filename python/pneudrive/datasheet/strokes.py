@@ -10,10 +10,9 @@ import numpy as np
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError
-from pneudrive.numbers import plain
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.motion import straight_line
 from pneudrive.simulation.trajectory import columns as columns_of
+from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,7 +54,7 @@ STROKE_MEANING: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, repr=False)
-class StrokeNumbers(Shown):
+class StrokeNumbers(Viewed):
     """Numbers of one stroke in SI; NaN if an event did not occur or was not measured.
 
     Attributes
@@ -91,14 +90,13 @@ class StrokeNumbers(Shown):
         """Return the numbers by name, without the direction and `begin_within`."""
         return {name: value for name, value in asdict(self).items() if name in STROKE_MEANING}
 
-    def _card(self) -> Card:
-        where = "b" if self.direction > 0 else "a"
-        units = {name: unit for name, (unit, _) in STROKE_MEANING.items()}
-        rows = [
-            (name, f"{plain(value)} {units[name]}") for name, value in self.to_dict().items() if not math.isnan(value)
-        ]
+    def view(self) -> View:
+        """Return the numbers that are known."""
+        known = {name: value for name, value in self.to_dict().items() if not math.isnan(value)}
+        rows = (ShownValue(name, name, "value", value, STROKE_MEANING[name][0]) for name, value in known.items())
         late = f"times from the command may be longer by up to {self.begin_within:.3g} s, the interval of the samples"
-        return Card(f"stroke towards the end of chamber {where}", rows=rows, notes=[late] if self.begin_within else [])
+        title = f"stroke towards the end of chamber {'b' if self.direction > 0 else 'a'}"
+        return View(title, tuple(rows), notes=(late,) if self.begin_within else ())
 
 
 def stroke_of(

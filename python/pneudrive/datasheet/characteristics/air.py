@@ -14,10 +14,9 @@ from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
 from pneudrive.errors import PneudriveWarning
-from pneudrive.numbers import plain
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import run
+from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -254,7 +253,7 @@ _UNITS = {"_pa": "Pa abs", "_k": "K", "_m_s": "m/s", "_m": "m"}
 
 
 @dataclass(frozen=True, repr=False)
-class EnergyBalance(Shown):
+class EnergyBalance(Viewed):
     """Energy of a run.
 
     Attributes
@@ -282,15 +281,18 @@ class EnergyBalance(Shown):
         """Reservoir -> litres at the standard reference atmosphere (ISO 8778)."""
         return {name: litres_anr(mass, self.anr_density_kg_m3) for name, mass in self.air_kg.items()}
 
-    def _card(self) -> Card:
-        rows = [
-            ("across boundary, positive inward", name, f"{plain(value)} J") for name, value in self.accounts_j.items()
-        ]
-        rows += [("exergy lost", name, f"{plain(value)} J") for name, value in self.lost_j.items()]
-        rows += [("exergy lost", "all", f"{plain(sum(self.lost_j.values()))} J")]
-        rows += [("air given", name, f"{plain(value)} l ANR") for name, value in self.air_litres_anr.items()]
-        notes = [f"Residual: {self.open_share:.1e} of the converted energy. Simulated."]
-        return Card("Energy of the run", ("what", "where", "value"), rows, notes)
+    def view(self) -> View:
+        """Return the accounts, the lost exergy and the air."""
+        lost = self.lost_j | {"all": sum(self.lost_j.values())}
+        groups = (("across boundary, positive inward", self.accounts_j, "J"), ("exergy lost", lost, "J"))
+        groups += (("air given, litres ANR", self.air_litres_anr, ""),)
+        rows = (
+            ShownValue(f"{group}.{name}", f"{group}, {name}", "value", value, unit)
+            for group, values, unit in groups
+            for name, value in values.items()
+        )
+        note = f"Residual: {self.open_share:.1e} of the converted energy. Simulated."
+        return View("Energy of the run", tuple(rows), notes=(note,))
 
 
 def energy_balance(
