@@ -15,11 +15,11 @@ from pneudrive._core import ControlSensors, close_step
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe.system import PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
-from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.command import inputs
 from pneudrive.simulation.session import Session
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import check_tolerance
+from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -213,7 +213,7 @@ SIGNALS = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
 @dataclass(frozen=True, repr=False)
-class StepReport(Shown):
+class StepReport(Viewed):
     """Quality of the steps since the last reset.
 
     Attributes
@@ -241,14 +241,15 @@ class StepReport(Shown):
     work_gap_j: float
     trials: float
 
-    def _card(self) -> Card:
-        rows = [
-            ("steps", f"{self.steps} of {1e3 * self.timestep_s:g} ms, {self.trials:.2f} trials each"),
-            ("gap of the loops", f"{1e6 * self.loop_gap_m:.3g} um"),
-            ("gap of the positions", f"{1e6 * self.position_gap_m:.3g} um"),
-            ("work", f"{self.work_j:.6g} J, gap {self.work_gap_j:.2g} J"),
-        ]
-        return Card("Drives in MuJoCo", ("quantity", "value"), rows, [])
+    def view(self) -> View:
+        """Return steps, gaps and work in words."""
+        rows = {
+            "steps": f"{self.steps} of {1e3 * self.timestep_s:g} ms, {self.trials:.2f} trials each",
+            "gap of the loops": f"{1e6 * self.loop_gap_m:.3g} um",
+            "gap of the positions": f"{1e6 * self.position_gap_m:.3g} um",
+            "work": f"{self.work_j:.6g} J, gap {self.work_gap_j:.2g} J",
+        }
+        return View("Drives in MuJoCo", tuple(ShownValue(name, name, "value", text) for name, text in rows.items()))
 
 
 class _Axis:
