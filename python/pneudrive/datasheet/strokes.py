@@ -308,23 +308,3 @@ def litres_anr(mass_kg: float, density_kg_m3: float = ANR_DENSITY_KG_M3) -> floa
     1.0
     """
     return mass_kg / density_kg_m3 / LITRE
-
-
-def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = math.inf) -> float:
-    """Return the mass that a drive takes from its supply, kg, from the flow in the trajectory of its circuit.
-
-    Parameters
-    ----------
-    columns : mapping
-        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.simulation.trajectory.columns` returns them of a
-        circuit's run. The trapezium rule is used. For widely spaced samples, `pneudrive.simulate_many` with
-        ``"integral(supply.mass_flow)"`` integrates over the solver's steps.
-    begin_s, end_s : float
-        Air of the cycle.
-    """
-    from scipy.integrate import trapezoid
-
-    t = np.asarray(columns["time_s"], dtype=float)
-    keep = (t >= begin_s) & (t <= end_s)
-    flow = np.asarray(columns["supply.mass_flow_kg_s"], dtype=float)[keep]
-    return abs(float(trapezoid(flow, t[keep])))

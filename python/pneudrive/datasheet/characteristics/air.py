@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -239,9 +239,6 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
         "open": rest / drawn,
         "half_period": half_period,
     }
-
-
-_SETTINGS: dict[str, tuple[Any, str]] = {"command": (1.0, "size of the command")}
 
 
 # --- The energy of one run: its accounts and their closure, the lost exergy, and the air from each supply.

@@ -435,7 +435,6 @@ RISING_S, RISES = 600.0, 1200
 CLOSE = 2e-5  # of the interval between ambient and supply: where bisection ends
 LASTING_S, LOOKS = 660.0, 60  # a piston that is not there then does not move; looks in between
 DONE = 0.99  # of the stroke
-STARTED = 0.01
 
 
 def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) -> bool:
