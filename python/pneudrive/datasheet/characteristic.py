@@ -103,7 +103,7 @@ class Characteristic:
         return xr.Dataset(labelled["result"], labelled["axis"], self.about(plant))
 
     def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
-        """Return a result with what the docstring says on it, or what the function says itself."""
+        """Return a result with unit and meaning from the docstring, unless the function states them."""
         if isinstance(value, ResultValue):
             return value
         form, meaning = self.results[name]

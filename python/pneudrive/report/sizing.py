@@ -71,7 +71,7 @@ def sizing_view(found: SizingResult) -> View:
 
 
 def _leading(found: SizingResult) -> Iterator[LeadingValue]:
-    """Yield what the task limits, and the air, of the best choice."""
+    """Yield the limited values and the air of the best choice."""
     task, best = found.task, found.best
     if best is None:
         return

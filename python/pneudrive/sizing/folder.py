@@ -121,7 +121,7 @@ class SizingFolder:
                 temporary.write_text("".join(f"{line}\n" for line, _ in self._stages.values()), encoding="utf-8")
 
     def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
-        """Return the stored results of the draws of a choice, or its tuned settings; None if there are none."""
+        """Return the stored drive of a choice with a number of draws, or its tuned settings; None without them."""
         return self._stages.get((name, draws), ("", None))[1]
 
     def store(self, name: str, stage: SizedDrive | Tuned) -> None:

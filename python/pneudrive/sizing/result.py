@@ -221,7 +221,7 @@ class SizingResult(Viewed):
 
     @property
     def answer(self) -> str:
-        """The answer in one sentence; provisional, by nominal runs, while there is no ranking."""
+        """Answer in one sentence. Without a ranking it is provisional, by nominal runs."""
         task, best = self.task, self.best
         if best is not None:
             figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
