@@ -273,6 +273,8 @@ class Fit(Viewed):
         Version, hash of the data, options.
     converged : bool
         False if the search ended early: the values are the best so far.
+    details : dict
+        Name -> further entries of a value in the file, those of `DETAILS` for instance.
     profiler : callable or None
         Free value -> its interval by profile likelihood; None if the fit was read from a file.
     fitted : dict
@@ -286,6 +288,8 @@ class Fit(Viewed):
     TITLE: ClassVar[str]
     GROUPS: ClassVar[tuple[str, ...]] = ("values",)
     HEAD: ClassVar[str]
+    #: Shown details of a value -> words. A number is a fraction, several are values.
+    DETAILS: ClassVar[dict[str, str]] = {}
 
     values: dict[str, float]
     units: dict[str, str]
@@ -300,6 +304,7 @@ class Fit(Viewed):
     statistics: dict[str, float]
     provenance: dict[str, Any]
     converged: bool = True
+    details: dict[str, dict[str, Any]] = field(default_factory=dict)
     profiler: Callable[[str], tuple[float, float]] | None = field(default=None, repr=False)
     fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
     file: str = field(default="", repr=False)
@@ -552,7 +557,8 @@ class Fit(Viewed):
         if name in self.intervals:
             entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
             entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}
-        return entry | {"model_error": self.model_errors.get(name), "sources": self.sources.get(name)}
+        entry |= {"model_error": self.model_errors.get(name), "sources": self.sources.get(name)}
+        return entry | self.details.get(name, {})
 
     def toml(self, folder: Path | None = None) -> str:
         """Return the text of fit.toml; with the inputs of the fit only for a file in a folder."""
@@ -626,6 +632,14 @@ class Fit(Viewed):
         """Return the tables of a file in the present form, also those of an older version."""
         return content
 
+    @staticmethod
+    def _joined(content: dict[str, Any], tables: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+        """Return the entries of the values of an older file: key -> its table, which has it for each value."""
+        return {
+            name: {"value": value} | {key: content[t][name] for key, t in tables.items() if name in content.get(t, ())}
+            for name, value in content["values"].items()
+        }
+
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
         """Return the fields of a fit from its file.
@@ -659,6 +673,7 @@ class Fit(Viewed):
             "statistics": file.statistics,
             "provenance": dict(file.content["provenance"]),
             "converged": file.converged,
+            "details": {name: entry.model_extra for name, entry in entries.items() if entry.model_extra},
         }
 
     # -- display ----------------------------------------------------------------------------------------
@@ -714,5 +729,9 @@ class Fit(Viewed):
             cells["model ±"] = plain(self.model_errors[name] / size, 2)
         if len(set(self.sources.values())) > 1 and name in self.free:
             cells["recordings"] = joined(self.sources.get(name, self.recordings))
+        for key, words in self.DETAILS.items():
+            if (found := self.details.get(name, {}).get(key)) is not None:
+                is_fraction = isinstance(found, float)
+                cells[words] = f"{100 * found:.0f} %" if is_fraction else " .. ".join(plain(v / size) for v in found)
         yield ShownValue(name, name, "value", value, self.units[name], ends, "data" if name in self.free else "stated")
         yield from (ShownValue(f"{name}.{key}", name, key, text, origin="text") for key, text in cells.items())

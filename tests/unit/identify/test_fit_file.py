@@ -156,10 +156,11 @@ def test_older_fits_of_motions_and_regulators_are_read(tmp_path):
     motion, lag = (read_fit(old / f"{kind}-fit.toml") for kind in ("motion", "regulator"))
     assert motion.values["upper.volume"] == 0.025002976032786055
     assert motion.intervals["upper.volume"] == (0.02498958781693419, 0.02501725748812891)
-    assert motion.model_intervals["upper.volume"] == (0.02499373165267061, 0.02501222383210136)
+    assert motion.details["upper.volume"]["model_interval"] == [0.02499373165267061, 0.02501222383210136]
     assert motion.apply().components
     assert lag.values["gain_pa"] == 503417.26028572366
-    assert (lag.spread["gain_pa"], lag.statistics["held"]) == (0.0009706905030083219, 4.139061084138796 / 100.0)
+    assert lag.details["gain_pa"]["run_to_run"] == 0.0009706905030083219
+    assert lag.statistics["held"] == 4.139061084138796 / 100.0
     assert list(lag.hashes) == ["run 0", "run 1", "run 2"]
     for fit in (motion, lag):
         fit.to_toml(tmp_path / "again.toml")

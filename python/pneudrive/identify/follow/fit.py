@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,11 +22,10 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
 from pneudrive.signals.recording import Recording
-from pneudrive.units import readable
-from pneudrive.views import ShownTable, ShownValue
+from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -275,20 +274,11 @@ class FollowRecord:
     file: str = ""
     sha256: str = ""
 
-    def table(self) -> dict[str, Any]:
-        """Return the table for a file."""
-        out: dict[str, Any] = {"name": self.name, "file": self.file, "sha256": self.sha256}
-        out["rms_percent"] = [round(100.0 * share, 4) for share in self.rms]
-        return out | {key: getattr(self, key) for key in ("temperature_a_k", "temperature_b_k", "delay_s")}
-
     @classmethod
     def of_table(cls, table: dict[str, Any]) -> FollowRecord:
-        """Return the record of a table."""
-        rms, ta, tb, delay = (
-            (table[key][0], table[key][1]) for key in ("rms_percent", "temperature_a_k", "temperature_b_k", "delay_s")
-        )
-        texts = [str(table.get(key, "")) for key in ("file", "sha256")]
-        return cls(str(table["name"]), (rms[0] / 100.0, rms[1] / 100.0), ta, tb, delay, *texts)
+        """Return the record of a table in a file; an older one has its residuals in percent."""
+        known = {field.name: table[field.name] for field in fields(cls) if field.name in table}
+        return cls(**known | {"rms": tuple(table.get("rms") or (share / 100.0 for share in table["rms_percent"]))})
 
     def __str__(self) -> str:
         """Return residuals, start and delay."""
@@ -298,9 +288,6 @@ class FollowRecord:
             f"rms {a:.2f} % and {b:.2f} % of the range of a and b; start {ta:.1f} ± {ua:.1f} K and {tb:.1f} ± "
             f"{ub:.1f} K; delay of the pressures {tau:.3f} ± {u:.3f} s"
         )
-
-
-PARTS = ("model_interval", "spread", "parts")  # of a value in the file, in addition to those of every fit
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -313,12 +300,10 @@ class FollowFit(Fit):
         With the identified values.
     intervals : dict
         Name -> 95 % interval: union over all models that fit as well, and at least the change from part to part.
-    model_intervals : dict
-        Name -> 95 % interval for this model alone: from noise and correlated residuals.
-    spreads : dict
-        Name -> lowest and highest value over all models that fit as well.
-    parts : dict
-        Name -> values from each recording alone, or from each half of a single recording.
+    details : dict
+        Name -> ``model_interval``: 95 % interval for this model alone, from noise and correlated residuals. ``spread``:
+        lowest and highest value over all models that fit as well. ``parts``: values from each recording alone, or from
+        each half of a single recording.
     records : tuple of FollowRecord
     rivals : tuple of Rival
         Other models that were tried.
@@ -329,13 +314,11 @@ class FollowFit(Fit):
     KIND: ClassVar[str] = "motion"
     TITLE: ClassVar[str] = "fit along motions"
     HEAD: ClassVar[str] = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %."
+    DETAILS: ClassVar[dict[str, str]] = {"spread": "models that fit as well", "parts": "parts of the recordings"}
 
     circuit: Circuit
     records: tuple[FollowRecord, ...]
     rivals: tuple[Rival, ...] = ()
-    spreads: dict[str, tuple[float, float]] = field(default_factory=dict)
-    model_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
-    parts: dict[str, tuple[float, ...]] = field(default_factory=dict)
     solution: FollowSolution | None = field(default=None, repr=False)
 
     def apply(self) -> Circuit:
@@ -352,25 +335,12 @@ class FollowFit(Fit):
     def _residual_lines(self) -> list[str]:
         return [f"{record.name}: {record}" for record in self.records]
 
-    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        yield from super()._cells(name, value)
-        size = readable(self.units[name])[0]
-        said = {"models that fit as well": self.spreads, "parts of the recordings": self.parts}
-        for words, each in said.items():
-            if name in each:
-                text = " .. ".join(plain(part / size) for part in each[name])
-                yield ShownValue(f"{name}.{words}", name, words, text, origin="text")
-
     def _tables(self) -> tuple[ShownTable, ...]:
         rows = tuple((rival.words, f"{rival.fit_percent:.2f}", rival.verdict) for rival in self.rivals)
         return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
 
     def _first(self) -> dict[str, Any]:
         return super()._first() | {"circuit": self.circuit.to_toml()}
-
-    def _entry(self, name: str, value: float) -> dict[str, Any]:
-        each = dict(zip(PARTS, (self.model_intervals, self.spreads, self.parts), strict=True))
-        return super()._entry(name, value) | {key: values.get(name) for key, values in each.items()}
 
     def _last(self) -> dict[str, Any]:
         return {"rivals": [vars(rival) for rival in self.rivals]} if self.rivals else {}
@@ -380,32 +350,17 @@ class FollowFit(Fit):
         """Return the tables of a file; an older one has a table for each property of the values."""
         if "units" not in content:
             return content
-        tables = {"unit": "units", "interval": "intervals", **{key: f"{key.removesuffix('s')}s" for key in PARTS}}
-        values = {
-            name: {"value": value}
-            | {key: content[table][name] for key, table in tables.items() if name in content.get(table, ())}
-            for name, value in content["values"].items()
-        }
+        tables = {"unit": "units", "interval": "intervals", "model_interval": "model_intervals"}
+        values = cls._joined(content, tables | {"spread": "spreads", "parts": "parts"})
         return content | {"values": values, "statistics": {}, "provenance": {"recordings": content["recordings"]}}
 
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
-        found, content = super()._fields(file), file.content
-        pairs = [
-            {
-                name: tuple(entry.model_extra[key])
-                for name, entry in file.entries.items()
-                if key in (entry.model_extra or {})
-            }
-            for key in PARTS
-        ]
-        return found | {
+        content = file.content
+        return super()._fields(file) | {
             "circuit": Circuit.load(str(content["circuit"])),
             "records": tuple(map(FollowRecord.of_table, content["provenance"]["recordings"])),
             "rivals": tuple(Rival(**rival) for rival in content.get("rivals", ())),
-            "model_intervals": pairs[0],
-            "spreads": pairs[1],
-            "parts": pairs[2],
         }
 
 
@@ -522,12 +477,11 @@ def _result(
         free=tuple(values),
         covariance=np.zeros((0, 0)),
         intervals=stated,
-        spreads=spreads,
         undetermined=lost,
         statistics={"recordings": float(len(records))},
         provenance={
             "version": __version__,
-            "recordings": [record.table() for record in records],
+            "recordings": [vars(record) for record in records],
             INPUTS: inputs_of(described, [record.recording for record in problem.records]),
         },
         fitted=fitted_pressures(solution),
@@ -536,8 +490,10 @@ def _result(
         notes=tuple(notes),
         converged=solution.converged,
         solution=solution,
-        model_intervals=intervals,
-        parts=parts,
+        details={
+            name: {"model_interval": intervals[name], "spread": spreads.get(name), "parts": parts.get(name)}
+            for name in values
+        },
     )
 
 

@@ -6,7 +6,7 @@ and leak act only through T, so such recordings do not determine them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -24,10 +24,10 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import Fit
 from pneudrive.identify.compared import FittedData
 from pneudrive.signals.drive_recording import read_volume_recordings
-from pneudrive.views import Finding, ShownValue
+from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -106,17 +106,17 @@ class RegulatorFit(Fit):
         ``least_dead_time_s``, ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
     runs : dict
         Name of each recording -> the separate values of the recording.
-    spread : dict
-        Relative standard deviation from run to run.
+    details : dict
+        Name -> ``run_to_run``: relative standard deviation from run to run.
     """
 
     KIND: ClassVar[str] = "regulator-fit"
     TITLE: ClassVar[str] = "fit of a regulator"
     HEAD: ClassVar[str] = "# Identified pressure regulator. SI units, pressures absolute; intervals are 95 %."
+    DETAILS: ClassVar[dict[str, str]] = {"run_to_run": "run to run"}
 
     name: str
     runs: dict[str, dict[str, float]]
-    spread: dict[str, float] = field(default_factory=dict)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what the recordings do not determine."""
@@ -135,17 +135,8 @@ class RegulatorFit(Fit):
         lines = [f"rms {rms:.2f} % of the range; {held:.2f} % with the stated gain held"]
         return [*lines, f"predicted runs: {predicted:.2f} % of the range"] if np.isfinite(predicted) else lines
 
-    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        yield from super()._cells(name, value)
-        if name in self.spread:
-            words = "run to run %"
-            yield ShownValue(f"{name}.{words}", name, words, f"{100 * self.spread[name]:.0f}", origin="text")
-
     def _first(self) -> dict[str, Any]:
         return super()._first() | {"name": self.name}
-
-    def _entry(self, name: str, value: float) -> dict[str, Any]:
-        return super()._entry(name, value) | {"spread": self.spread.get(name)}
 
     def _last(self) -> dict[str, Any]:
         return {"runs": self.runs}
@@ -155,15 +146,8 @@ class RegulatorFit(Fit):
         """Return the tables of a file; an older one has a table for each property of the values."""
         if "provenance" in content:
             return content
-        values = {
-            name: {
-                "value": content["values"][name],
-                "unit": unit,
-                "interval": content.get("intervals", {}).get(name),
-                "spread": content.get("spread", {}).get(name),
-            }
-            for name, unit in UNITS.items()
-        }
+        tables = {"unit": "units", "interval": "intervals", "run_to_run": "spread"}
+        values = cls._joined({"units": UNITS, **content}, tables)
         statistics = {
             key: content[f"{key}_percent"] / 100.0
             for key in ("rms", "held", "predicted")
@@ -179,12 +163,8 @@ class RegulatorFit(Fit):
 
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
-        spread = {name: entry.model_extra.get("spread") for name, entry in file.entries.items() if entry.model_extra}
-        return super()._fields(file) | {
-            "name": str(file.content.get("name", cls.TITLE)),
-            "runs": file.content["runs"],
-            "spread": {name: value for name, value in spread.items() if value is not None},
-        }
+        name = str(file.content.get("name", cls.TITLE))
+        return super()._fields(file) | {"name": name, "runs": file.content["runs"]}
 
 
 def identify_regulator(
@@ -252,7 +232,7 @@ def identify_regulator(
             INPUTS: inputs_of(described, records),
         },
         runs=runs,
-        spread=spread,
+        details={name: {"run_to_run": value} for name, value in spread.items()},
         fitted={
             r.name: FittedData(
                 "time_s", "pressure_pa", r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r])
