@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.variation import Variation
     from pneudrive.identify.base import Fit
 
+#: Name -> distribution, or its text; pair of names -> correlation.
+Distributions: TypeAlias = Mapping[str, Distribution | str]
+Correlations: TypeAlias = Mapping[tuple[str, str], float]
 #: Most members of a Latin hypercube, which is made as a whole.
 MOST_HYPERCUBE = 10_000_000
 #: Most members of a Sobol sequence: its points are multiples of 2^-30.
@@ -52,7 +55,7 @@ class EnsembleDesign(Shown):
     each: Mapping[str, Any]
     members: int | None = None
     seed: int = 0
-    correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    correlation: Correlations = field(default_factory=dict)
     fit: Fit | None = None
 
     def __str__(self) -> str:
@@ -84,12 +87,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def sobol(
-        cls,
-        distributions: Mapping[str, Distribution | str],
-        n: int,
-        *,
-        seed: int = 0,
-        correlation: Mapping[tuple[str, str], float] | None = None,
+        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
         """Points of a scrambled Sobol sequence: they fill the space evenly. `n` should be a power of 2.
 
@@ -109,12 +107,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def latin_hypercube(
-        cls,
-        distributions: Mapping[str, Distribution | str],
-        n: int,
-        *,
-        seed: int = 0,
-        correlation: Mapping[tuple[str, str], float] | None = None,
+        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
         """Draw a Latin hypercube: for each number, one member in each of n intervals of equal probability.
 
@@ -127,12 +120,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def random(
-        cls,
-        distributions: Mapping[str, Distribution | str],
-        n: int,
-        *,
-        seed: int = 0,
-        correlation: Mapping[tuple[str, str], float] | None = None,
+        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
         """Members drawn independently.
 

@@ -13,7 +13,7 @@ from pneudrive.ensemble.store import ChunkStore, results
 from pneudrive.ensemble.study import EnsembleStudy, Members
 from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
-from pneudrive.free.varied import INITIAL
+from pneudrive.free.parameters import INITIAL
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import check_tolerance, start

@@ -16,8 +16,7 @@ from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
 from pneudrive.free.circuit import AMBIENT, circuit_numbers, core_numbers, core_path
-from pneudrive.free.parameters import family_of, numbers_of
-from pneudrive.free.varied import INITIAL, Varied, field_marks, mark_unit
+from pneudrive.free.parameters import INITIAL, Varied, family_of, field_marks, mark_unit, numbers_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

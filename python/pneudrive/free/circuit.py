@@ -12,8 +12,7 @@ from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_mark
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.free.parameters import Parameter
-from pneudrive.free.varied import INITIAL, Varied, field_marks, mark_unit
+from pneudrive.free.parameters import INITIAL, Parameter, Varied, field_marks, mark_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.kinds import STATED
+from pneudrive.describe.marks import Quantity, StatedPressure
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import derived
 from pneudrive.errors import CommandError, FitError, nearest
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
+    from pneudrive.describe.base import Described
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.system import ShortNames
     from pneudrive.describe.tables.derived import Derived
@@ -95,6 +98,41 @@ class Parameter:
     upper: float
     size: float
     discrete: bool = False
+
+
+#: Names of the start state in a design begin so.
+INITIAL = "initial."
+
+
+class Varied(NamedTuple):
+    """A number that varies: its name in the drive file, its SI unit, and its written form."""
+
+    name: str
+    unit: str
+    mark: Quantity | StatedPressure | None
+
+    @property
+    def file_name(self) -> str:
+        """Name of its column in a file, which carries the unit."""
+        return units.column_name(self.name, self.unit)
+
+    def written(self, si: float) -> str | float:
+        """Write a value in the form of the drive file."""
+        if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
+            return f"{si!r} Pa abs"
+        return si if self.unit in ("1", "") else units.write(si, self.unit)
+
+
+def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
+    """Return the written form of each quantity of a table, by its key."""
+    fields = zip(kind.keys(), kind.model_fields.values(), strict=True)
+    marked = ((key, mark) for key, field in fields for mark in field.metadata)
+    return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
+
+
+def mark_unit(mark: Quantity | StatedPressure) -> str:
+    """Return the SI unit for a written form."""
+    return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
 def numbers_of(drive: Drive) -> dict[str, Parameter]:

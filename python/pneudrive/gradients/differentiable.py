@@ -1,5 +1,7 @@
-"""Results of a run as a function of numbers of the drive, with its exact Jacobian."""
+"""Results of a run as a function of numbers of the drive, with its exact Jacobian, also for JAX and PyTorch."""
 
+# pyright: reportMissingImports=false, reportFunctionMemberAccess=false
+# JAX and PyTorch are not installed with pneudrive.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -122,16 +124,64 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
-        """Return a function of a JAX array with forward and backward differentiation."""
-        from pneudrive.gradients.frameworks import jax_function
+        """Return a function of a JAX array, shape (p,), that returns the results, shape (k,).
 
-        return jax_function(self)
+        It has a rule for forward differentiation, which JAX transposes for backward differentiation. The function can
+        be compiled and mapped over members, which are then simulated one after the other.
+
+        Raises
+        ------
+        CommandError
+            JAX is set to single precision.
+        """
+        import jax
+        import jax.numpy as jnp
+
+        if not jax.config.read("jax_enable_x64"):
+            raise CommandError(
+                "JAX computes in single precision", remedy='Call jax.config.update("jax_enable_x64", True) first.'
+            )
+        k, p = len(self.output_names), len(self.names)
+        result, matrix = (jax.ShapeDtypeStruct(shape, jnp.float64) for shape in ((k,), (k, p)))
+
+        @jax.custom_jvp
+        def function(values: Any) -> Any:  # noqa: ANN401
+            return jax.pure_callback(lambda x: self(np.asarray(x)), result, values, vmap_method="sequential")
+
+        @function.defjvp
+        def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+            both = jax.pure_callback(
+                lambda x: self.value_and_jacobian(np.asarray(x)),
+                (result, matrix),
+                primals[0],
+                vmap_method="sequential",
+            )
+            return both[0], both[1] @ tangents[0]
+
+        return function
 
     def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
-        """Return a function of a PyTorch tensor that autograd can differentiate."""
-        from pneudrive.gradients.frameworks import torch_function
+        """Return a function of a tensor of doubles, shape (p,), that returns the results, shape (k,)."""
+        import torch
 
-        return torch_function(self)
+        class TorchRun(torch.autograd.Function):
+            """One run, with its Jacobian if a gradient is requested."""
+
+            @staticmethod
+            def forward(ctx: Any, values: Any) -> Any:  # noqa: ANN401
+                x = values.detach().cpu().double().numpy()
+                if not values.requires_grad:
+                    return torch.as_tensor(self(x), device=values.device)
+                found, jacobian = self.value_and_jacobian(x)
+                ctx.save_for_backward(torch.as_tensor(jacobian, device=values.device))
+                return torch.as_tensor(found, device=values.device)
+
+            @staticmethod
+            def backward(ctx: Any, *gradients: Any) -> Any:  # noqa: ANN401
+                (jacobian,) = ctx.saved_tensors
+                return gradients[0].to(jacobian) @ jacobian
+
+        return TorchRun.apply
 
     def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
         """Run the drive, with more samples near the crossing of a level and near extremes."""

@@ -93,12 +93,6 @@ class Cause:
     described: bool = True
     free: tuple[str, ...] = ()
 
-    def effect(self, scene: Scene, amount: float) -> Values:
-        """Return the reduction of the residuals when the model is changed by `amount`."""
-        assert self.change is not None
-        (a, b, c), (x, y, z) = scene.residuals, self.change(scene, amount).residuals
-        return a - x, b - y, c - z
-
 
 def causes(drive: Drive) -> list[Cause]:
     """Return all causes that can be tested for a drive."""
