@@ -122,7 +122,7 @@ def fit(
     for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
         result = curve_fit if campaign is None else characteristics.with_dependences(curve_fit, campaign, part)
         if comparison is not None:
-            typer.echo(str(comparison))
+            terminal.show_view(comparison.view())
         slug = terminal.file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
         terminal.show_fit(result, target, report and report / slug, profile=profile)
@@ -514,7 +514,8 @@ def design(
         stop_plan = dwell_models.design_stops(
             stops, quantity("--scale", scale, "s"), stops=points or 12, noise_n=noise_n
         )
-        text, shown = stop_plan.protocol(), str(stop_plan)
+        text = stop_plan.protocol()
+        typer.echo(str(stop_plan))
     else:
         limits = _limits(found, identity, envelope, speeds, strokes)
         longest_s = quantity("--time", time, "s") if time else None
@@ -526,15 +527,15 @@ def design(
                 break
             proposal = pn.next_measurements(found, limits, seconds=FIT_FRACTION * proposal.seconds / ratio, **options)
             text = next_points.protocol_of(proposal, identity, envelope)
-        shown = f"{proposal}{_shared_errors(found, proposal)}"
-    typer.echo(f'{shown}\nthe protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
+        terminal.show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
+    typer.echo(f'the protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:
         terminal.write_text(text, out)
 
 
-def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> str:
+def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> tuple[str, ...]:
     """Return a note if errors shared by all points exceed the errors that more points reduce."""
     errors = []
     for name, then in plan.half_widths_then.items():
@@ -542,7 +543,7 @@ def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> str:
         if (both := 2.0 * fit.systematic[name]) > then:
             errors.append(f"{name} ± {both / factor:.2g} {unit}")
     what = "errors shared by all values (sensors, area) are larger, and more points do not reduce them"
-    return f"\n- {what}: {', '.join(errors)}" if errors else ""
+    return (f"{what}: {', '.join(errors)}",) if errors else ()
 
 
 def _limits(fit: static_fits.FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:

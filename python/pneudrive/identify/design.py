@@ -15,6 +15,7 @@ from pneudrive.identify.static.model import FrictionModel, at_conditions, unit_o
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
+from pneudrive.views import ShownTable, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -175,7 +176,7 @@ class Point:
 
 
 @dataclass(frozen=True, repr=False)
-class Design(Shown):
+class Design(Viewed):
     """Next points to measure.
 
     Attributes
@@ -198,22 +199,25 @@ class Design(Shown):
     seconds: float
     limits: Limits
 
-    def __str__(self) -> str:
+    def view(self) -> View:
         """Return the points and the expected intervals."""
-        lines = [
-            f"{self.criterion}-optimal: {sum(p.repeats for p in self.points)} points, {self.seconds / 60.0:.3g} min"
-        ]
-        for p in self.points:
-            times = f" x {p.repeats}" if p.repeats > 1 else ""
-            gauges = f"a {1e-5 * p.gauge_a_pa:.3g} bar, b {1e-5 * p.gauge_b_pa:.3g} bar gauge"
-            lines.append(f"  {1e3 * p.speed_m_s:8.3g} mm/s  {gauges}{times}")
-        lines.append("expected half-width of the 95 % interval, now and after a fit of old and new values together:")
+        points = tuple(
+            (f"{1e3 * p.speed_m_s:.3g}", f"{1e-5 * p.gauge_a_pa:.3g}", f"{1e-5 * p.gauge_b_pa:.3g}", str(p.repeats))
+            for p in self.points
+        )
+        widths = []
         for name, then in self.half_widths_then.items():
-            factor, unit = readable(unit_of(name))
+            size, unit = readable(unit_of(name))
             now = self.half_widths_now[name]
-            before = f"{now / factor:.3g}" if np.isfinite(now) else "open"
-            lines.append(f"  {name:<18} {before:>8} -> {then / factor:.3g} {unit}")
-        return "\n".join(lines)
+            widths.append((name, f"{now / size:.3g}" if np.isfinite(now) else "open", f"{then / size:.3g}", unit))
+        words = "expected half-width of the 95 % interval, now and after a fit of old and new values together"
+        return View(
+            f"{self.criterion}-optimal: {sum(p.repeats for p in self.points)} points, {self.seconds / 60.0:.3g} min",
+            tables=(
+                ShownTable("points", ("speed mm/s", "a bar gauge", "b bar gauge", "times"), points),
+                ShownTable(words, ("value", "now", "then", "unit"), tuple(widths)),
+            ),
+        )
 
     def protocol(self, name: str = "Next points") -> str:
         """Return a protocol for ``pneudrive campaign plan``: every proposed speed at every proposed pressure.

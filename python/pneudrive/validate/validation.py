@@ -198,29 +198,14 @@ class Validation(Viewed):
         stops = "not tested, as no recorded stop ends in motion"
         if errors:
             stops = f"mean error {100 * error:.2g} % (target below {100 * BREAKAWAY_ERROR:g} %)"
+        position = f"position in the free run: fit {fit:.1f} % (target above {POSITION_FIT_PERCENT:g} %)"
+        worse = f"NRMSE {100 * nrmse:.2g} % in the worse chamber (target below {100 * PRESSURE_NRMSE:g} %)"
+        rest = f"breakaway{f' after {len(errors)} stops' if errors else ''}: {stops}"
+        is_met = error < BREAKAWAY_ERROR if errors else None
         return (
-            Verdict(
-                "position",
-                fit,
-                POSITION_FIT_PERCENT,
-                fit > POSITION_FIT_PERCENT,
-                f"position in the free run: fit {fit:.1f} % (target above {POSITION_FIT_PERCENT:g} %)",
-            ),
-            Verdict(
-                "pressure",
-                nrmse,
-                PRESSURE_NRMSE,
-                nrmse < PRESSURE_NRMSE,
-                f"pressures in the free run: NRMSE {100 * nrmse:.2g} % in the worse chamber "
-                f"(target below {100 * PRESSURE_NRMSE:g} %)",
-            ),
-            Verdict(
-                "breakaway",
-                error,
-                BREAKAWAY_ERROR,
-                error < BREAKAWAY_ERROR if errors else None,
-                f"breakaway{f' after {len(errors)} stops' if errors else ''}: {stops}",
-            ),
+            Verdict("position", fit, POSITION_FIT_PERCENT, fit > POSITION_FIT_PERCENT, position),
+            Verdict("pressure", nrmse, PRESSURE_NRMSE, nrmse < PRESSURE_NRMSE, f"pressures in the free run: {worse}"),
+            Verdict("breakaway", error, BREAKAWAY_ERROR, is_met, rest),
         )
 
     @cached_property

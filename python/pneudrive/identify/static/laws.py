@@ -17,6 +17,7 @@ from pneudrive.identify.static.observations import ambient_of, observations
 from pneudrive.identify.static.survey import SPEED_SPAN, pressure_levels, row_labels
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
+from pneudrive.views import ShownTable, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
@@ -103,7 +104,7 @@ class Compared(Shown):
 
 
 @dataclass(frozen=True, repr=False)
-class LawComparison(Shown):
+class LawComparison(Viewed):
     """Comparison of laws on one friction map, sorted by the error of held-out values.
 
     Attributes
@@ -129,18 +130,17 @@ class LawComparison(Shown):
     recommended: Compared
     statements: tuple[str, ...]
 
-    def __str__(self) -> str:
-        """Return the table and the recommendation."""
-        width = max(len(row.title) for row in self.rows)
-        inside = f"in {100 * self.probability:.0f} %"
-        head = f"{'law':<{width}}  free     AICc      BIC  error N  error %  {inside}"
-        lines = [f"held out in turn: each of {self.folds} conditions of {self.held_out}", head]
-        lines += [
-            f"{row.title:<{width}} {row.free:5d} {row.aicc:8.1f} {row.bic:8.1f} {row.error_n:8.3g} "
-            f"{100 * row.error:8.1f} {100 * row.coverage:6.0f} %"
+    def view(self) -> View:
+        """Return the recommendation, the compared laws, and further sentences."""
+        head = ("law", "free", "AICc", "BIC", "error N", "error %", f"in {100 * self.probability:.0f} %, %")
+        rows = tuple(
+            (row.title, str(row.free), f"{row.aicc:.1f}", f"{row.bic:.1f}", f"{row.error_n:.3g}",
+             f"{100 * row.error:.1f}", f"{100 * row.coverage:.0f}")
             for row in self.rows
-        ]
-        return "\n".join(lines + [f"- {said}" for said in self.statements])
+        )  # fmt: skip
+        caption = f"held out in turn: each of {self.folds} conditions of {self.held_out}"
+        title, *notes = self.statements
+        return View(title, notes=tuple(notes), tables=(ShownTable(caption, head, rows),))
 
 
 def select_friction_law(
