@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.special import ndtri
@@ -19,19 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Self
 
+    from pneudrive.ensemble.variation import QuantityReader
+
     Array = NDArray[np.float64]
-
-
-class Reader(Protocol):
-    """Reader of the quantities of one number."""
-
-    def value(self, given: object) -> float:
-        """Return a value in SI."""
-        ...
-
-    def width(self, given: object, about: float) -> float:
-        """Return a difference of two values in SI. `about` is the reference of a value in per cent."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -40,7 +30,7 @@ class Distribution:
 
     WORD: ClassVar[str]
 
-    def in_si(self, read: Reader) -> Self:
+    def in_si(self, read: QuantityReader) -> Self:
         """Return the same with all numbers in SI.
 
         Raises
@@ -58,7 +48,7 @@ class Distribution:
         """Return the quantiles at these probabilities, SI."""
         raise NotImplementedError
 
-    def _read(self, read: Reader) -> Self:
+    def _read(self, read: QuantityReader) -> Self:
         """Return the same in SI, unchecked."""
         return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
 
@@ -134,7 +124,7 @@ class Normal(Distribution):
     mean: Any
     sd: Any
 
-    def _read(self, read: Reader) -> Self:
+    def _read(self, read: QuantityReader) -> Self:
         mean = read.value(self.mean)
         if "%" in str(self.sd) and _FROM_ELSEWHERE.search(str(self.mean)):
             what = f"{self}: a share of {self.mean} depends on where its scale begins"

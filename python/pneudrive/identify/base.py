@@ -16,6 +16,7 @@ from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.compared import FittedData, comparison_figure
 from pneudrive.identify.identified import Identified, correlations_of, joined
+from pneudrive.identify.static.friction_curve import middle_of
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import whole
@@ -437,14 +438,20 @@ class Fit(Viewed):
         gauge_b_pa: float | None = None,
         speeds_m_s: tuple[float, float] | None = None,
     ) -> SlidingCurve:
-        """Return the sliding friction to export.
+        """Return the sliding friction to export, by default at the middle of the measured pressures and all speeds.
 
         Raises
         ------
         FitError
-            The fit has no friction.
+            The fit has no friction, or no range of measured speeds.
         """
-        del gauge_a_pa, gauge_b_pa, speeds_m_s
+        said, sides = self.provenance, (("a", gauge_a_pa), ("b", gauge_b_pa))
+        a, b = (middle_of(gauge_pa, said.get(f"gauge_{side}_pa")) for side, gauge_pa in sides)
+        return self._curve(speeds_m_s or said.get("speed_m_s"), (a, b))
+
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked below
+        """Return the curve between two speeds at the gauge pressures of the chambers."""
+        del speeds_m_s, gauges_pa
         raise FitError(f"the {self.TITLE} has no friction to export", rule="a fit of friction or of a drive")
 
     def export(

@@ -169,14 +169,8 @@ class DriveFit(Fit):
             self.identified_as({n: n for n in self.determined}), self.start if drive is None else drive
         )
 
-    def curve(
-        self,
-        gauge_a_pa: float | None = None,
-        gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
-    ) -> SlidingCurve:
-        """Return the curve of the friction of `apply()`; see `curve_of_drive`."""
-        return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
+        return curve_of_drive(self.apply(), speeds_m_s, *gauges_pa)
 
     def _groups(self) -> tuple[dict[str, float], ...]:
         return self.values, self.sensors

@@ -15,7 +15,7 @@ from pneudrive.errors import FitError, RecordingError
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import Fit, Undetermined
 from pneudrive.identify.compared import FittedData
-from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit, driven_recordings
+from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
 from pneudrive.identify.sentences import remedy_for
 from pneudrive.lazy_names import upper
@@ -573,20 +573,9 @@ def with_values(described: Circuit, problem: FollowProblem, values: dict[str, fl
     return Circuit.model_validate(tables | {"connections": connections})
 
 
-_WRITTEN = {
-    "volume": "m3",
-    "wall_area": "m2",
-    "wall_outer_area": "m2",
-    "wall_capacity": "J/K",
-    "coefficient": "kg K/(s Pa2)",
-}
-
-
 def _written(key: str, value: float) -> str | float:
-    if key == "heat_transfer_scale":
-        return float(value)
-    unit = _WRITTEN.get(key) or ("m" if key.startswith("perimeter") else "m3" if "volume" in key else "W/(m2 K)")
-    return f"{float(value)!r} {unit}"
+    unit = UNITS.get(key, "m2")  # others are areas
+    return f"{float(value)!r} {unit}" if unit else float(value)
 
 
 def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tuple[Rival, ...]:

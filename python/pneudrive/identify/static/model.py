@@ -43,16 +43,8 @@ UNITS = {
     "stribeck_velocity": "m/s",
     "stribeck_exponent": "1",
     "viscous": "N s/m",
-    "coulomb_a": "N/Pa",
-    "coulomb_b": "N/Pa",
-    "breakaway_a": "N/Pa",
-    "breakaway_b": "N/Pa",
-    "coulomb_curve_a": "N/Pa2",
-    "coulomb_curve_b": "N/Pa2",
-    "coulomb_product": "N/Pa2",
-    "breakaway_curve_a": "N/Pa2",
-    "breakaway_curve_b": "N/Pa2",
-    "breakaway_product": "N/Pa2",
+    **dict.fromkeys(PRESSURE_NAMES, "N/Pa"),
+    **{f"{force}_{term}": "N/Pa2" for force in ("coulomb", "breakaway") for term in ("curve_a", "curve_b", "product")},
 }
 #: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].
 EXPONENT_BOUNDS = (0.3, 4.0)

@@ -22,7 +22,6 @@ from pneudrive.identify.static.friction_curve import (
     SlidingCurve,
     curve_of_drive,
     curve_of_friction,
-    middle_of,
     speeds_over,
 )
 from pneudrive.identify.static.model import PRESSURE_NAMES, AnyLaw, FrictionModel, at_conditions, unit_of
@@ -313,22 +312,8 @@ class FrictionFit(SlidingFit):
                 remedy="Fit with pressure_dependence=True, or first remove [friction.pressure] from the drive.",
             )
 
-    def curve(
-        self,
-        gauge_a_pa: float | None = None,
-        gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
-    ) -> SlidingCurve:
-        """Return the curve, by default at the middle of the measured pressures and over the measured speeds.
-
-        Raises
-        ------
-        FitError
-            The fit has no range of measured speeds.
-        """
-        said = {name: self.provenance.get(name) for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa")}
-        speed = speeds_over(speeds_m_s or said["speed_m_s"], "fit")
-        gauges = (middle_of(gauge_a_pa, said["gauge_a_pa"]), middle_of(gauge_b_pa, said["gauge_b_pa"]))
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
+        speed, gauges = speeds_over(speeds_m_s, "fit"), gauges_pa
         found = self.identified()
         entries = []
         for name, value in self.values.items():
@@ -525,22 +510,14 @@ class LawFit(SlidingFit):
         """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
-    def curve(
-        self,
-        gauge_a_pa: float | None = None,
-        gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
-    ) -> SlidingCurve:
-        """Return the law's curve with its determined parameters; see `FrictionFit.curve`."""
-        said = self.provenance
-        speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")
-        gauges = tuple(middle_of(p, said.get(f"gauge_{c}_pa")) for c, p in (("a", gauge_a_pa), ("b", gauge_b_pa)))
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
+        speed = speeds_over(speeds_m_s, "fit")
         entries = [
             CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
             for name, value in self.values.items()
         ]
         title = f"friction fit, law {self.model.friction.law}"
-        return curve_of_friction(self.friction, title, speed, (gauges[0], gauges[1]), entries)
+        return curve_of_friction(self.friction, title, speed, gauges_pa, entries)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return findings on undetermined parameters."""
