@@ -24,7 +24,7 @@ function download(name: string, blob: Blob): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-const fileOf = ({ title }: Saved, ending: string): string => `${title.toLowerCase().replace(/[^\w]+/g, "-").replace(/^-|-$/g, "")}.${ending}`;
+const fileOf = (title: string, ending: string): string => `${title.toLowerCase().replace(/[^\w]+/g, "-").replace(/^-|-$/g, "")}.${ending}`;
 const paper = (): string => (isDark() ? "#14171b" : "#ffffff");
 
 export function savePng(of: Saved): void {
@@ -53,7 +53,7 @@ export function savePng(of: Saved): void {
     at.fillText(one.label, x + 34 * ratio, LINE * ratio + 15 * ratio);
     x += at.measureText(one.label).width + 54 * ratio;
   }
-  canvas.toBlob((blob) => blob && download(fileOf(of, "png"), blob));
+  canvas.toBlob((blob) => blob && download(fileOf(of.title, "png"), blob));
 }
 
 type Attributes = Record<string, string | number>;
@@ -116,7 +116,7 @@ export function saveSvg(of: Saved): void {
     put("line", { x1: x, x2: x + 28, y1: y - 4, y2: y - 4, stroke: look(one.look).color, "stroke-width": 2, "stroke-dasharray": look(one.look).dash.join(" ") });
     put("text", { x: x + 34, y }, one.label);
   });
-  download(fileOf(of, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
+  download(fileOf(of.title, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
 }
 
 /** A cell of a CSV file; a spreadsheet runs texts that begin with = + - @ unless a ' precedes them. */
@@ -130,5 +130,30 @@ export function saveCsv(of: Saved): void {
   const rows = of.points
     ? [["curve", of.x, of.y, "U (k = 2)"], ...of.points.map((one) => [of.legend.find((each) => each.look === one.look)?.label ?? "", String(one.x), String(one.y), one.spread === null ? "" : digits(one.spread, 6)])]
     : [[of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x, ...of.legend.map((one) => `${one.label}, ${of.y}`)], ...Array.from(of.u.data[0], (x, i) => [String(x), ...of.u.data.slice(1).map((column) => String(column[i] ?? ""))])];
-  download(fileOf(of, "csv"), new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }));
+  saveRows(of.title, rows);
+}
+
+/** Save rows of texts as CSV. */
+export function saveRows(title: string, rows: string[][]): void {
+  download(fileOf(title, "csv"), new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }));
+}
+
+/** Save the panels of a figure as one drawing, in the colours that are shown. */
+export function saveDrawing(title: string, place: HTMLElement): void {
+  const box = place.getBoundingClientRect();
+  const svg = element("svg", { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${box.width} ${box.height}` });
+  svg.append(element("rect", { width: "100%", height: "100%", fill: "var(--surface)" }));
+  for (const panel of place.querySelectorAll<SVGElement>(".panel-drawing")) {
+    const [own, copy] = [panel.getBoundingClientRect(), panel.cloneNode(true) as SVGElement];
+    copy.setAttribute("x", String(own.x - box.x));
+    copy.setAttribute("y", String(own.y - box.y));
+    svg.append(copy);
+  }
+  const probe = place.appendChild(document.createElement("i"));
+  const text = new XMLSerializer().serializeToString(svg).replace(/var\(--[\w-]+\)/g, (name) => {
+    probe.style.color = name;
+    return getComputedStyle(probe).color;
+  });
+  probe.remove();
+  download(fileOf(title, "svg"), new Blob([text], { type: "image/svg+xml" }));
 }

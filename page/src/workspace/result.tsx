@@ -5,7 +5,11 @@ import { isWide, Scatter, type Group } from "../plots/scatter";
 import { route } from "../routes";
 import { attempting, read, type Problem } from "../server/server";
 import type { SentCurve, SentView } from "../server/types";
-import { Problems } from "./parts";
+import { FigureView } from "../plots/figure";
+import { pretty } from "../plots/looks";
+import { Problems, Table } from "./parts";
+
+const MOST_BESIDE = 4; // columns of a table beside the figure
 
 /** Table of the values of a result. A cell carries its value in SI. */
 export function ShownTable({ view }: { view: SentView }) {
@@ -65,14 +69,73 @@ export function Notes({ of }: { of: string[] }) {
   return of.length ? <ul class="said">{of.map((one) => <li key={one}>{one}</li>)}</ul> : null;
 }
 
-/** All of a result: its headline, figures and values. */
+const WORDS = { good: "kept", open: "open", bad: "not kept" };
+const STATES = { good: "in order", open: "open", bad: "needs you" };
+
+/** Headline with its state, at most five numbers with their limits, and the findings, the worst first. */
+export function Answer({ view, few = false }: { view: SentView; few?: boolean }) {
+  const isJudged = view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
+  const findings = few ? view.findings.filter((one) => one.state !== "good") : view.findings;
+  return (
+    <div class="panel answer-card" data-state={view.state}>
+      <h2>{isJudged && <><span class={`pill ${view.state}`}>{STATES[view.state]}</span> </>}{view.title}</h2>
+      {view.leading.length > 0 && (
+        <dl class="leading">
+          {view.leading.map((one) => (
+            <div key={one.key} class={one.state} data-value={one.key}>
+              <dt>{one.quantity}</dt>
+              <dd class="number">{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
+              {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{WORDS[one.state]}</span></dd>}
+            </div>
+          ))}
+        </dl>
+      )}
+      {findings.length > 0 && (
+        <ul class="findings">
+          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy)}`}</li>)}
+        </ul>
+      )}
+    </div>
+  );
+}
+
+/** Figures of a view, or its curves. */
+export function Figures({ view }: { view: SentView }) {
+  if (view.figures.length) return <>{view.figures.map((one) => <div class="panel" key={one.name}><FigureView shown={one} /></div>)}</>;
+  return view.curves.length ? <div class="panel"><ShownCurves curves={view.curves} /></div> : null;
+}
+
+/** Values and tables of a view. */
+export function Values({ view }: { view: SentView }) {
+  return (
+    <>
+      {view.rows.length > 0 && <div class="panel"><ShownTable view={view} /></div>}
+      {view.tables.map((one) => (
+        <div class="panel" key={one.caption}>
+          <h3>{one.caption}</h3>
+          <Table label={one.caption} heads={[...one.head]} rows={one.rows.map((row) => [...row])} />
+        </div>
+      ))}
+      {view.notes.length > 0 && <div class="panel"><h3>Notes</h3><Notes of={view.notes} /></div>}
+    </>
+  );
+}
+
+/** All of a result: answer, figure with the values beside it, further tables and figures. */
 export function Shown({ view, label }: { view: SentView; label: string }) {
+  const hasFigure = view.figures.length > 0 || view.curves.length > 0;
+  const isNarrow = view.head.length <= MOST_BESIDE && view.tables.every((one) => one.head.length <= MOST_BESIDE);
   return (
     <section aria-label={label}>
-      <h2>{view.title}</h2>
-      <ShownTable view={view} />
-      <ShownCurves curves={view.curves} />
-      <Notes of={view.notes} />
+      <Answer view={view} />
+      {hasFigure && isNarrow ? (
+        <div class="result">
+          <div class="result-figures"><Figures view={view} /></div>
+          <aside><Values view={view} /></aside>
+        </div>
+      ) : (
+        <div class="result-figures"><Figures view={view} /><Values view={view} /></div>
+      )}
     </section>
   );
 }
