@@ -121,6 +121,7 @@ interface Place {
   right: number;
   top: number;
   bottom: number;
+  hasEnds?: boolean; // names stand in the panel
 }
 
 /** Return the path of a line; a missing value is a gap. */
@@ -218,6 +219,7 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
           {xs.length === 2 && <rect x={Math.min(...xs)} width={Math.abs(xs[1]! - xs[0]!)} y={at.top} height={at.bottom - at.top} fill={tint} />}
           {ys.length === 2 && <rect y={Math.min(...ys)} height={Math.abs(ys[1]! - ys[0]!)} x={at.left} width={at.right - at.left} fill={tint} />}
           {xs.length === 1 && <path d={`M${xs[0]} ${at.top}V${at.bottom}`} {...line} />}
+          {xs.length === 1 && at.hasEnds && <text x={xs[0]! + 4} y={at.top + 12} fill="var(--soft)">{mark.label}</text>}
           {ys.length === 1 && <path d={`M${at.left} ${ys[0]}H${at.right}`} {...line} />}
         </>
       );
@@ -230,6 +232,7 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
 /** Labels of a panel that stand at the ends of its lines, apart from each other. */
 function endsOf(panel: Panel, at: Place): { label: string; y: number; ink: string }[] {
   const found = labelled(panel).flatMap((mark) => {
+    if (mark.kind === "rule" && typeof mark.y === "number") return [{ label: mark.label, y: at.py(mark.y), ink: "var(--soft)" }];
     if (mark.kind !== "line" && mark.kind !== "markers") return [];
     const last = mark.y.reduce<number>((best, value, k) => (isNumber(value) && isNumber(mark.x[k]) ? k : best), -1);
     return last < 0 ? [] : [{ label: mark.label, y: at.py(mark.y[last]!), ink: colour(mark.look[0]) }];
@@ -257,20 +260,23 @@ interface PanelProps {
   height: number;
   isBare: boolean; // the panel below has the axis
   hasEnds: boolean;
+  longest: number; // characters of a number of the axis, and of a name at the end of a line
+  ends: number;
   name: string;
 }
 
-function PanelDrawing({ panel, x, y, scales: [sx, sy], width, height, isBare, hasEnds, name }: PanelProps) {
-  const yTicks = sy.ticks(Math.max(Math.round(height / 48), 2));
-  const longest = Math.max(...yTicks.map(([, words]) => words.length), 1);
+/** Return the ticks of the vertical axis of a panel. */
+const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
+
+function PanelDrawing({ panel, x, y, scales: [sx, sy], width, height, isBare, hasEnds, longest, ends, name }: PanelProps) {
+  const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const rightScale = panel.right.length ? scaleOf(panel.right_y, "y", panel.right) : null;
-  const ends = hasEnds ? Math.max(...labelled(panel).map((mark) => mark.label.length), 0) : 0;
   const right = width - (rightScale ? 48 : 12) - (ends ? CHARACTER * ends + 4 : 0);
   const head = [panel.title, y.is_named ? y.label : ""].filter(Boolean);
   const [top, bottom] = [head.length ? 26 : 10, height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18)];
   const place = (scale: Scale, size: number): Place["py"] => (value) => bottom - scale.at(value / size) * (bottom - top);
-  const at: Place = { left, right, top, bottom, px: (value) => left + sx.at(value / x.size) * (right - left), py: place(sy, y.size) };
+  const at: Place = { left, right, top, bottom, hasEnds, px: (value) => left + sx.at(value / x.size) * (right - left), py: place(sy, y.size) };
   const xTicks = sx.ticks(Math.max(Math.round((right - left) / 84), 2));
   const widest = Math.max(...xTicks.map(([, words]) => words.length), 1) * CHARACTER + 8;
   const every = Math.ceil((xTicks.length * widest) / Math.max(right - left, 1));
@@ -337,6 +343,9 @@ function Labels({ marks }: { marks: Mark[] }) {
   return <ul class="figure-labels">{shown.map((mark) => <li key={mark.label}><svg width="28" height="12" aria-hidden="true">{sample(mark)}</svg> {mark.label}</li>)}</ul>;
 }
 
+/** Return the axis of a panel, or that of the figure if the panel has none. */
+const axisOf = (own: Axis, shared: Axis): Axis => (own.label || own.names.length || own.scale !== "linear" || own.low !== null || own.high !== null ? own : shared);
+
 /** Numbers of a figure: a row for each point, in the units of its axes. */
 function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
   const text = (value: number | null | undefined, axis: Axis) => (isNumber(value) ? String(Number((value / axis.size).toPrecision(10))) : "");
@@ -366,8 +375,8 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const { figure } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const columns = Math.max(Math.min(total, Math.floor(width / LEAST_WIDTH)), 1);
-  const drawnPanels = figure.panels.flatMap((panel, index) => (panel ? [{ panel, index, x: panel.x.label ? panel.x : figure.x, y: panel.y.label ? panel.y : figure.y }] : []));
-  if (figure.tall) drawnPanels.splice(figure.tall_first ? 0 : drawnPanels.length, 0, { panel: figure.tall, index: -1, x: figure.tall.x.label ? figure.tall.x : figure.x, y: figure.tall.y.label ? figure.tall.y : figure.y });
+  const drawnPanels = figure.panels.flatMap((panel, index) => (panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : []));
+  if (figure.tall) drawnPanels.splice(figure.tall_first ? 0 : drawnPanels.length, 0, { panel: figure.tall, index: -1, x: axisOf(figure.tall.x, figure.x), y: axisOf(figure.tall.y, figure.y) });
   const together = (index: number, how: string) =>
     drawnPanels.filter((one) => one.index === index || (index >= 0 && one.index >= 0 && (how === "all" || (how === "row" && Math.floor(one.index / total) === Math.floor(index / total)) || (how === "col" && one.index % total === index % total)))).flatMap((one) => one.panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
@@ -380,11 +389,18 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
   const hasEnds = (panel: Panel) => {
     const marks = labelled(panel);
-    return panelWidth > 440 && drawnPanels.length <= 3 && marks.length <= MOST_ENDS && marks.every((mark) => mark.label.length <= LONGEST_END && (mark.kind === "line" || mark.kind === "markers"));
+    return panelWidth > 440 && drawnPanels.length <= 3 && marks.length <= MOST_ENDS && marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind));
   };
   const seen = new Set<string>();
   const above = drawnPanels.filter(({ panel }) => !hasEnds(panel)).flatMap(({ panel }) => labelled(panel)).filter((mark) => !seen.has(mark.label) && seen.add(mark.label));
   const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
+  const placed = drawnPanels.map((one) => {
+    const scales: [Scale, Scale] = [scaleOf(one.x, "x", together(one.index, figure.share_x)), scaleOf(one.y, "y", together(one.index, figure.share_y))];
+    const height = heightOf(one.index);
+    const longest = Math.max(...ticksOf(scales[1], height).map(([, words]) => words.length), 1);
+    return { ...one, scales, height, longest, ends: hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0 };
+  });
+  const [longest, ends] = [Math.max(...placed.map((one) => one.longest), 1), Math.max(...placed.map((one) => one.ends), 0)]; // panels below each other have one left and one right
   const heat = drawnPanels.flatMap(({ panel }) => panel.marks).find((mark) => mark.kind === "heat");
   return (
     <figure class="figure" data-figure={shown.name}>
@@ -392,16 +408,16 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <Labels marks={heat ? [...above, heat] : above} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
         {width > 0 &&
-          drawnPanels.map(({ panel, index, x, y }) => {
+          placed.map(({ panel, index, x, y, scales, height, ...own }) => {
             const [first] = panel.marks;
             const isTall = index < 0;
             const wide = isTall || (columns < total && columns === 1) ? width : panelWidth;
             return (
               <div key={index} style={isTall ? { gridColumn: "1 / -1" } : columns === total ? { gridColumn: (index % total) + 1 } : {}}>
                 {first?.kind === "drawing" ? (
-                  <Paper drawing={first} width={wide} height={heightOf(index)} />
+                  <Paper drawing={first} width={wide} height={height} />
                 ) : (
-                  <PanelDrawing panel={panel} x={x} y={y} scales={[scaleOf(x, "x", together(index, figure.share_x)), scaleOf(y, "y", together(index, figure.share_y))]} width={wide} height={heightOf(index)} isBare={isStacked && !isTall && index + total < figure.panels.length && figure.panels[index + total] !== null} hasEnds={hasEnds(panel)} name={`${shown.name}-${index}`} />
+                  <PanelDrawing panel={panel} x={x} y={y} scales={scales} width={wide} height={height} isBare={isStacked && !isTall && index + total < figure.panels.length && figure.panels[index + total] !== null} hasEnds={hasEnds(panel)} longest={columns === 1 ? longest : own.longest} ends={columns === 1 ? ends : own.ends} name={`${shown.name}-${index}`} />
                 )}
               </div>
             );

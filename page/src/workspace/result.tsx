@@ -92,7 +92,7 @@ export function Answer({ view, few = false }: { view: SentView; few?: boolean })
       )}
       {findings.length > 0 && (
         <ul class="findings">
-          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy)}`}</li>)}
+          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}</li>)}
         </ul>
       )}
     </div>
