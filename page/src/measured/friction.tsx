@@ -171,7 +171,7 @@ function runOf(recording: string, points: { recording: string }[]): string {
   return `run ${all.indexOf(recording) + 1}`;
 }
 
-const ALL = "all, in one plot";
+const ALL = "all, side by side";
 const seal = signal("");
 
 /** Return the seals or mountings of a map, and the shown one: the chosen one, else the first that has a fit. */
@@ -255,7 +255,6 @@ function Map({ path, found, children }: { path: string; found: FrictionMap; chil
   const log = isLog.value ?? isWide(groups);
   return (
     <>
-      {now === ALL && <p class="banner">Points of {names.length} seals or mountings together. Each curve is that of its own fit; no fit over all of them is drawn.</p>}
       <p class="row">
         {names.length > 1 && (
           <label>
@@ -270,8 +269,16 @@ function Map({ path, found, children }: { path: string; found: FrictionMap; chil
           Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured speeds. {found.fit}
         </span>
       </p>
-      <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={log} />
-      {curves > 0 && curves < own.length && <p class="note">Curves are drawn for the first {curves} of {own.length} pairs of pressures.</p>}
+      {now !== ALL && <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={log} />}
+      {now === ALL && (
+        <div class="multiples">
+          {names.map((name) => {
+            const part = drawnGroups("speed", MM, own.filter((one) => one.assembly === name)).map((one) => ({ ...one, label: one.label.replace(`${name}: `, "") }));
+            return <Scatter key={name} title={name} x="speed, mm/s" y="friction, N" groups={part} log={log} among={groups} height={240} />;
+          })}
+        </div>
+      )}
+      {now !== ALL && curves > 0 && curves < own.length && <p class="note">Curves are drawn for the first {curves} of {own.length} pairs of pressures.</p>}
       {children}
       <h2>Sections of the map</h2>
       <Cuts path={path} found={{ ...found, groups: own }} />

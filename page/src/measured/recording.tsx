@@ -160,7 +160,8 @@ function show(found: Opened, before?: Opened): void {
     unread.value = wrong.value = [];
     again.value = null;
     if (!isAlike) {
-      shown.value = found.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
+      const named = found.channels!.filter((one) => one.unit); // by the layout, or by the file itself
+      shown.value = (named.length ? named : found.channels!).slice(0, MOST_PLOTS).map((one) => one.column);
       views.value = null;
       forgetBeside();
     }

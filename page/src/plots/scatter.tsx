@@ -30,8 +30,11 @@ export function isWide(groups: Group[]): boolean {
   return all.length > 1 && Math.min(...all) > 0 && Math.max(...all) >= DECADE * Math.min(...all);
 }
 
-/** Friction over speed, with a marker for each measured point. Beyond the measured speeds, curves are dotted. */
-export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean }) {
+/**
+ * Friction over speed, with a marker for each measured point. Beyond the measured speeds, curves are dotted. Axes reach
+ * over all groups of `among`, so that plots side by side have equal axes.
+ */
+export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean; among?: Group[]; height?: number }) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const near = useRef<HTMLSpanElement>(null);
@@ -39,6 +42,8 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
   latest.current = props;
   useEffect(() => {
     const at = place.current!;
+    const { among, height = HEIGHT } = props;
+    const shared = among && [spanOf(among, "x"), spanOf(among, "y")];
     const tables: uPlot.AlignedData[] = [];
     const series: uPlot.Series[] = [{}];
     const bands: uPlot.Band[] = [];
@@ -60,9 +65,12 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
     const made = new uPlot(
       {
         width: at.clientWidth || 600,
-        height: HEIGHT,
+        height,
         padding: [8, 16, 0, 0],
-        scales: { x: { time: false, distr: props.log ? 3 : 1 }, y: { range: (_, low, high) => reached(latest.current.groups, low, high) } },
+        scales: {
+          x: { time: false, distr: props.log ? 3 : 1, ...(shared && { range: () => shared[0]! }) },
+          y: { range: (_, low, high) => (shared ? reached(among, ...shared[1]!) : reached(latest.current.groups, low, high)) },
+        },
         cursor: { drag: { x: true, y: true }, points: { show: false } },
         legend: { show: false },
         axes: axes({ size: 22, label: props.x }, { label: props.y, labelSize: 18 }),
@@ -74,7 +82,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
       at,
     );
     plot.current = made;
-    const seen = new ResizeObserver(() => made.setSize({ width: at.clientWidth, height: HEIGHT }));
+    const seen = new ResizeObserver(() => made.setSize({ width: at.clientWidth, height }));
     seen.observe(at);
     return () => {
       seen.disconnect();
@@ -99,6 +107,12 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
       <div ref={place} aria-hidden="true" />
     </figure>
   );
+}
+
+/** Lowest and highest value of all points and curves along an axis. */
+function spanOf(groups: Group[], axis: "x" | "y"): [number, number] {
+  const values = groups.flatMap((one) => [...one.points.map((point) => point[axis]), ...(one.curve?.[axis] ?? [])]).filter(Number.isFinite);
+  return [Math.min(...values), Math.max(...values)];
 }
 
 /** The ends of an axis that fits the bars, with some room. */

@@ -2,15 +2,15 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Starts } from "./choose";
-import { Differences, type Compared } from "../measured/differences";
+import type { Compared } from "../measured/differences";
 import { Chain, lookForStale, stale, trace, useHeadlines } from "./lineage";
-import { pretty } from "../plots/looks";
+import { count, pretty } from "../plots/looks";
 import { isUnsaved } from "../drive/opened";
-import { Copied, day, Problems } from "./parts";
+import { Copied, day, folderOf, Problems } from "./parts";
 import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "../server/server";
 import { inCatalogue, link } from "../routes";
 import { viewOf } from "../views";
-import { GROUPS, PathName } from "./tree";
+import { GROUPS, nameOf, PathName } from "./tree";
 
 declare const __BUILD__: string;
 
@@ -94,9 +94,11 @@ export function StudiesView() {
       <Compare />
       <Chain files={found.files} />
       {stale.value.unchecked > 0 && <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>}
-      {GROUPS.map(({ title, view, kinds }) => (
-        <Files key={title} title={title} view={view} files={found.files.filter((one) => kinds.includes(one.kind))} />
-      ))}
+      <Chosen files={found.files} />
+      {GROUPS.map(({ title, view, kinds }) => {
+        const files = found.files.filter((one) => kinds.includes(one.kind));
+        return view === "recording" ? <Recordings key={title} title={title} files={files} /> : <Files key={title} title={title} view={view} files={files} />;
+      })}
     </>
   );
 }
@@ -107,6 +109,7 @@ const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validat
 const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
 const compared = signal<Compared | null>(null);
+const differences = signal<typeof import("../measured/differences") | null>(null);
 const apart = signal<Problem[]>([]);
 
 /** Select a file for the comparison. The newest two count. */
@@ -123,7 +126,10 @@ function compare(): void {
   if (!before || !after) return;
   const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked meanwhile
   void ask<Compared>("/api/compare", { before, after }).then(
-    (found) => void (isSame() && (compared.value = found)),
+    async (found) => {
+      differences.value ??= await import("../measured/differences");
+      if (isSame()) compared.value = found;
+    },
     (error: unknown) => {
       if (!(error instanceof Refused)) throw error;
       if (isSame()) [compared.value, apart.value] = [null, error.problems];
@@ -133,11 +139,12 @@ function compare(): void {
 
 function Compare() {
   if (!pair.value.length) return null;
+  const Differences = differences.value?.Differences;
   return (
     <section class="panel" aria-label="Compare two">
       <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another of its kind: tick its box` : pair.value.join(" and ")}</h2>
       <Problems of={apart.value} />
-      {compared.value && <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />}
+      {compared.value && Differences && <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />}
       {compared.value && <Copied {...compared.value} />}
     </section>
   );
@@ -170,6 +177,74 @@ function Rename({ path }: { path: string }) {
   );
 }
 
+const chosen = signal<string[]>([]);
+const verb = signal(""); // command whose form is open for the chosen recordings
+const form = signal<typeof import("./form") | null>(null);
+
+const choose = (paths: string[], isIn: boolean): void => {
+  const others = chosen.value.filter((one) => !paths.includes(one));
+  chosen.value = isIn ? [...others, ...paths] : others;
+};
+
+/** Actions on all chosen recordings. */
+function Chosen({ files }: { files: Listed[] }) {
+  const paths = chosen.value.filter((path) => files.some((one) => one.path === path));
+  const open = async (kind: string) => {
+    form.value ??= await import("./form");
+    verb.value = kind;
+  };
+  if (!paths.length) return null;
+  const JobForm = form.value?.JobForm;
+  const name = verb.value === "characterise" ? nameOf(folderOf(paths[0]!)) || "friction" : verb.value;
+  return (
+    <section class="panel chosen" aria-label="Chosen recordings">
+      <p class="row">
+        <b>{paths.length} chosen</b>
+        <button type="button" class="primary" onClick={() => void open("characterise")}>{paths.length > 1 ? `Characterise ${paths.length} together` : "Characterise"}</button>
+        <button type="button" onClick={() => void open("validate")}>Validate a drive on {paths.length}</button>
+        <button type="button" onClick={() => [chosen.value, verb.value] = [[], ""]}>Clear</button>
+      </p>
+      {verb.value && JobForm && <JobForm key={verb.value} kind={verb.value} start={{ recordings: paths, name }} />}
+    </section>
+  );
+}
+
+/** Recordings by folder, many in a row, with a box to choose each or all. */
+function Recordings({ title, files }: { title: string; files: Listed[] }) {
+  if (!files.length) return null;
+  const folders = [...new Set(files.map((one) => folderOf(one.path)))];
+  return (
+    <section class="group">
+      <h3><a href={link("recording")}>{title}</a></h3>
+      {folders.map((folder) => {
+        const own = files.filter((one) => folderOf(one.path) === folder);
+        const paths = own.map((one) => one.path);
+        return (
+          <div class="panel" key={folder}>
+            <label class="folder-head">
+              <input type="checkbox" aria-label={`Choose all of ${folder || "the folder"}`} checked={paths.every((path) => chosen.value.includes(path))} onChange={(event) => choose(paths, event.currentTarget.checked)} /> <b>{folder || "Recordings here"}</b> <span class="note">{count(own.length, "recording")}, {size(own.reduce((sum, one) => sum + one.size, 0))}</span>
+            </label>
+            <ul class="files chips">
+              {own.slice(0, MOST).map(({ path, size: bytes, changed }) => (
+                <li key={path}>
+                  <input type="checkbox" aria-label={`Choose ${path}`} checked={chosen.value.includes(path)} onChange={(event) => choose([path], event.currentTarget.checked)} />
+                  <a href={link("recording", path)} title={`${path}, ${size(bytes)}, ${day(changed)}`}>{nameOf(path)}</a>
+                  {stale.value.stale[path] && <b class="missed" data-stale={path}>out of date</b>}
+                  <details class="chip-menu">
+                    <summary aria-label={`More of ${path}`}>⋯</summary>
+                    <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>made from</button> <Rename path={path} />
+                  </details>
+                </li>
+              ))}
+            </ul>
+            {own.length > MOST && <p class="note">{own.length - MOST} more: search for them in the tree.</p>}
+          </div>
+        );
+      })}
+    </section>
+  );
+}
+
 function Files({ title, view, files }: { title: string; view: string; files: Listed[] }) {
   const lines = useHeadlines();
   if (!files.length) return null;
@@ -180,7 +255,7 @@ function Files({ title, view, files }: { title: string; view: string; files: Lis
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
             {viewOf(one.kind) ? <a href={link(viewOf(one.kind)!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
-            <span class="holds">{pretty(lines[one.path] ?? (one.kind === "recording" ? size(one.size) : ""))}</span>
+            <span class="holds">{pretty(lines[one.path] ?? "")}</span>
             <span class="note">
               {one.kind}, {day(one.changed)}
               {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}

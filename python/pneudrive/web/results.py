@@ -20,7 +20,7 @@ from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.guard import REPORTS, new_token
-from pneudrive.web.workspace import DESCRIPTIONS, Workspace
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,8 +39,10 @@ def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any resul
     Raises
     ------
     CommandError
-        The name leads out of the workspace, or the file is not a result.
+        The name leads out of the workspace, or the file is of no known kind.
     """
+    if is_in_catalogue(path):
+        return results.load(path)
     place = workspace.folder(path)
     if place.is_dir():
         for inner in place.iterdir():
@@ -51,8 +53,21 @@ def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any resul
 
 
 def view_at(workspace: Workspace, path: str) -> View:
-    """Return the view of a result; errors are those of `load_at`."""
-    return results.view_of(load_at(workspace, path))
+    """Return the view of a result.
+
+    Raises
+    ------
+    PneudriveError
+        The file is not a result, or lacks a part of it.
+    """
+    try:
+        return results.view_of(load_at(workspace, path))
+    except PneudriveError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise CommandError(
+            f"{path} lacks a part of a result, or has one of another kind", value=str(error), remedy="Make it again."
+        ) from None
 
 
 def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:

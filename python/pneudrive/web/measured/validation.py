@@ -16,6 +16,7 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
+from pneudrive.figures import plain_data
 from pneudrive.free.parameters import numbers_of, with_shape
 from pneudrive.results import compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
@@ -25,6 +26,7 @@ from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
+from pneudrive.views import ShownFigure
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import Lineage
@@ -223,7 +225,7 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
 
 
 def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
-    """Return the differences between two results or descriptions of one kind: values with their intervals.
+    """Return the differences between two results or descriptions of one kind: a sentence, values, and a figure.
 
     For drives and circuits, also return the lines of their full texts that differ.
 
@@ -236,12 +238,15 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     sources = [_source(workspace, name) for name in names]
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive | Circuit)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
-    python = f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n"
+    found = compare_results(sources[0], sources[1], names)
+    caption = f"{before} and {after}, and the second less the first, with 95 % bands."
     return {
-        "values": [pair._asdict() for pair in compare_results(sources[0], sources[1], names).values],
+        "sentence": found.sentence,
+        "values": [pair._asdict() for pair in found.values],
+        "figure": plain_data(ShownFigure("compared", caption, found.figure())) if found.curves else None,
         "lines": lines,
         "command": shell("compare", *names),
-        "python": python,
+        "python": f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n",
     }
 
 
