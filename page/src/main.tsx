@@ -1,4 +1,4 @@
-import { computed, effect, signal, untracked } from "@preact/signals";
+import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
 import { Component, render, type ComponentChildren, type ComponentType } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Tray } from "./workspace/jobs";
@@ -126,6 +126,14 @@ function Tabs() {
   );
 }
 
+/** Button that copies the address of what is shown, with the choices in it. */
+function Share() {
+  const words = useSignal("Share link");
+  useEffect(() => void (words.value = "Share link"), [route.value]);
+  const copy = () => navigator.clipboard.writeText(location.href).then(() => void (words.value = "Link copied"), () => void (words.value = "Copy the address above"));
+  return <button type="button" class="share" onClick={() => void copy()}><span role="status">{words.value}</span></button>;
+}
+
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
@@ -138,6 +146,7 @@ function Page() {
         <h1><a href={link("studies")}>pneudrive</a></h1>
         <span class="folder">{studies.value?.folder}</span>
         <Tray />
+        <Share />
       </header>
       <ConnectionLine />
       {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}

@@ -1,5 +1,5 @@
-/** Addresses name a view and an object: `#/simulate/<file>`. */
-import { signal } from "@preact/signals";
+/** Addresses name a view, an object, and what the view shows of it: `#/friction/<file>?seal=PK`. */
+import { effect, signal, type Signal } from "@preact/signals";
 
 export const route = signal<{ view: string; path: string }>({ view: "studies", path: "" });
 
@@ -10,8 +10,27 @@ export const isToml = (path: string): boolean => path.toLowerCase().endsWith(".t
 
 export const inCatalogue = (path: string): boolean => path.startsWith("catalogue:");
 
+const states: Record<string, Signal<string>> = {};
+const parts = (): string[] => (typeof location === "undefined" ? "" : location.hash).split("?");
+
+/** Return the signal of a choice that the address keeps, so that a shared link and a reload show it again. */
+export function kept(name: string): Signal<string> {
+  const choice = (states[name] ??= signal(new URLSearchParams(parts()[1]).get(name) ?? ""));
+  effect(() => {
+    const [value, [object, query]] = [choice.value, parts()];
+    const all = new URLSearchParams(query);
+    if ((all.get(name) ?? "") === value) return;
+    if (value) all.set(name, value);
+    else all.delete(name);
+    history.replaceState(null, "", [object, all.toString()].filter(Boolean).join("?"));
+  });
+  return choice;
+}
+
 export function follow(): void {
-  const [, view, path] = /^#\/(\w+)\/?(.*)$/.exec(location.hash) ?? [];
+  const [, view, path, query] = /^#\/(\w+)\/?([^?]*)\??(.*)$/.exec(location.hash) ?? [];
+  const all = new URLSearchParams(query);
+  for (const [name, choice] of Object.entries(states)) choice.value = all.get(name) ?? "";
   route.value = { view: view ?? "studies", path: decoded(path ?? "") };
 }
 

@@ -127,9 +127,11 @@ def test_two_seals_are_apart_and_each_point_has_a_marker(server: Server, open_ta
     each = int(page.get_attribute(plot, "data-points"))
     assert each == maps[0].sizes["row"]
     assert page.is_checked("label:has-text('logarithmic') input")
-    page.select_option("label:has-text('Seal or mounting') select", "all, in one plot")
-    page.wait_for_selector(".banner >> text=2 seals or mountings together")
-    assert int(page.get_attribute(plot, "data-points")) == both.sizes["row"]
+    page.select_option("label:has-text('Seal or mounting') select", "all, side by side")
+    page.wait_for_selector("figure[data-plot='Kidney'] canvas")
+    points = (page.get_attribute(f"figure[data-plot='{seal}']", "data-points") for seal in ("O-ring", "Kidney"))
+    assert sum(map(int, points)) == both.sizes["row"]
+    assert "seal=all" in page.url
     tab.picture("seals")
     tab.check()
 

@@ -5,6 +5,7 @@ import type { Frame } from "../server/frame";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { digits, fitting, look, pretty } from "../plots/looks";
 import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
+import { AnswerOf } from "../workspace/result";
 import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
 import { ask, attempting, frame, read, Refused, type Problem } from "../server/server";
@@ -131,6 +132,7 @@ export function ScoreCard({ path }: { path: string }) {
       <h2>{path}</h2>
       <p><a href={link("control")}>A run, a new benchmark, and all benchmarks</a></p>
       <Problems of={[...wrong.value, ...notResumed.value]} />
+      {found?.finished && <AnswerOf path={path} />}
       {found && <About found={found} />}
       <ReportOf folder={path} changed={found?.finished} />
       {found && !found.finished && <p data-done={found.done}>{found.done} of {found.total} runs are done. The medians below are of those, and can change.</p>}

@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { JobForm } from "../workspace/form";
+import { AnswerOf } from "../workspace/result";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { duration } from "../plots/looks";
 import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
@@ -148,6 +149,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
         </span>
       </p>
       {now.cycle && now.state !== "paused" && <p class="note">now: {now.cycle}{running && `, ${running.left} left by the clock`}</p>}
+      {!now.state && now.done > 0 && <AnswerOf path={path} changed={now.done} />}
       <Requests now={now} path={path} />
       {!now.state && now.done > 0 && <JobForm kind="characterise" given={{ campaign: path, recordings: [] }} start={{ name: nameOf(path) }} jobs={[]} />}
       <ReportOf folder={path} />

@@ -8,11 +8,11 @@ import { follow } from "../workspace/jobs";
 import { Choose } from "../workspace/choose";
 import { Copied, folderOf, Problems, ReportOf, Table } from "../workspace/parts";
 import { Behind, forget } from "./fit";
-import { Shown } from "../workspace/result";
+import { Answer, AnswerOf, Shown, Values } from "../workspace/result";
 import type { SentView } from "../server/types";
 import { Heat } from "../plots/heat";
 import { isWide, Scatter, type Group } from "../plots/scatter";
-import { isToml, link, route } from "../routes";
+import { isToml, kept, link, route } from "../routes";
 import { attempting, read, Refused, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
 
@@ -137,9 +137,10 @@ export function FrictionView() {
       <h2>{path}</h2>
       <Problems of={wrong.value} />
       {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
+      {map.value && (fit.value ? <Answer view={fit.value} /> : <AnswerOf path={path} />)}
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
-      {map.value ? <Map path={path} found={map.value}>{fit.value && <Shown view={fit.value} label="Fit" />}</Map> : fit.value && <Shown view={fit.value} label="Fit" />}
+      {map.value ? <Map path={path} found={map.value}>{fit.value && <section class="result-figures" aria-label="Fit"><Values view={fit.value} /></section>}</Map> : fit.value && <Shown view={fit.value} label="Fit" />}
       {(fit.value || map.value) && pathOfFit(path) && <Behind path={pathOfFit(path)} />}
     </div>
   );
@@ -172,7 +173,7 @@ function runOf(recording: string, points: { recording: string }[]): string {
 }
 
 const ALL = "all, side by side";
-const seal = signal("");
+const seal = kept("seal");
 
 /** Return the seals or mountings of a map, and the shown one: the chosen one, else the first that has a fit. */
 function chosenSeal(found: FrictionMap): { names: string[]; now: string } {

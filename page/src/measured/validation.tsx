@@ -14,6 +14,7 @@ import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCop
 import { curveOf, Plot } from "../plots/plot";
 import { link, route } from "../routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "../server/server";
+import { AnswerOf } from "../workspace/result";
 import { list, studies } from "../workspace/studies";
 import { filesOf, kindOf } from "../workspace/tree";
 
@@ -162,6 +163,7 @@ export function ValidationView() {
       <h2>{found.value?.name ?? path.value}</h2>
       <p><a href={link("validation")}>A new validation, and all of them</a></p>
       <Problems of={wrong.value} />
+      {found.value && <AnswerOf path={path.value} withFindings={false} />}
       <ReportOf folder={folderOf(path.value)} />
       {found.value && <Result now={found.value} />}
     </div>
@@ -206,9 +208,13 @@ function Result({ now }: { now: Validation }) {
           );
         })}
       </ul>
-      <Why now={now} />
-      <Runs now={now} one={one} />
-      <Suspect now={now} />
+      <div class="result">
+        <Runs now={now} one={one} />
+        <aside>
+          <div class="panel"><Suspect now={now} /></div>
+          <div class="panel"><Why now={now} /></div>
+        </aside>
+      </div>
       <Origins now={now} />
       {now.notes.map((note) => <p class="note" key={note}>{note}</p>)}
     </>

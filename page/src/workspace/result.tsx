@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { isWide, Scatter, type Group } from "../plots/scatter";
 import { route } from "../routes";
-import { attempting, read, type Problem } from "../server/server";
+import { attempting, read, Refused, type Problem } from "../server/server";
 import type { SentCurve, SentView } from "../server/types";
 import { FigureView } from "../plots/figure";
 import { pretty } from "../plots/looks";
@@ -73,16 +73,16 @@ const WORDS = { good: "kept", open: "open", bad: "not kept" };
 const STATES = { good: "in order", open: "open", bad: "needs you" };
 
 /** Headline with its state, at most five numbers with their limits, and the findings, the worst first. */
-export function Answer({ view, few = false }: { view: SentView; few?: boolean }) {
+export function Answer({ view, withFindings = true }: { view: SentView; withFindings?: boolean }) {
   const isJudged = view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
-  const findings = few ? view.findings.filter((one) => one.state !== "good") : view.findings;
+  const findings = withFindings ? view.findings : [];
   return (
     <div class="panel answer-card" data-state={view.state}>
       <h2>{isJudged && <><span class={`pill ${view.state}`}>{STATES[view.state]}</span> </>}{view.title}</h2>
       {view.leading.length > 0 && (
         <dl class="leading">
           {view.leading.map((one) => (
-            <div key={one.key} class={one.state} data-value={one.key}>
+            <div key={one.key} class={one.state} data-leading={one.key}>
               <dt>{one.quantity}</dt>
               <dd class="number">{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
               {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{WORDS[one.state]}</span></dd>}
@@ -97,6 +97,24 @@ export function Answer({ view, few = false }: { view: SentView; few?: boolean })
       )}
     </div>
   );
+}
+
+/** Answer of a result above a view of its own. `changed` asks for it again; a result that cannot be read yet has none. */
+export function AnswerOf({ path, changed, withFindings = true }: { path: string; changed?: unknown; withFindings?: boolean }) {
+  const view = useSignal<SentView | null>(null);
+  useEffect(() => {
+    let gone = false;
+    view.value = null;
+    if (path)
+      void read<SentView>("/api/view", { path }).then(
+        (found) => void (gone || (view.value = found)),
+        (error: unknown) => {
+          if (!(error instanceof Refused)) throw error;
+        },
+      );
+    return () => void (gone = true);
+  }, [path, changed]);
+  return view.value && <Answer view={view.value} withFindings={withFindings} />;
 }
 
 /** Figures of a view, or its curves. */
