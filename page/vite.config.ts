@@ -32,5 +32,5 @@ export default defineConfig({
       },
     },
   ],
-  test: { include: ["tests/*.test.ts"] },
+  test: { include: ["tests/*.test.ts"], css: true },
 } as Parameters<typeof defineConfig>[0]);

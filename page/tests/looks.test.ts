@@ -1,5 +1,13 @@
 import { expect, test } from "vitest";
-import { LOOKS } from "../src/plots/looks";
+
+const SOURCES = import.meta.glob<string>("../src/**/*.{css,ts,tsx}", { query: "?raw", import: "default", eager: true });
+const TOKENS = SOURCES["../src/tokens.css"]!;
+
+/** Both colours of a token. */
+const token = (name: string) => {
+  const [, light, dark] = new RegExp(`--${name}: light-dark\\((#\\w+), (#\\w+)\\)`).exec(TOKENS)!;
+  return { light: light!, dark: dark! };
+};
 
 type Colour = [number, number, number];
 
@@ -27,8 +35,9 @@ function lab(colour: Colour): Colour {
 
 const luminance = (text: string): number => times([TO_XYZ[1]!], linear(text))[0]!;
 
-test.each([["light", "#ffffff"], ["dark", "#14171b"]] as const)("curves on %s paper are seen and told apart by colour-blind readers", (paper, background) => {
-  const colours = LOOKS.map((one) => one[paper]);
+test.each(["light", "dark"] as const)("curves on %s paper are seen and told apart by colour-blind readers", (paper) => {
+  const background = token("surface")[paper];
+  const colours = [1, 2, 3, 4, 5, 6, 7, 8].map((place) => token(`look-${place}`)[paper]);
   for (const one of colours) {
     const [low, high] = [luminance(one), luminance(background)].sort((a, b) => a - b);
     expect((high! + 0.05) / (low! + 0.05)).toBeGreaterThan(3);
@@ -37,4 +46,10 @@ test.each([["light", "#ffffff"], ["dark", "#14171b"]] as const)("curves on %s pa
     const seen = colours.map((one) => lab(times(matrix, linear(one))));
     seen.forEach((one, k) => seen.slice(k + 1).forEach((other) => expect(Math.hypot(...one.map((value, axis) => value - other[axis]!))).toBeGreaterThan(20)));
   }
+});
+
+test("only the tokens set colours and sizes of text", () => {
+  const set = /#[0-9a-f]{6}\b|#[0-9a-f]{3,4}\b(?=[;"' ])|\brgba?\(|\bhsl\(|light-dark\(#|font-size: *[\d.]|font-weight: *[5-9]\d\d/i;
+  const found = Object.entries(SOURCES).flatMap(([name, text]) => (name.endsWith("tokens.css") ? "" : text).split("\n").filter((line) => set.test(line)).map((line) => `${name}: ${line.trim()}`));
+  expect(found).toEqual([]);
 });

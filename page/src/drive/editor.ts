@@ -15,17 +15,17 @@ export interface Editor {
 }
 
 const theme = EditorView.theme({
-  "&": { height: "100%", fontSize: "13px", color: "light-dark(#111111, #f2f2f2)", backgroundColor: "light-dark(#ffffff, #1b1d20)" },
-  ".cm-gutters": { backgroundColor: "light-dark(#f3f3f3, #26292d)", color: "light-dark(#595959, #b4b4b4)", border: "none" },
-  ".cm-cursor": { borderLeftColor: "light-dark(#111111, #f2f2f2)" },
-  ".cm-scroller": { fontFamily: "ui-monospace, monospace" },
+  "&": { height: "100%", fontSize: "var(--table)", color: "var(--ink)", backgroundColor: "var(--surface)" },
+  ".cm-gutters": { backgroundColor: "var(--ground)", color: "var(--caption)", border: "none" },
+  ".cm-cursor": { borderLeftColor: "var(--ink)" },
+  ".cm-scroller": { fontFamily: "var(--mono)" },
 });
 
 const colours = HighlightStyle.define([
-  { tag: tags.string, color: "light-dark(#8a1c1c, #ffb3a7)" },
-  { tag: [tags.number, tags.atom, tags.bool], color: "light-dark(#1f5f99, #8ec2f2)" },
-  { tag: tags.comment, color: "light-dark(#4d5a4d, #a9bfa9)", fontStyle: "italic" },
-  { tag: [tags.propertyName, tags.heading], color: "light-dark(#111111, #f2f2f2)" },
+  { tag: tags.string, color: "var(--code-string)" },
+  { tag: [tags.number, tags.atom, tags.bool], color: "var(--code-number)" },
+  { tag: tags.comment, color: "var(--code-comment)", fontStyle: "italic" },
+  { tag: [tags.propertyName, tags.heading], color: "var(--ink)" },
 ]);
 
 export function edit(place: HTMLElement, text: string, changed: (text: string) => void): Editor {

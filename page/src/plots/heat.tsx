@@ -2,7 +2,7 @@
  * Heat map of friction over speed and pressure. Cells are measured or from the fit, and hatched where the fit is
  * extrapolated.
  */
-import { digits, fitting, isDark } from "./looks";
+import { digits, fitting } from "./looks";
 
 interface Heated {
   edges: number[];
@@ -15,11 +15,8 @@ const BELOW = 62;
 const MM = 1000;
 const KINDS: Record<string, string> = { measured: "mean of the measured points", fit: "from the fit, between measured speeds", extrapolated: "from the fit, beyond the measured speeds" };
 
-/** Return a colour between the paper and dark blue, or light blue on dark paper. */
-export function colour(share: number): string {
-  const [from, to] = isDark() ? [[30, 45, 62], [150, 205, 255]] : [[236, 243, 250], [14, 60, 112]];
-  return `rgb(${from!.map((one, k) => Math.round(one + share * (to![k]! - one))).join(" ")})`;
-}
+/** Return a colour between that of the lowest and that of the highest value. */
+export const colour = (share: number): string => `color-mix(in srgb, var(--heat-high) ${Math.round(100 * share)}%, var(--heat-low))`;
 
 export function Heat({ of }: { of: Heated }) {
   const values = of.rows.flatMap((row) => row.cells.flatMap((cell) => (cell ? [cell[0]] : [])));

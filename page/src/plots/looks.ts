@@ -3,23 +3,8 @@
 import { signal } from "@preact/signals";
 import { SEVERE } from "../server/types";
 
-export interface Look {
-  light: string;
-  dark: string;
-  dash: number[];
-}
-
-/** Eight colours for colour-blind readers, with a contrast to the paper of at least 3 to 1: `page/tests/looks.test.ts` measures both. */
-export const LOOKS: Look[] = [
-  { light: "#2a50e8", dark: "#6187ff", dash: [] },
-  { light: "#c0820d", dark: "#f57534", dash: [8, 4] },
-  { light: "#1e9e66", dark: "#50f093", dash: [8, 3, 2, 3] },
-  { light: "#7d2410", dark: "#f2f33b", dash: [2, 3] },
-  { light: "#8a4fc0", dark: "#cdb5ff", dash: [10, 2] },
-  { light: "#14181d", dark: "#e2ffff", dash: [2, 2] },
-  { light: "#858cab", dark: "#7e8098", dash: [6, 2, 2, 2, 2, 2] },
-  { light: "#46125c", dark: "#a76450", dash: [14, 4] },
-];
+/** Line styles of eight curves. Their colours are the tokens `--look-1` to `--look-8`; `page/tests/looks.test.ts` measures them. */
+const DASHES: number[][] = [[], [8, 4], [8, 3, 2, 3], [2, 3], [10, 2], [2, 2], [6, 2, 2, 2, 2, 2], [14, 4]];
 
 const DARK = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-color-scheme: dark)");
 
@@ -53,9 +38,22 @@ export function followInk(at: Element): () => void {
   };
 }
 
+const colours = new Map<string, string>();
+
+/** Return the colour of a token on the paper of the moment, for a canvas. */
+export function token(name: string): string {
+  const key = `${name} ${isDark()}`;
+  if (!colours.has(key)) {
+    const text = getComputedStyle(document.querySelector(".pneudrive")!).getPropertyValue(`--${name}`).trim();
+    const [, light = text, dark = text] = /light-dark\(\s*([^,\s]+)\s*,\s*([^)\s]+)\s*\)/.exec(text) ?? [];
+    colours.set(key, isDark() ? dark : light);
+  }
+  return colours.get(key)!;
+}
+
 export function look(index: number): { color: string; dash: number[] } {
-  const found = LOOKS[index % LOOKS.length] as Look;
-  return { color: isDark() ? found.dark : found.light, dash: found.dash };
+  const place = index % DASHES.length;
+  return { color: token(`look-${place + 1}`), dash: DASHES[place]! };
 }
 
 /**

@@ -1,12 +1,12 @@
 /** Drawing of curves, bands, shades and marks on a plot. */
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
-import { isDark, look } from "./looks";
+import { look, token } from "./looks";
 import type { Band, Event, Mark, PlotProps, Shade } from "./plot";
 
 /** Colours of axes and grid. */
-export const ink = (): string => (isDark() ? "#a9b2bd" : "#535c68");
-export const grid = (): string => (isDark() ? "#2a3038" : "#e6e9ee");
+export const ink = (): string => (token("axis"));
+export const grid = (): string => (token("grid"));
 
 /**
  * Return whether a curve reverses more often than every fourth pixel. Such a curve is drawn as `columns`: a stroke
@@ -170,7 +170,7 @@ export function shade(u: uPlot, parts: Shade[]): void {
   for (const one of seen) {
     const from = Math.max(u.valToPos(one.from, "x", true), left);
     const to = Math.min(u.valToPos(one.to, "x", true), left + width);
-    u.ctx.fillStyle = isDark() ? (one.strong ? "#39424d" : "#262c34") : one.strong ? "#d8e0ea" : "#eef2f6";
+    u.ctx.fillStyle = token(one.strong ? "stroke-strong" : "stroke");
     u.ctx.fillRect(from, top, to - from, height);
   }
   u.ctx.restore();
@@ -182,7 +182,7 @@ export function mark(u: uPlot, places: Mark[]): void {
   const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
   const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
   u.ctx.save();
-  u.ctx.fillStyle = isDark() ? "#ffc27a" : "#a34a00";
+  u.ctx.fillStyle = token("mark");
   for (const one of places) {
     if (one.to < low || one.from > high) continue;
     const from = Math.max(u.valToPos(one.from, "x", true), left);
@@ -196,7 +196,7 @@ export function mark(u: uPlot, places: Mark[]): void {
 export function upright(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
   u.ctx.save();
-  u.ctx.strokeStyle = u.ctx.fillStyle = isDark() ? "#ff9d9d" : "#9b1c1c";
+  u.ctx.strokeStyle = u.ctx.fillStyle = token("upright");
   u.ctx.lineWidth = devicePixelRatio;
   u.ctx.font = `${12 * devicePixelRatio}px system-ui`;
   times.forEach((time, index) => {
@@ -228,7 +228,7 @@ export function flag(u: uPlot, events: Event[]): void {
   const { left, top, width, height } = u.bbox;
   const size = 5 * devicePixelRatio;
   u.ctx.save();
-  u.ctx.fillStyle = u.ctx.strokeStyle = isDark() ? "#ffc27a" : "#a34a00";
+  u.ctx.fillStyle = u.ctx.strokeStyle = token("mark");
   u.ctx.lineWidth = devicePixelRatio;
   let last = -Infinity;
   for (const one of events) {

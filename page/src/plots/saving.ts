@@ -1,6 +1,6 @@
 /** Save a plot as a picture, as a drawing or as numbers. */
 import type uPlot from "uplot";
-import { digits, isDark, look } from "./looks";
+import { digits, look, token } from "./looks";
 import { grid, ink } from "./paint";
 
 /** Content of a saved plot. */
@@ -25,7 +25,7 @@ function download(name: string, blob: Blob): void {
 }
 
 const fileOf = (title: string, ending: string): string => `${title.toLowerCase().replace(/[^\w]+/g, "-").replace(/^-|-$/g, "")}.${ending}`;
-const paper = (): string => (isDark() ? "#14171b" : "#ffffff");
+const paper = (): string => token("surface");
 
 export function savePng(of: Saved): void {
   const { canvas: drawn } = of.u.ctx;

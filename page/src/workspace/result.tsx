@@ -84,7 +84,7 @@ export function Answer({ view, withFindings = true }: { view: SentView; withFind
           {view.leading.map((one) => (
             <div key={one.key} class={one.state} data-leading={one.key}>
               <dt>{one.quantity}</dt>
-              <dd class="number">{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
+              <dd class={typeof one.value === "string" ? "words" : "number"}>{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
               {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{WORDS[one.state]}</span></dd>}
             </div>
           ))}
