@@ -15,6 +15,7 @@ import { isWide, Scatter, type Group } from "../plots/scatter";
 import { isToml, kept, link, route } from "../routes";
 import { attempting, read, Refused, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
+import { isOverMain } from "../workspace/tree";
 
 interface Point {
   recording: string;
@@ -284,17 +285,19 @@ function Map({ path, found, children }: { path: string; found: FrictionMap; chil
       <h2>Sections of the map</h2>
       <Cuts path={path} found={{ ...found, groups: own }} />
       <Heat of={{ ...found.heat, rows: found.heat.rows.filter((one) => now === ALL || one.assembly === now) }} />
-      <h2>Measured points</h2>
-      <Table
-        label="Points of the map"
-        heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
-        rows={points.slice(0, MOST_ROWS).map((one) => {
-          const file = found.recordings[one.recording];
-          const name = file ? <a href={link("recording", file)}>{one.recording}</a> : one.recording;
-          const flags = one.flags.replaceAll(",", ", ").replaceAll("_", " ");
-          return { cells: [name, one.direction > 0 ? "+x" : "-x", digits(MM * one.speed), digits(one.friction), digits(one.spread, 2), one.group, flags], data: { "data-si": one.friction } };
-        })}
-      />
+      <details open={!isOverMain()}>
+        <summary>Measured points</summary>
+        <Table
+          label="Points of the map"
+          heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
+          rows={points.slice(0, MOST_ROWS).map((one) => {
+            const file = found.recordings[one.recording];
+            const name = file ? <a href={link("recording", file)}>{one.recording}</a> : one.recording;
+            const flags = one.flags.replaceAll(",", ", ").replaceAll("_", " ");
+            return { cells: [name, one.direction > 0 ? "+x" : "-x", digits(MM * one.speed), digits(one.friction), digits(one.spread, 2), one.group, flags], data: { "data-si": one.friction } };
+          })}
+        />
+      </details>
       {points.length > MOST_ROWS && <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
       {found.flags.map((sentence) => <p class="note" key={sentence}>{sentence}</p>)}
