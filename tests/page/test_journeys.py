@@ -446,7 +446,7 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
         page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
         page.wait_for_selector(drawn, state="attached")
         if view == "studies":
-            page.wait_for_selector(".holds >> text=target above 90 %")
+            page.wait_for_selector(".holds >> text=limit 90 %")
             page.click("button[aria-label='Made from: results/check/validation.toml']")
             page.wait_for_selector("[data-input='friday.parquet']")
             for name in ("axis.toml", "after.toml"):

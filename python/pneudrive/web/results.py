@@ -118,7 +118,6 @@ def report_address(workspace: Workspace, path: str) -> dict[str, str]:
 # --- Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check.
 
 MOST_FILES, MOST_VALUES = 200, 3  # newest files with a line; values in a line
-VALUE = "value"  # column of the values of a fit
 
 
 def headlines(workspace: Workspace) -> dict[str, str]:
@@ -140,10 +139,9 @@ def _of_drive(workspace: Workspace, path: str) -> str:
 
 
 def _of_view(workspace: Workspace, path: str) -> str:
-    """Return the first values of a fit, or the headline of another result."""
+    """Return the first leading values of a result with their limits, or its headline."""
     view = view_at(workspace, path)
-    values = [f"{one.label} {one.text} {one.usual_unit}" for one in view.rows if one.quantity == VALUE and one.text]
-    return ", ".join(values[:MOST_VALUES]) or view.title
+    return ", ".join(one.text for one in view.leading[:MOST_VALUES]) or view.title
 
 
 def _of_sizing(workspace: Workspace, path: str) -> str:

@@ -235,7 +235,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         A name leads out of the workspace, a file is not a result, or the files are of two kinds.
     """
     names = (before, after)
-    sources = [_source(workspace, name) for name in names]
+    sources = [load_at(workspace, name) for name in names]
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive | Circuit)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     found = compare_results(sources[0], sources[1], names)
@@ -248,9 +248,3 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         "command": shell("compare", *names),
         "python": f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n",
     }
-
-
-def _source(workspace: Workspace, name: str) -> Any:  # noqa: ANN401 - any result
-    """Read a drive, a circuit or any other result."""
-    kind = next((one.kind for one in workspace.files() if one.path == name), "")
-    return described_at(workspace, name) if kind in ("", "drive", "circuit") else load_at(workspace, name)
