@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.sheet import energy_limit_j, in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
-from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look, ramp, thin
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, Report, view_section
@@ -22,7 +22,9 @@ from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
 from pneudrive.report.topics import Topic
 from pneudrive.report.typst_page import write_pdf
+from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, whole
+from pneudrive.validate.validation import run_columns
 from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
@@ -32,11 +34,9 @@ if TYPE_CHECKING:
     import matplotlib.figure
     import xarray as xr
 
-    from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside, MeasuredResponse
+    from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
     from pneudrive.datasheet.sheet import Datasheet
     from pneudrive.report.page import Section
-    from pneudrive.validate.static import FrictionValidation
-    from pneudrive.validate.validation import RecordResult
 
 SUFFIXES = (".html", ".pdf")
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6
@@ -217,13 +217,16 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     target, view = check_target(path, SUFFIXES), found.view()
     drive, numbers = Topic("datasheet", "drive"), Topic("datasheet", "numbers")
     notes = (numbers.say(version=__version__), *_failures(found))
-    synthetic = None if found.measured is None else found.measured.synthetic
-    rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes)
+    curves, *compared = view.figures
+    rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes, figures=(curves,))
     sections = [
         drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
-        view_section("numbers", rest, synthetic=synthetic is None or synthetic),
+        view_section("numbers", rest),
         _definitions(found),
     ]
+    if found.measured is not None and compared:
+        beside = View(Topic("datasheet", "measured").say("title"), figures=tuple(compared))
+        sections.insert(2, view_section("measured", beside, synthetic=found.measured.synthetic))
     report = Report(view.title, [*view.findings, *view.notes], sections, synthetic=True)
     if target.suffix.lower() == ".pdf":
         report.pictures = report.plain_svg()
@@ -238,16 +241,17 @@ def sheet_view(found: Datasheet) -> View:
     topics = {key: Topic("datasheet", key) for key in ("numbers", "curves", "measured", "values")}
     bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
     values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
-    tables = [topics["numbers"].table(found.numbers)]
-    figures = [topics["curves"].picture("curves", _curve_figure(found), bands=bands)]
+    tables = [topics["numbers"].shown(found.numbers)]
+    figures = [
+        ShownFigure("curves", topics["curves"].texts["pictures"]["curves"].format(bands=bands), _curve_figure(found))
+    ]
     if "published" in found.results:
-        tables.append(topics["numbers"].table(_published(found), "published"))
+        tables.append(topics["numbers"].shown(_published(found), "published"))
     if found.measured is not None:
-        rows = [_measured_row(number) for number in found.measured.numbers]
-        tables += [topics["measured"].table(rows)] if rows else []
-        if (comparison := _comparison(found.measured)) is not None:
-            figures.append(topics["measured"].picture("measured", comparison))
-    tables.append(topics["values"].table(values))
+        tables.append(topics["measured"].shown(map(_measured_row, found.measured.numbers)))
+        caption = topics["measured"].texts["pictures"]["measured"]
+        figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
+    tables.append(topics["values"].shown(values))
     states = [finding.state for finding in found.findings] or ["open"]
     return View(
         _title(found),
@@ -255,8 +259,8 @@ def sheet_view(found: Datasheet) -> View:
         leading=tuple(_leading(found)),
         findings=tuple(found.findings),
         notes=(*found.notes, *(f"Read beside: {name}" for name in (found.measured.names if found.measured else ()))),
-        tables=tuple(ShownTable(table.caption, table.head, table.rows) for table in tables if table.rows),
-        figures=tuple(ShownFigure(picture.name, picture.caption, picture.figure) for picture in figures),  # type: ignore[arg-type]
+        tables=tuple(table for table in tables if table.rows),
+        figures=tuple(figures),
     )
 
 
@@ -305,49 +309,18 @@ def _measured_row(number: ComparedNumber) -> tuple[str, ...]:
     return number.stroke, in_words(number.name), measured, str(number.repeats), simulated, agrees
 
 
-def _comparison(measured: MeasuredBeside) -> Figure | None:
-    """Draw measurement and simulation together."""
-    panels = []
+def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
+    """Yield figures of measurement and simulation with their names: the first run and response, and friction."""
     if measured.validation is not None:
-        record = measured.validation.records[0]
-        panels.append(_run(record, ("position_m",), "position / mm"))
-        panels.append(_run(record, ("pressure_a_pa", "pressure_b_pa"), "pressure / bar abs"))
-    panels += [_response(measured.responses[0])] if measured.responses else []
-    panels += [_friction(measured.friction)] if measured.friction is not None else []
-    size: dict[str, Any] = {"row_in": 2.2, "rest_in": 0.0, "text_scale": 0.8}
-    return Figure(panels, columns=len(panels), legend="panel", **size) if panels else None
-
-
-def _run(record: RecordResult, channels: tuple[str, ...], label: str) -> Panel:
-    part, marks = thin(record.signals.time_s, 1500), []
-    time = record.signals.time_s[part]
-    for index, name in enumerate(channels):
-        words = f"{name[:10].replace('_', ' ').strip()} measured"
-        marks.append(Line(time, getattr(record.signals, name)[part], words, Look(("black", "blue")[index]), 1.4))
-        marks.append(Line(time, record.free[name][part], "free run", MODEL, 0.9))
-    return Panel(marks, record.recording.name, "time / s", label)
-
-
-def _response(response: MeasuredResponse) -> Panel:
-    marks = [
-        Markers(response.frequency_hz, response.measured_m_s, "measured", size=2.5, filled=True),
-        Line(response.frequency_hz, response.simulated_m_s, "simulated", MODEL),
-    ]
-    title = f"coherence above {response.coherence.min():.2f}"
-    return Panel(marks, title, Axis("frequency / Hz", "log"), "velocity over command / (m/s)")
-
-
-def _friction(found: FrictionValidation) -> Panel:
-    curves, marks = found.curves, []
-    shown = curves[:: max(len(curves) // 6, 1)][:6]
-    for index, c in enumerate(shown):
-        own, order = ramp(index, len(shown)), np.argsort(c.speed_m_s)
-        speed, friction, low, high, model = (
-            v[order] for v in (c.speed_m_s, c.friction_n, c.low_n, c.high_n, c.model_n)
-        )
-        marks.append(Markers(speed, friction, c.condition[:28], own, low, high, 3.0))
-        marks.append(Markers(speed, model, "", Look(own.color, "--", "_"), size=9.0, joined=True))
-    return Panel(marks, "friction: measured (points), law (dashed)", "speed / (mm/s)", "friction / N")
+        yield "measured", channel_figure(run_columns(measured.validation.records[0]))
+    for response in measured.responses[:1]:
+        points = Markers(response.frequency_hz, response.measured_m_s, "measured", size=2.5, filled=True)
+        line = Line(response.frequency_hz, response.simulated_m_s, "simulated", MODEL)
+        title = f"coherence above {response.coherence.min():.2f}"
+        x, y = Axis("frequency / Hz", "log"), "velocity over command / (m/s)"
+        yield "response", Figure([Panel([points, line], title, x, y)], row_in=HEIGHT_IN, legend="panel")
+    if measured.friction is not None:
+        yield "friction", friction_figure(list(measured.friction.curves)[:MOST_SHOWN])
 
 
 def _definitions(found: Datasheet) -> Section:
