@@ -739,6 +739,6 @@ class Fit(Viewed):
         for key, words in self.DETAILS.items():
             if (found := self.details.get(name, {}).get(key)) is not None:
                 is_fraction = isinstance(found, float)
-                cells[words] = f"{100 * found:.0f} %" if is_fraction else " .. ".join(plain(v / size) for v in found)
+                cells[words] = f"{100 * found:.0f} %" if is_fraction else " .. ".join(plain(v / size, 5) for v in found)
         yield ShownValue(name, name, "value", value, self.units[name], ends, "data" if name in self.free else "stated")
         yield from (ShownValue(f"{name}.{key}", name, key, text, origin="text") for key, text in cells.items())

@@ -52,7 +52,7 @@ _KINDS = tuple(
     (kind, re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE))
     for kind, mark in (
         ("validation", r"\[\[[ \t]*verdict\b"),
-        ("fit", r"\[\[?[ \t]*(?:covariance|undetermined)\b"),
+        ("fit", r"\[\[?[ \t]*(?:covariance\b|undetermined\b|values\.)"),
         ("circuit", r"\[[ \t]*components\b|connections[ \t]*="),
         ("drive", r"\[[ \t]*supply\b|drive[ \t]*=[ \t]*[\"']catalogue:"),
         ("layout", r"\[[ \t]*columns\b"),

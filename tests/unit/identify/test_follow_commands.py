@@ -48,6 +48,9 @@ def test_the_way_of_a_user(folder, capsys):
     said = capsys.readouterr().out
     assert re.search(r"a leak past the piston .* not determined, changes the sum of squares", said)
     assert (folder / "page/report.html").stat().st_size > 10_000
+    kept = pn.load("gas.toml")
+    assert {rival.name for rival in kept.rivals} >= {"held", "leak"}
+    assert kept.apply().components
     assert not go(f"validate gas.toml run.csv {with_layout} --out check")
     assert "run, force: closes within" in capsys.readouterr().out
     assert (folder / "check/report.html").is_file()

@@ -336,14 +336,16 @@ class FollowFit(Fit):
         return [f"{record.name}: {record}" for record in self.records]
 
     def _tables(self) -> tuple[ShownTable, ...]:
-        rows = tuple((rival.words, f"{rival.fit_percent:.2f}", rival.verdict) for rival in self.rivals)
+        verdicts = [rival.verdict.removeprefix(f"{rival.words}: ") for rival in self.rivals]
+        fits = ((rival.words, f"{rival.fit_percent:.2f}") for rival in self.rivals)
+        rows = tuple((*fit, verdict) for fit, verdict in zip(fits, verdicts, strict=True))
         return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
 
     def _first(self) -> dict[str, Any]:
         return super()._first() | {"circuit": self.circuit.to_toml()}
 
     def _last(self) -> dict[str, Any]:
-        return {"rivals": [vars(rival) for rival in self.rivals]} if self.rivals else {}
+        return {"rivals": {rival.name: vars(rival) for rival in self.rivals}} if self.rivals else {}
 
     @classmethod
     def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
@@ -360,7 +362,7 @@ class FollowFit(Fit):
         return super()._fields(file) | {
             "circuit": Circuit.load(str(content["circuit"])),
             "records": tuple(map(FollowRecord.of_table, content["provenance"]["recordings"])),
-            "rivals": tuple(Rival(**rival) for rival in content.get("rivals", ())),
+            "rivals": tuple(Rival(**rival) for rival in content.get("rivals", {}).values()),
         }
 
 
