@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
     from pneudrive.datasheet.sheet import Datasheet
     from pneudrive.report.page import Section
+    from pneudrive.views import State
 
 SUFFIXES = (".html", ".pdf")
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6
@@ -252,7 +253,7 @@ def sheet_view(found: Datasheet) -> View:
         caption = topics["measured"].texts["pictures"]["measured"]
         figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
     tables.append(topics["values"].shown(values))
-    states = [finding.state for finding in found.findings] or ["open"]
+    states: list[State] = [finding.state for finding in found.findings] or ["open"]
     return View(
         _title(found),
         state=max(states, key=STATES.index),

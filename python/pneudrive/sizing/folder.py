@@ -171,8 +171,10 @@ def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
 
 def read_drive(content: dict[str, Any]) -> SizedDrive:
     """Return a simulated drive from plain data; earlier versions wrote no intervals."""
-    changed = {name: {key: tuple(one) for key, one in content.get(name, {}).items()} for name in ("worst", "intervals")}
-    return SizedDrive(**content | changed | {"sizes": tuple(content["sizes"])})
+    read: dict[str, Any] = content | {"sizes": tuple(content["sizes"])}
+    for name in ("worst", "intervals"):
+        read[name] = {key: tuple(values) for key, values in content.get(name, {}).items()}
+    return SizedDrive(**read)
 
 
 def _catalogue() -> str:

@@ -440,12 +440,11 @@ def _read(folder: Path) -> SizingResult:
         miss = stored.get("miss")
         return SizingResult(
             SizingTask.model_validate(stored["task"]),
-            *(stored[name] for name in ("enumerated", "left", "pruned", "tuned")),
-            tuple(simulated) or ranked,
-            ranked,
-            None if miss is None else NearestMiss(**miss),
-            stored["complete"],
-            tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
+            **{name: stored[name] for name in ("enumerated", "left", "pruned", "tuned", "complete")},
+            simulated=tuple(simulated) or ranked,
+            ranked=ranked,
+            miss=None if miss is None else NearestMiss(**miss),
+            provisional=tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
             savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
             checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
             interrupted=stored.get("interrupted", False),

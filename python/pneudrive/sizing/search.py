@@ -222,7 +222,8 @@ class Search:
                 miss = replace(
                     miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
                 )
-        lost = [Dropped(one.choice.parts, 1, *one.lost.partition(": ")[::2]) for one in self.candidates if one.lost]
+        reasons = [(one.choice.parts, *one.lost.partition(": ")) for one in self.candidates if one.lost]
+        lost = [Dropped(parts, 1, limit, reason) for parts, limit, _, reason in reasons]
         return SizingResult(
             *(self.task, self.pruning.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
             miss=miss,
