@@ -118,6 +118,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
         ({"pressure_b_pa": -1.0}, "positive"),
         ({"speed_m_s": "50 mm/s"}, "the value is a number"),
         ({"steps": [{"to": 1.0}]}, "is invalid"),
+        ({"steps": [{"to_m": "far", "speed_m_s": 0.1}]}, "cycle.steps.to_m = 'far'"),
     ],
 )
 def test_a_wrong_head_says_what_is_wrong(folder, change, what):

@@ -94,9 +94,16 @@ class Cycle:
         CampaignError
             If a key is missing or unknown.
         """
+
+        def made(kind: type, table: Any, name: str) -> Any:  # noqa: ANN401 - JSON; a step or a sampling
+            known, unknown = read_fields(table, kind, where or "", CampaignError, f"cycle.{name}.")
+            if unknown:
+                raise TypeError(unknown[0].replace("is ignored, as it is not", "is not"))
+            return kind(**known)
+
         try:
-            steps = tuple(Move(**step) if "to_m" in step else Hold(**step) for step in data.get("steps", ()))
-            return cls(**{**data, "steps": steps, "sampling": Sampling(**data.get("sampling", {}))})
+            steps = tuple(made(Move if "to_m" in step else Hold, step, "steps") for step in data.get("steps", ()))
+            return cls(**{**data, "steps": steps, "sampling": made(Sampling, data.get("sampling", {}), "sampling")})
         except TypeError as error:
             raise CampaignError(
                 "cycle.steps or cycle.sampling is invalid",

@@ -38,11 +38,6 @@ class Statement:
     carried: bool = True
     remedy: str = ""
 
-    @property
-    def marked(self) -> str:
-        """The sentence after "-", or after "!" if the data do not determine something."""
-        return f"{'-' if self.carried else '!'} {self}"
-
     def __str__(self) -> str:
         """Return the text and remedy."""
         return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
