@@ -12,7 +12,7 @@ export interface View {
 
 export const VIEWS: View[] = [
   { name: "studies", title: "Overview", load: async () => StudiesView, opens: [] },
-  { name: "drive", title: "Drive", load: async () => (await import("./drive/drive")).DriveView, opens: ["other", "formula"], takes: ["drive", "circuit"] },
+  { name: "drive", title: "Drive", load: async () => (await import("./drive/drive")).DriveView, opens: ["other", "formula", "tank", "regulator"], takes: ["drive", "circuit"] },
   { name: "simulate", title: "Simulate", load: async () => (await import("./simulate/simulate")).SimulateView, opens: ["drive", "circuit"] },
   { name: "recording", title: "Recording", load: async () => (await import("./measured/recording")).RecordingView, opens: ["recording"] },
   { name: "friction", title: "Friction", load: async () => (await import("./measured/friction")).FrictionView, opens: ["friction map", "fit"] },

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,17 +15,17 @@ import numpy as np
 import polars as pl
 import xarray as xr
 
-from pneudrive.campaign.storage.folder import RIG
-from pneudrive.control.results.card import ABOUT as BENCHMARK
+from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.results.card import read_comparison
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
-from pneudrive.describe.files.load import OF_A_CIRCUIT, load_described
+from pneudrive.describe.files.load import load_described
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
+from pneudrive.files.content import kind_of_folder, kind_of_toml
 from pneudrive.files.csv_tables import csv_names
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
@@ -38,10 +38,12 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.report.speed import map_view
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
 from pneudrive.sizing.result import SUMMARY, SizingResult
+from pneudrive.sizing.task import SizingTask
 from pneudrive.units import in_unit, readable
 from pneudrive.units.table import TABLE
 from pneudrive.validate.validation import CHANNELS
@@ -85,6 +87,21 @@ class StoredResult(Shown):
         return self.view().card()
 
 
+#: Kind of a file or a folder -> function that reads it.
+_READERS: dict[str, Callable[[Path], Any]] = {
+    "campaign": campaign_friction,
+    "comparison": read_comparison,
+    "sizing": SizingResult.load,
+    "tank": Tank.load,
+    "regulator": Regulator.load,
+    "drive": lambda path: load_described(str(path)),
+    "circuit": lambda path: load_described(str(path)),
+    "task": SizingTask.load,
+    "protocol": read_protocol,
+    "layout": Layout.load,
+}
+
+
 def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     """Read a result or a description; its kind follows from its content.
 
@@ -97,9 +114,9 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     Returns
     -------
     object
-        Drive, Circuit, Tank or Regulator; a fit of any kind; run, friction map or ensemble as `xarray.Dataset`;
-        evaluated campaign; comparison of controllers; sizing; validation and characterisation as `StoredResult`;
-        `Recording`.
+        Drive, Circuit, Tank, Regulator, SizingTask, Protocol or Layout; a fit of any kind; run, friction map or
+        ensemble as `xarray.Dataset`; evaluated campaign; comparison of controllers; sizing; validation and
+        characterisation as `StoredResult`; `Recording`.
 
     Raises
     ------
@@ -131,12 +148,9 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
 
 
 def _load_folder(path: Path) -> Any:  # noqa: ANN401
-    if (path / RIG).is_file():
-        return campaign_friction(path)
-    if (path / BENCHMARK).is_file():
-        return read_comparison(path)
-    if (path / SUMMARY).is_file():
-        return SizingResult.load(path)
+    kind = "sizing" if (path / SUMMARY).is_file() else kind_of_folder(path)
+    if kind in _READERS:
+        return _READERS[kind](path)
     if (path / "map.parquet").is_file():
         fits = {file.stem: read_fit(file) for file in sorted(path.glob("fit*.toml"))}
         return StoredResult("characterisation", path, {"map": read_map(path / "map.parquet"), "fits": fits})
@@ -147,12 +161,12 @@ def _load_folder(path: Path) -> Any:  # noqa: ANN401
 
 def _load_toml(path: Path) -> Any:  # noqa: ANN401
     tables, _ = toml.read(path, CommandError)
-    kind = tables.get("kind")
     if "verdict" in tables and "record" in tables:
         return StoredResult("validation", path, tables)
-    kinds = ((Tank.load, Tank.is_file(path)), (Regulator.load, Regulator.is_file(path)))
-    kinds += ((load_described, not kind and bool({"drive", "friction", *OF_A_CIRCUIT} & tables.keys())),)
-    return next((read for read, holds in kinds if holds), read_fit)(str(path))
+    kind = kind_of_toml(path)
+    if kind == "other" and "kind" not in tables and {"drive", "friction"} & tables.keys():
+        kind = "drive"  # an incomplete one, whose message names what is missing
+    return _READERS.get(kind, read_fit)(path)
 
 
 def _load_table(path: Path) -> Any:  # noqa: ANN401

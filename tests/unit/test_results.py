@@ -151,3 +151,16 @@ def test_two_sizings_are_compared(tmp_path):
     assert air.value == pytest.approx(1e-3 / 1.185 * 1e3)  # stored in kg
     (pair,) = pn.compare_results(tmp_path / "a", tmp_path / "b").values
     assert (pair.key, pair.before, pair.after) == ("rank 1.time out", "0.200 s", "0.250 s")
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("python/pneudrive/web/drive/first_task.toml", "SizingTask"),
+        ("python/pneudrive/data/demo/layout.toml", "Layout"),
+        ("tests/old_files/4f85f3b/protocol.toml", "Protocol"),
+        ("tests/old_files/motion-fit.toml", "FollowFit"),
+    ],
+)
+def test_a_file_is_read_by_its_kind(file: str, name: str) -> None:
+    assert type(pn.load(Path(__file__).parents[2] / file)).__name__ == name

@@ -12,7 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pneudrive.errors import CommandError
-from pneudrive.web.workspace import _KINDS, ChangedError, Workspace, _folder_marks, fingerprint
+from pneudrive.files.content import _KINDS, FOLDERS
+from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
 
 PARTS = [
     "..",
@@ -149,6 +150,6 @@ def test_the_page_lists_files_of_every_kind() -> None:
     text = (Path(__file__).parents[2] / "page" / "src" / "workspace" / "tree.tsx").read_text()
     groups = re.findall(r"kinds: \[([^\]]*)\] \}", text.split("const GROUPS")[1])
     titles = [kind for group in groups for kind in re.findall(r'"([\w ]+)"', group)]
-    folders = [kind for kind, _ in _folder_marks()]
+    folders = list(FOLDERS)
     told = ["fmu", "recording", "friction map", "task", "other", "unreadable", *folders]
-    assert set(titles) == {*told, *(kind for kind, _ in _KINDS)}
+    assert set(titles) == {*told, *_KINDS}

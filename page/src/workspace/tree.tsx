@@ -20,7 +20,7 @@ export const GROUPS: Kinds[] = [
   { title: "Campaigns", view: "campaign", kinds: ["campaign", "protocol"] },
   { title: "Controllers", view: "control", kinds: ["comparison", "controller", "setup"] },
   { title: "Exports", view: "handover", kinds: ["fmu"] },
-  { title: "Other files", view: "", kinds: ["layout", "rig", "formula", "other", "unreadable"] },
+  { title: "Other files", view: "", kinds: ["layout", "rig", "formula", "tank", "regulator", "other", "unreadable"] },
 ];
 const MOST = 200; // rows of a group; the search finds the others
 

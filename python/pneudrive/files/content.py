@@ -1,4 +1,4 @@
-"""Bytes and text of a file, and JSON, each with bounds and one clear message for each error."""
+"""Bytes and text of a file, and JSON, each with bounds and one clear message for each error; and kinds of files."""
 
 from __future__ import annotations
 
@@ -204,3 +204,48 @@ def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
                     )
         inner = [v.values() if isinstance(v, dict) else v for v in level if isinstance(v, dict | list)]
         level = [v for values in inner for v in values]
+
+
+# --- Kinds of folders by the files in them, and of TOML files by their tables.
+
+#: Kind of a folder that is one object -> files in it.
+FOLDERS = {"campaign": ("campaign.json", "rig.json"), "comparison": ("comparison.json",), "sizing": ("sizing.json",)}
+HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
+#: A task has its stroke before any table. No pattern runs over lines: many empty lines would take quadratic time.
+_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
+_FIT = r"\[\[?[ \t]*(?:covariance\b|undetermined\b|values\.)|kind[ \t]*=[ \t]*[\"']motion[\"']"
+#: Kinds of TOML files by the beginning of a line.
+_KINDS = {
+    kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE)
+    for kind, mark in {
+        "validation": r"\[\[[ \t]*verdict\b",
+        "fit": _FIT,
+        "tank": r"\[[ \t]*volume\b",
+        "regulator": r"\[[ \t]*regulator\b",
+        "circuit": r"\[[ \t]*components\b|connections[ \t]*=",
+        "drive": r"\[[ \t]*supply\b|drive[ \t]*=[ \t]*[\"']catalogue:",
+        "layout": r"\[[ \t]*columns\b",
+        "formula": r"\[[ \t]*output\b",
+        "protocol": r"\[[ \t]*(?:speed|stop)\b",
+        "controller": r"law[ \t]*=",
+        "setup": r"\[[ \t]*sensors\b",
+        "rig": r"\[[ \t]*(?:cylinder|rig)\b|kind[ \t]*=[ \t]*[\"']opc-ua",
+    }.items()
+}
+
+
+def kind_of_folder(path: Path) -> str:
+    """Return the kind of a folder that is one object. Empty for other folders."""
+    return next((kind for kind, names in FOLDERS.items() if all((path / name).is_file() for name in names)), "")
+
+
+def kind_of_toml(path: Path) -> str:
+    """Return the kind of a TOML file: ``"other"`` without a known table, ``"unreadable"`` if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD).decode("utf-8", "replace")
+    except OSError:
+        return "unreadable"
+    if _TASK.match(head):
+        return "task"
+    return next((kind for kind, mark in _KINDS.items() if mark.search(head)), "other")

@@ -47,7 +47,8 @@ def path_from(file: str, folder: Path) -> str:
 
 def located(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return a provenance from a file in a folder, with the full paths of its inputs."""
-    files = [folder / one["file"] if one["file"] else "" for one in provenance.get(INPUTS, ())]
-    places = [{"file": str(file.resolve())} if file and file.exists() else {} for file in files]
-    inputs = [one | place for one, place in zip(provenance.get(INPUTS, ()), places, strict=True)]
+    inputs = []
+    for one in provenance.get(INPUTS, ()):
+        path = folder / one["file"]
+        inputs.append({**one, "file": str(path.resolve()) if one["file"] and path.exists() else one["file"]})
     return {**provenance, INPUTS: inputs} if inputs else dict(provenance)

@@ -1,7 +1,7 @@
 """The folder of the page: its accessible files, safe writing of files, and the cache of this user.
 
-The import of this module is fast, because the address is printed only after it. Modules for campaigns and descriptions
-are imported in functions.
+The import of this module is fast, because the address is printed only after it. Modules for descriptions are imported
+in functions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.errors import CommandError
-from pneudrive.files.content import exists, read_text
+from pneudrive.files.content import exists, kind_of_folder, kind_of_toml, read_text
 from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
 
@@ -41,28 +41,9 @@ SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
 LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
-HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
 LONGEST_UNUSED_S = 30 * 86400.0  # a recording that was not opened for so long is removed from the cache, s
 #: Signs that no name of a file has in the page, and those of a name on the disk that cannot be sent to it.
 _FORBIDDEN, _NO_UTF8 = re.compile(r"[\x00-\x1f\x7f\\\ud800-\udfff]"), re.compile(r"[\ud800-\udfff]")
-#: Kinds of TOML files by the beginning of a line; a task by its stroke, before any table. No pattern runs over lines:
-#: many empty lines would take quadratic time.
-_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
-_KINDS = tuple(
-    (kind, re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE))
-    for kind, mark in (
-        ("validation", r"\[\[[ \t]*verdict\b"),
-        ("fit", r"\[\[?[ \t]*(?:covariance\b|undetermined\b|values\.)"),
-        ("circuit", r"\[[ \t]*components\b|connections[ \t]*="),
-        ("drive", r"\[[ \t]*supply\b|drive[ \t]*=[ \t]*[\"']catalogue:"),
-        ("layout", r"\[[ \t]*columns\b"),
-        ("formula", r"\[[ \t]*output\b"),
-        ("protocol", r"\[[ \t]*(?:speed|stop)\b"),
-        ("controller", r"law[ \t]*="),
-        ("setup", r"\[[ \t]*sensors\b"),
-        ("rig", r"\[[ \t]*(?:cylinder|rig)\b|kind[ \t]*=[ \t]*[\"']opc-ua"),
-    )
-)
 
 
 class ChangedError(Exception):
@@ -181,7 +162,7 @@ class Workspace:
             if _NO_UTF8.search(entry.name):
                 left_out.append(entry.name)
                 continue
-            kind = _folder_kind(entry.path) if is_folder else ""
+            kind = kind_of_folder(Path(entry.path)) if is_folder else ""
             if is_folder and not kind:
                 yield from self._walk(Path(entry.path), f"{path}/", left_out)
             elif kind or (entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False)):
@@ -319,36 +300,14 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(inner)
 
 
-@cache
-def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Return the kinds of folders that are listed as one item, by files in them."""
-    from pneudrive.campaign.storage.folder import ABOUT, RIG
-    from pneudrive.control.results.card import ABOUT as COMPARISON
-    from pneudrive.sizing.folder import ABOUT as SIZING
-
-    return ("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)), ("sizing", (SIZING,))
-
-
-def _folder_kind(path: str) -> str:
-    """Return the kind of a folder that is listed as one item. Empty for other folders."""
-    return next((kind for kind, own in _folder_marks() if all(Path(path, one).is_file() for one in own)), "")
-
-
 @lru_cache(maxsize=MOST_FILES)
 def _kind(path: str, _changed_ns: int, _size: int) -> str:
     """Return the kind of a file. TOML files are distinguished by their tables."""
     if path.lower().endswith(FMUS):
         return "fmu"
-    if not path.lower().endswith(DESCRIPTIONS):
-        return "friction map" if Path(path).stem.lower() == "map" else "recording"
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(HEAD).decode("utf-8", "replace")
-    except OSError:
-        return "unreadable"
-    if _TASK.match(head):
-        return "task"
-    return next((kind for kind, mark in _KINDS if mark.search(head)), "other")
+    if path.lower().endswith(DESCRIPTIONS):
+        return kind_of_toml(Path(path))
+    return "friction map" if Path(path).stem.lower() == "map" else "recording"
 
 
 def cache_folder() -> Path:
