@@ -9,17 +9,18 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
+from pathlib import Path
 from posixpath import dirname
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.cli.main import COMMANDS
+from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import is_held
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import PRESSURE_FORMS
-from pneudrive.report.page import REPORT
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.load import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
@@ -32,10 +33,8 @@ from pneudrive.web.requests import call, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping
 
-MOST_NEXT, MOST_LEAST, MOST_TUNED, MOST_DRAWS = 200, 100, 10_000, 4096
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known
 #: Endings of files, by the kind of an input.
@@ -227,84 +226,42 @@ def _python(kind: str, values: Mapping[str, Any], out: str) -> str:
             return f"{build}\nsheet = build(pn.load({drive!r}), [], None, Watch())"
 
 
-def _same(*names: str) -> tuple[tuple[str, str], ...]:
-    return tuple(zip(names, names, strict=True))
-
-
-BELOW = f"{RESULTS}/{{name}}"
-NAME = CommandInput("name", "Into results/", "name")
-DRIVE, SOURCE = (CommandInput("drive", "Drive or circuit", "drive", name) for name in ("drive", "source"))
-MODEL = CommandInput("drive", "Drive or fit of a drive", "model")
-RECORDINGS = CommandInput("recordings", "Recordings with command, position and both pressures", "recordings")
-FIT = CommandInput("fit", "Fit", "fit")
-OUT = CommandInput("out", "Into", "out")
-ACTUATOR = "The other tool moves the piston and gets its force (for multibody tools)"
-TOOLS = (("fmu", "FMU"), ("c", "Library with header for C"))
-POINTS = CommandInput("points", "Points, repeats included", "number", start=None, most=MOST_NEXT, hint="auto")
-LAWS, FORMS = _same(*CANDIDATES), _same("none", *PRESSURE_FORMS)
-
-
-def _number(key: str, label: str, option: str, most: int) -> CommandInput:
-    """Return a number of a sizing, which begins with the default of the command."""
-    return CommandInput(key, label, "number", option, parameters_of("size")[option].default, most=most)
-
-
-SIGNATURES = {
-    "characterise": CommandForm(
-        "Characterise", BELOW, (CommandInput("recordings", "Recordings", "recordings", hint="rig"), NAME)
-    ),
-    "fit": CommandForm(
-        "Fit again",
-        "{folder}/{name}.toml",
-        (
-            CommandInput("map", "Friction map", "map", "source"),
-            CommandInput("law", "Law", "choice", "laws", "stribeck gaussian", LAWS),
-            CommandInput("pressure", "Pressure", "choice", start="none", choices=FORMS),
-            CommandInput("name", "Into", "name", start="fit-2", suffix=".toml"),
-        ),
-    ),
-    "design": CommandForm(
-        "Write the protocol",
-        "{name}.toml",
-        (FIT, POINTS, CommandInput("name", "Protocol", "name", start="next-points", suffix=".toml")),
-    ),
-    "validate": CommandForm("Validate", BELOW, (MODEL, RECORDINGS, NAME)),
-    "identify": CommandForm(
-        "Identify from these recordings",
-        "{out}",
-        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", hint="valve.conductance"), OUT),
-    ),
-    "apply": CommandForm("Apply to a new drive file", "{out}", (FIT, MODEL, OUT)),
-    "size": CommandForm(
-        "Size",
-        BELOW,
-        (
-            CommandInput("task", "Task", "task"),
-            _number("least", "Least number of choices", "min_candidates", MOST_LEAST),
-            _number("most", "Largest number of tuned choices", "max_candidates", MOST_TUNED),
-            _number("draws", "Samples of each", "samples", MOST_DRAWS),
-            NAME,
-        ),
-    ),
-    "export": CommandForm(
-        "Export",
-        f"{BELOW}{{suffix}}",
-        (
-            SOURCE,
-            CommandInput("to", "As", "choice", start="fmu", choices=TOOLS),
-            CommandInput("fmi", "FMI", "choice", start="2.0", choices=_same(*VERSIONS), only=("to", "fmu")),
-            CommandInput("initial", "Start state", "text", hint="position = 50 mm"),
-            CommandInput("actuator", ACTUATOR, "flag", start=False, only=("to", "fmu")),
-            NAME,
-        ),
-    ),
-    "datasheet": CommandForm("Write the data sheet", f"{BELOW}/{REPORT}", (DRIVE, NAME)),
+#: Key of a choice -> values with their titles.
+CHOICES = {
+    "law": tuple((law, law) for law in CANDIDATES),
+    "pressure": tuple((form, form) for form in ("none", *PRESSURE_FORMS)),
+    "fmi": tuple((version, version) for version in VERSIONS),
+    "to": (("fmu", "FMU"), ("c", "Library with header for C")),
 }
+#: Kind of an input -> value of its field without a default of the command.
+STARTS = {"number": None, "flag": False}
+
+
+def _inputs(command: str, given: list[Any], shared: Mapping[str, Any]) -> Iterator[CommandInput]:
+    """Yield the inputs of a command. Fields begin with its defaults."""
+    for one in given:
+        table = {"key": one} | shared[one] if isinstance(one, str) else one
+        key, kind = table["key"], table["kind"]
+        parameter = parameters_of(command).get(table.get("option", key))
+        default = parameter.default if parameter is not None else None
+        start = default if isinstance(default, str | int) and default else STARTS.get(kind, "")
+        table = {"start": start, "choices": CHOICES.get(key, ()), **table, "only": tuple(table.get("only", ()))}
+        yield CommandInput(**table)
+
+
+def _read() -> Iterator[tuple[str, CommandForm]]:
+    tables, _ = toml.read(Path(__file__).with_name("forms.toml"), CommandError)
+    shared = tables.pop("shared")
+    for command, form in tables.items():
+        yield command, CommandForm(form["title"], form["out"], tuple(_inputs(command, form["inputs"], shared)))
+
+
+SIGNATURES = dict(_read())
 
 
 def forms(workspace: Workspace) -> dict[str, Any]:
     """Return the form of each command. A field of recordings offers those that have the needed channels."""
-    offered = {hint: _same(*_offered(workspace, hint)) for hint in ("rig", "")}
+    offered = {hint: [(path, path) for path in _offered(workspace, hint)] for hint in ("rig", "")}
 
     def about(field: CommandInput) -> dict[str, Any]:
         return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
