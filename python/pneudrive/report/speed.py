@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, bar, gro
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import with_u
-from pneudrive.report.tables import sentence, spread_evenly
+from pneudrive.report.tables import spread_evenly
 from pneudrive.report.topics import Topic
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View
@@ -34,6 +35,7 @@ MOST_CURVES = 8  # of one assembly
 MANY = 60  # points beyond which markers get smaller
 SHOWN_ERRORS = 4.0  # standard errors to either side
 STRIBECK = "stribeck"
+CAPTION = "Fitted parameters (± half of the 95 % interval); these data do not determine missing parameters"
 
 
 def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
@@ -53,17 +55,21 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     for name, flags in zip(names, table["flags"].to_numpy(), strict=True):
         for flag in str(flags).split(","):
             raised.setdefault(flag, []).append(name)
-    findings = [*flag_findings(raised, len(set(names))), *(_fit_findings(table, fits) if fits is not None else ())]
+    findings, tables = flag_findings(raised, len(set(names))), ()
     topic = Topic("recordings", "speed")
     labels = topic.say("with_labels") if len({group.assembly for group, _ in groups}) > 1 else ""
     law = topic.say("with_law") if any(map(_is_curve, (fits or {}).values())) else ""
+    if fits is not None:
+        about = _fitted(fits)
+        findings += about.findings or [Finding(topic.say("no_law"), "open")]
+        tables = about.tables
     return View(
         f"{table.sizes['row']} points of friction",
         curves=curves,
         state="bad" if any(f.state == "bad" for f in findings) else "open" if findings else "good",
         leading=tuple(_ends(table)),
         findings=tuple(findings),
-        tables=tuple(_fit_tables(topic, fits)) if fits else (),
+        tables=tables,
         figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
     )
 
@@ -90,58 +96,19 @@ def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
     return STRIBECK in (by_law or {}) and "stribeck_velocity" in by_law[STRIBECK].determined  # type: ignore[index]
 
 
-def _fit_findings(table: xr.Dataset, fits: Fits) -> Iterator[Finding]:
-    """Yield a finding for the undetermined values of the fitted laws, and for each note on a fit."""
-    topic, speeds = Topic("recordings", "open"), 1e3 * np.abs(table["velocity_m_s"].to_numpy())
-    low, high = f"{speeds.min():.3g}", f"{speeds.max():.3g}"
-    span = f"{low} to {high} mm/s" if low != high else f"{low} mm/s alone"
-    if not fits:
-        yield Finding(topic.say("no_law", span=span), "open")
-        return
-    names = {item.parameter for by_law in fits.values() for item in richest(by_law).undetermined}
-    lost = [words for name, words in topic.texts["parameters"].items() if name in names]
-    yield Finding(topic.say("lost" if lost else "every", span=span, lost=", ".join(lost)), "open" if lost else "good")
-    notes: dict[str, list[str]] = {}
+def _fitted(fits: Fits) -> View:
+    """Return the determined values of the richest fit of each assembly, and findings that name their assemblies."""
+    values, raised = [], dict[Finding, list[str]]()
     for group, by_law in fits.items():
-        for note in richest(by_law).notes:
-            notes.setdefault(note, []).append(group)
-    for note, groups in notes.items():
-        yield Finding(sentence(f"{', '.join(groups)}: {note}"), "open")
-
-
-def _fit_tables(topic: Topic, fits: Fits) -> Iterator[ShownTable]:
-    """Yield the fitted parameters, and the values that cannot be determined with their remedies."""
-    yield topic.shown(_parameters(fits))
-    lost: dict[tuple[str, str, str], list[str]] = {}
-    for group, by_law in fits.items():
-        names: dict[tuple[str, str], list[str]] = {}
-        for item in richest(by_law).undetermined:
-            names.setdefault((item.reason, item.remedy), []).append(item.parameter.replace("_", " "))
-        for (reason, remedy), own in names.items():
-            lost.setdefault((", ".join(own), reason, remedy), []).append(group)
-    if lost:
-        yield topic.shown(((", ".join(groups), *row) for row, groups in lost.items()), "lost")
-
-
-def _parameters(fits: Fits) -> Iterator[tuple[str, ...]]:
-    """Yield group, law, name, estimate with U and statistical interval of each determined parameter."""
-    for group, by_law in fits.items():
-        alike: dict[tuple[str, ...], list[str]] = {}  # a law without its falling part is the smaller law
-        for law, fit in by_law.items():
-            alike.setdefault(fit.free, []).append(law)
-        for laws in alike.values():
-            fit = by_law[laws[0]]
-            for name in (name for name in fit.free if name in fit.intervals):
-                value = fit.parameters.get(name, fit.parameters.get(f"{name[:-1]}", float("nan")))
-                yield group, ", ".join(laws), name.replace("_", " "), *_estimate(fit, name, value)
-
-
-def _estimate(fit: FrictionFit, name: str, value: float) -> tuple[str, str]:
-    """Return a parameter with U, and its statistical interval, in the usual unit."""
-    size, unit = readable(unit_of(name))
-    low, high = (bound / size for bound in fit.intervals[name])
-    estimate = with_u(value / size, fit.expanded_uncertainty(name) / size, unit)
-    return estimate, f"{low:.4g} … {high:.4g} {unit}".strip()
+        fit = richest(by_law)
+        view = fit.view()
+        values += [replace(v, label=f"{group}: {v.label}") for v in view.rows if v.label in fit.intervals]
+        for finding in (*view.findings, *(Finding(f"{note}.", "open") for note in fit.notes)):
+            raised.setdefault(finding, []).append(group)
+    head, rows = View("", tuple(values)).table()
+    table = ShownTable(CAPTION, head, tuple(rows))
+    findings = (replace(finding, text=f"{', '.join(groups)}: {finding.text}") for finding, groups in raised.items())
+    return View("", findings=tuple(findings), tables=(table,) if rows else ())
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
@@ -239,8 +206,10 @@ def _recovered_parameters(found: Characterisation, fits: Fits) -> Iterator[tuple
             size, unit = readable(unit_of(name))
             inside = abs(fit.parameters[single] - known[single]) / size <= fit.expanded_uncertainty(name) / size
             words = single.replace("_", " ") + (" and b" if name.endswith("_ab") else "")
-            estimate = _estimate(fit, name, fit.parameters[single])
-            yield words, f"{known[single] / size:.4g} {unit}".strip(), *estimate, "yes" if inside else "no"
+            low, high = (bound / size for bound in fit.intervals[name])
+            estimate = with_u(fit.parameters[single] / size, fit.expanded_uncertainty(name) / size, unit)
+            interval = f"{low:.4g} … {high:.4g} {unit}".strip()
+            yield words, f"{known[single] / size:.4g} {unit}".strip(), estimate, interval, "yes" if inside else "no"
 
 
 def errors(pairs: pl.DataFrame) -> Figure:
