@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.friction.level import Level
     from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
     from pneudrive.report.fit import Fits, Study
     from pneudrive.report.page import Section
@@ -151,7 +151,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
     return replace(
         base,
         title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
-        rows=tuple(value for result in found.results for value in _values(result)),
+        rows=tuple(_values(found)),
         curves=(),
         state=next((state for state in ("bad", "open") if state in states), "good"),
         leading=(*base.leading, *_effects(found)),
@@ -162,20 +162,19 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
     )
 
 
-def _values(result: RecordingResult) -> Iterator[ShownValue]:
+def _values(found: Characterisation) -> Iterator[ShownValue]:
     """Yield speeds, strokes, friction and offset with U (k = 2), and flags of each level."""
-    for level in result.levels:
-        label = level.recording if len(result.levels) == 1 else f"{level.recording}#{level.index + 1}"
-        for direction, side in level.sides.items():
-            sign = "+x" if direction > 0 else "-x"
-            yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
+    ways = {way: sign for way, sign in ((1, "+x"), (-1, "-x")) if any(way in level.sides for level in found.levels)}
+    for count, level in ((len(result.levels), level) for result in found.results for level in result.levels):
+        label = level.recording if count == 1 else f"{level.recording}#{level.index + 1}"
+        for way, sign in ways.items():
+            speed = abs(level.sides[way].velocity_m_s) if way in level.sides else math.nan
+            yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", speed, "m/s")
         used = sum(side.strokes for side in level.sides.values())
         yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.strokes)}")
-        offset_u = COVERAGE_FACTOR * level.u_offset_n
-        for name, value, u in (
-            ("friction", level.friction_n, level.expanded_n),
-            ("offset", level.offset_n, offset_u),
-        ):
+        values = {"friction": (level.friction_n, level.expanded_n)}
+        values |= {"offset": (level.offset_n, COVERAGE_FACTOR * level.u_offset_n)}
+        for name, (value, u) in values.items():
             yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
         yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
 
