@@ -170,18 +170,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class ShownTable:
-    """A table of texts with its caption; columns from `numbers_from` on are right-aligned."""
+    """A table of texts with its caption; columns of numbers are right-aligned."""
 
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     @property
-    def numbers_from(self) -> int:
-        """First of the last columns whose cells are numbers or empty, at least 1."""
-        columns = list(zip(*self.rows, strict=True))
-        texts = [k for k, column in enumerate(columns) if any(cell[:1] not in _NUMBERS for cell in column)]
-        return max(texts, default=0) + 1
+    def are_numbers(self) -> tuple[bool, ...]:
+        """Whether each column but the first has only numbers and empty cells."""
+        columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.head)
+        return tuple(k > 0 and all(cell[:1] in _NUMBERS for cell in column) for k, column in enumerate(columns))
 
 
 @dataclass(frozen=True)

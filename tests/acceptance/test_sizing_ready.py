@@ -14,10 +14,11 @@ from pneudrive.cli.main import _plain_warnings
 from pneudrive.cli.main import run as command
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveWarning, warn
-from pneudrive.report.page import Items, PageTable, Report, section
+from pneudrive.report.page import Items, Report, section
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.task import SizingTask
+from pneudrive.views import ShownTable
 
 DRAWS: dict[str, Any] = {"draws": 16, "draws_best": 32}
 #: Of the catalogue no more than a test has time for: two rodless cylinders, two valves, a tube.
@@ -147,7 +148,7 @@ def test_a_severe_finding_is_never_folded_or_counted(capsys):
         pn.simulate(drive, "0 s: 1", "0.5 s")
     names = ["provenance", "budget", *map(str, range(9))]
     texts = dict.fromkeys(names, "as usual") | {"provenance": "Hazard: the piston has met the cover"}
-    parts = [section(name, name, Items((texts[name],)), PageTable(("a",), (("b",),))) for name in names]
+    parts = [section(name, name, Items((texts[name],)), ShownTable("", ("a",), (("b",),))) for name in names]
     page = Report("report", ["Fine.", "Hazard: it falls"], parts).html()
     assert page.index("Hazard: it falls") < page.index("Fine.")
     assert page.count("<details>") == 1  # that of the budget

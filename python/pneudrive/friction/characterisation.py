@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,7 +34,7 @@ from pneudrive.friction.strokes import StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import LongFile, find_cycles, find_long, from_run, is_run, recording_files
+from pneudrive.signals.load import LongFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import Viewed
 
@@ -338,18 +336,14 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
     campaigns = [find_cycles(file) if file.has_cycles else None for file in files]
 
     def readers() -> Iterator[tuple[str, Reader]]:
-        yield from ((recording.name, partial(_itself, recording)) for recording in loaded)
+        yield from ((recording.name, lambda recording=recording: recording) for recording in loaded)
         for file, campaign in zip(files, campaigns, strict=True):
             if campaign is None:
                 yield file.name, lambda file=file: find_long(file, reduction.LONG_SAMPLES) or file.read()
             else:
-                yield from ((cycle.name, partial(_itself, cycle)) for cycle in campaign.recordings())
+                yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign.recordings())
 
     return len(loaded) + sum(1 if campaign is None else len(campaign) for campaign in campaigns), readers()
-
-
-def _itself(recording: Recording) -> Recording:
-    return recording
 
 
 class _Results:
@@ -369,7 +363,7 @@ class _Results:
         self.inputs: list[dict[str, str]] = []
         self.skipped: list[tuple[str, str]] = []
         self.long: list[str] = []
-        self._seen: dict[bytes, str] = {}
+        self._seen: dict[str, str] = {}
 
     def add(self, name: str, read: Reader, choice: SampleChoice, watch: Watch, *, is_shown: bool) -> None:
         """Read and reduce a recording.
@@ -385,7 +379,7 @@ class _Results:
                 self.long.append(name)
                 result = reduction.extract_long(recording, choice, watch)
             else:
-                digest = _digest(recording)
+                digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
                 if digest in self._seen:
                     self.skipped.append((name, f"identical to {self._seen[digest]}"))
                     return
@@ -436,10 +430,3 @@ class _Results:
             protocol=choice.name,
             stroke_uses=self.uses,
         )
-
-
-def _digest(recording: Recording) -> bytes:
-    total = hashlib.sha256()
-    for channel in ("time_s", *CHANNELS):
-        total.update(np.ascontiguousarray(getattr(recording, channel)).data)
-    return total.digest()

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.friction.sentences import Statement
-    from pneudrive.report.page import Block, PageTable, Section
-    from pneudrive.views import ShownCurve, State
+    from pneudrive.report.page import Block, Section
+    from pneudrive.views import ShownCurve, ShownTable, State
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
@@ -618,7 +618,7 @@ def run(found: CampaignCharacteristics) -> Section:
     )
 
 
-def _sensors(topic: Topic, found: CampaignCharacteristics) -> PageTable:
+def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
     rig = found.identity
     unstated = "not stated: assumed"
     rows = [

@@ -14,7 +14,7 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
 from pneudrive.report.render import render
 from pneudrive.simulation.trajectory import whole
-from pneudrive.views import Finding
+from pneudrive.views import Finding, ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -51,16 +51,6 @@ class Items:
 
 
 @dataclass(frozen=True)
-class PageTable:
-    """A table; columns from `numbers_from` on contain numbers and are right-aligned."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    caption: str = ""
-    numbers_from: int = 1
-
-
-@dataclass(frozen=True)
 class Picture:
     """A figure with its file name (without suffix) and caption; `synthetic` defaults to that of its section."""
 
@@ -77,7 +67,7 @@ class Picture:
         return figure
 
 
-Block: TypeAlias = Paragraph | Items | PageTable | Picture
+Block: TypeAlias = Paragraph | Items | ShownTable | Picture
 
 
 @dataclass(frozen=True)
@@ -105,9 +95,9 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
     lists = (Items(tuple(items), kind) for kind, items in facts.items() if items)
     tables = []
     for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
-        tables += [PageTable(tuple(head), tuple(map(tuple, rows)), caption)] if rows else []
+        tables += [ShownTable(caption, tuple(head), tuple(map(tuple, rows)))] if rows else []
     pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
-    tables += [PageTable(table.head, table.rows, table.caption, table.numbers_from) for table in view.tables]
+    tables += view.tables
     return section(key, view.title, *lists, *pictures, *tables, synthetic=synthetic)
 
 
@@ -130,7 +120,7 @@ def _has_severe(part: Section) -> bool:
     texts: list[str] = []
     for block in part.blocks:
         texts += [block.text] if isinstance(block, Paragraph) else block.items if isinstance(block, Items) else ()
-        texts += [cell for row in block.rows for cell in row] if isinstance(block, PageTable) else ()
+        texts += [cell for row in block.rows for cell in row] if isinstance(block, ShownTable) else ()
     return any(map(is_severe, texts))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
-from pneudrive.report.page import PageTable
+from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -168,7 +168,7 @@ class PageColumn(NamedTuple):
         return cls(*(part.strip() for part in text.split("|")))
 
 
-def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], numbers_from: int = 1) -> PageTable:
+def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn]) -> ShownTable:
     """Make a table with a row for each record.
 
     Parameters
@@ -177,8 +177,6 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], n
     records : iterable
         Results, or tuples of as many values as there are columns.
     columns : sequence of PageColumn
-    numbers_from : int
-        First column that is right-aligned.
 
     Examples
     --------
@@ -196,7 +194,7 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], n
         rows.append(tuple(cell(value, column.form) for value, column in zip(in_unit, columns, strict=True)))
     kept = [i for i, c in enumerate(columns) if c.form != SPARE or any(row[i] not in ("", NOTHING) for row in rows)]
     rows = [tuple(row[i] for i in kept) for row in rows]
-    return PageTable(tuple(head[i] for i in kept), tuple(rows), caption, sum(i < numbers_from for i in kept))
+    return ShownTable(caption, tuple(head[i] for i in kept), tuple(rows))
 
 
 def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold

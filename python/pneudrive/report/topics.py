@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files.toml import tomllib
-from pneudrive.report.page import Block, Items, PageTable, Paragraph, Picture, Section
+from pneudrive.report.page import Block, Items, Paragraph, Picture, Section
 from pneudrive.report.tables import PageColumn, table
 from pneudrive.views import ShownFigure, ShownTable
 
@@ -66,17 +67,17 @@ class Topic:
         """Return a figure of a view with its caption."""
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
-    def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> PageTable:
+    def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of records."""
         said = self.texts[name]
         read = [PageColumn.read(text) for text in said["columns"]]
         columns = [column._replace(head=column.head.format(**values)) for column in read]
-        return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
+        return table(said.get("caption", "").format(**values), records, columns)
 
     def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of a view; its caption is that of the table, or the title of the topic."""
         made = self.table(records, name, **values)
-        return ShownTable(made.caption or self.say("title", **values), made.head, made.rows)
+        return made if made.caption else replace(made, caption=self.say("title", **values))
 
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
         """Return a section of the blocks that are not None."""

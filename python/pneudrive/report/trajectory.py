@@ -13,7 +13,7 @@ from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
-from pneudrive.views import ShownFigure, ShownValue, View
+from pneudrive.views import ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -153,7 +153,7 @@ def _write_page(
 ) -> None:
     """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
-    from pneudrive.report.page import PageTable, Report, Section, inline, svg_text, view_section
+    from pneudrive.report.page import Report, Section, inline, svg_text, view_section
     from pneudrive.report.platform.page import platform_run_view
 
     about, view = attributes(run), view_of_run(run, circuit)
@@ -161,7 +161,7 @@ def _write_page(
     rows = [(name, str(about[name])) for name in names if name in about]
     rows += [("assumed", text) for text in about.get("assumed", [])]
     machines = platforms(circuit) if circuit is not None else []
-    table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
+    table = ShownTable("Provenance", ("", ""), tuple(rows))
     sections = [view_section("platform", platform_run_view(platform, columns(run))) for platform in machines]
     sections += [view_section("trajectory", view), Section("provenance", "Provenance", (table,))]
     verdict = [finding.text for finding in view.findings if finding.state == "bad"]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.report import style
-from pneudrive.report.page import Items, PageTable, Paragraph, Picture
+from pneudrive.report.page import Items, Paragraph, Picture
 from pneudrive.simulation.trajectory import whole
+from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,13 +102,11 @@ def _block(block: Block) -> Iterator[str]:
     elif isinstance(block, Items):
         yield from (f"- #{literal(item)}" for item in block.items)
         yield ""
-    elif isinstance(block, PageTable):
+    elif isinstance(block, ShownTable):
         if block.caption:
             yield f"#block(sticky: true, text(fill: luma(90), {literal(block.caption)}))"
-        align = ", ".join("right" if k >= block.numbers_from else "left" for k in range(len(block.head)))
-        widths = ", ".join(
-            ["auto"] * (len(block.head) - 1) + ["1fr" if block.numbers_from >= len(block.head) else "auto"]
-        )
+        align = ", ".join("right" if is_number else "left" for is_number in block.are_numbers)
+        widths = ", ".join(["auto"] * (len(block.head) - 1) + ["1fr" if not any(block.are_numbers) else "auto"])
         yield f"#table(columns: ({widths}), align: ({align}),"
         yield "table.header(" + ", ".join(f"strong({literal(text)})" for text in block.head) + "),"
         yield from (", ".join(_breakable(text) for text in row) + "," for row in block.rows)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.importer import import_file
 from pneudrive.signals.layout import FileLayout, Layout, stem
-from pneudrive.signals.load import find_layout, is_run, layout_beside
+from pneudrive.signals.load import digest_of, find_layout, is_run, layout_beside
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import QUANTILES, refuse_pressure
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
@@ -188,7 +187,7 @@ def drive_recording(
         if low <= 0.0:
             rule = "pressures must be absolute, Pa"
             raise RecordingError(f"{column} = {low:g} Pa", where=where, rule=rule, remedy="gauge or abs?")
-    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
+    digest = digest_of(used.values())
     synthetic = set(columns) >= _SIMULATED
     used["time_s"] = time - time[0]
     return DriveRecording(name, used, dict(labels or {}), source, digest, synthetic, float(time[0]))
@@ -230,7 +229,7 @@ def volume_recording(
         if pressure in used:
             refuse_pressure(pressure.removesuffix("_pa"), used[pressure], where)
     _refuse_command(used["command"], 0.0, "the fraction of the line's full opening", where)
-    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
+    digest = digest_of(used.values())
     used["time_s"] = time - time[0]
     return VolumeRecording(name, used, dict(labels or {}), source, digest)
 

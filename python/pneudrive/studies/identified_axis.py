@@ -21,8 +21,9 @@ from pneudrive.control.loop import run
 from pneudrive.figures import Figure, Line, Panel, look
 from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction
-from pneudrive.report.page import PageTable, Paragraph, Picture, section
+from pneudrive.report.page import Paragraph, Picture, section
 from pneudrive.simulation.simulate import simulate
+from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -153,8 +154,8 @@ class IdentifiedAxis:
             "From a datasheet to a controlled axis",
             Paragraph(said),
             Picture("identified-axis", caption, self.figure()),
-            PageTable(self.SCORES, self.scores, "Errors, medians of three seeds, simulated."),
-            PageTable(self.NUMBERS, self.numbers, "Values of the datasheet, identified values, and true values."),
+            ShownTable("Errors, medians of three seeds, simulated.", self.SCORES, self.scores),
+            ShownTable("Values of the datasheet, identified values, and true values.", self.NUMBERS, self.numbers),
             synthetic=True,
         )
 
