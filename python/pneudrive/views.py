@@ -18,7 +18,7 @@ from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterable
 
     import numpy as np
     from numpy.typing import NDArray
@@ -166,6 +166,12 @@ class Finding:
     text: str
     state: State = "good"
     remedy: str = ""
+
+
+def worst(findings: Iterable[Finding]) -> State:
+    """Return the state of the worst finding; good without any."""
+    states: list[State] = [finding.state for finding in findings]
+    return max(states, key=STATES.index) if states else "good"
 
 
 @dataclass(frozen=True)

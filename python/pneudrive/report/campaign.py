@@ -29,7 +29,7 @@ from pneudrive.report.tables import MM, chance, condition_names, plural, spread_
 from pneudrive.report.topics import Topic
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
-from pneudrive.views import STATES, Finding, LeadingValue, ShownFigure, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -106,12 +106,6 @@ def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
     """Return the figures of sections for a view."""
     blocks = (block for section in sections for block in section.blocks if isinstance(block, Picture))
     return tuple(ShownFigure(b.name, b.caption, b.figure) for b in blocks if isinstance(b.figure, Figure))
-
-
-def worst(findings: Iterable[Finding]) -> State:
-    """Return the worst state of findings."""
-    states: list[State] = [finding.state for finding in findings]
-    return max(states, key=STATES.index) if states else "good"
 
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:

@@ -10,11 +10,11 @@ import numpy as np
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.numbers import with_interval
-from pneudrive.report.campaign import findings_of, shown_figures, worst
+from pneudrive.report.campaign import findings_of, shown_figures
 from pneudrive.report.page import view_report
 from pneudrive.report.tables import MM, cell, chance, plural, sentence, spread_evenly
 from pneudrive.report.topics import Topic
-from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View
+from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from pathlib import Path

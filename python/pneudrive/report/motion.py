@@ -12,7 +12,7 @@ from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Picture, view_report
 from pneudrive.report.topics import Topic
-from pneudrive.views import STATES, Finding, ShownFigure, View
+from pneudrive.views import Finding, ShownFigure, View, worst
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,7 +47,7 @@ def motion_view(found: MotionValidation) -> View:
     return View(
         f"{found.circuit.name} along recorded motions",
         notes=tuple(notes),
-        state=max((finding.state for finding in findings), key=STATES.index, default="good"),
+        state=worst(findings),
         findings=tuple(findings),
         tables=(topic.shown(map(_force_row, found.closures)),) if found.closures else (),
         figures=tuple(figures),

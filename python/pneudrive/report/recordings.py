@@ -49,7 +49,7 @@ from pneudrive.report.topics import Topic
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -97,7 +97,7 @@ def recording_view(recording: Recording) -> View:
     }
     return View(
         f"{recording.name} ({'simulated' if recording.synthetic else 'measured'})",
-        state="open" if any(finding.state != "good" for finding in findings) else "good",
+        state=worst(findings),
         leading=tuple(
             LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
         ),
@@ -146,14 +146,13 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         figures.append(topic.figure("closure", closures(shown), said=text))
         tables.append(topic.shown(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
-    states = {finding.state for finding in findings}
     single = (sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
     return replace(
         base,
         title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
         rows=tuple(_values(found)),
         curves=(),
-        state=next((state for state in ("bad", "open") if state in states), "good"),
+        state=worst(findings),
         leading=(*base.leading, *_effects(found)),
         findings=tuple(findings),
         notes=(*(note for note in found.notes if note not in found.doubts), *single),

@@ -16,7 +16,7 @@ from pneudrive.numbers import with_u
 from pneudrive.report.tables import spread_evenly
 from pneudrive.report.topics import Topic
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -35,7 +35,8 @@ MOST_CURVES = 8  # of one assembly
 MANY = 60  # points beyond which markers get smaller
 SHOWN_ERRORS = 4.0  # standard errors to either side
 STRIBECK = "stribeck"
-CAPTION = "Fitted parameters (± half of the 95 % interval); these data do not determine missing parameters"
+DETERMINED = "Fitted parameters (± half of the 95 % interval); these data do not determine missing parameters"
+UNDETERMINED = "Values that these data cannot determine"
 
 
 def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
@@ -66,7 +67,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     return View(
         f"{table.sizes['row']} points of friction",
         curves=curves,
-        state="bad" if any(f.state == "bad" for f in findings) else "open" if findings else "good",
+        state=worst(findings),
         leading=tuple(_ends(table)),
         findings=tuple(findings),
         tables=tables,
@@ -97,18 +98,23 @@ def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
 
 
 def _fitted(fits: Fits) -> View:
-    """Return the determined values of the richest fit of each assembly, and findings that name their assemblies."""
-    values, raised = [], dict[Finding, list[str]]()
+    """Return determined and undetermined values of the richest fit of each assembly, and notes on the fits."""
+    values, lost, notes = [], dict[Finding, list[str]](), []
     for group, by_law in fits.items():
         fit = richest(by_law)
         view = fit.view()
         values += [replace(v, label=f"{group}: {v.label}") for v in view.rows if v.label in fit.intervals]
-        for finding in (*view.findings, *(Finding(f"{note}.", "open") for note in fit.notes)):
-            raised.setdefault(finding, []).append(group)
+        notes += [Finding(f"{group}: {note}.", "open") for note in fit.notes]
+        for finding in view.findings:
+            lost.setdefault(finding, []).append(group)
     head, rows = View("", tuple(values)).table()
-    table = ShownTable(CAPTION, head, tuple(rows))
-    findings = (replace(finding, text=f"{', '.join(groups)}: {finding.text}") for finding, groups in raised.items())
-    return View("", findings=tuple(findings), tables=(table,) if rows else ())
+    tables = [ShownTable(DETERMINED, head, tuple(rows))] if rows else []
+    if lost:
+        cells = ((", ".join(groups), f.text, f.remedy.removeprefix("Remedy: ")) for f, groups in lost.items())
+        tables.append(ShownTable(UNDETERMINED, ("group", "value", "measure"), tuple(cells)))
+        names = dict.fromkeys(item.parameter for by_law in fits.values() for item in richest(by_law).undetermined)
+        notes.append(Finding(f"{UNDETERMINED}: {', '.join(names)}.", "open", "The table states what to measure."))
+    return View("", findings=tuple(notes), tables=tuple(tables))
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
