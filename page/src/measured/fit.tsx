@@ -65,16 +65,21 @@ export function outline({ value, low, high, probability }: Profile): { x: number
 
 const titled = ({ name: of, unit }: Axis) => (unit && unit !== "1" ? `${of}, ${unit}` : of);
 
+/** Read the details of a fit, and lead to them. */
+export async function showBehind(path: string): Promise<void> {
+  await attempt(async () => void (behind.value = { ...(await read<BehindFit>("/api/behind", { path })), of: path }));
+  requestAnimationFrame(() => document.getElementById("behind")?.scrollIntoView());
+}
+
 /** Residuals, profiles, ellipses and next points of a fit, read when they are opened. */
 export function Behind({ path }: { path: string }) {
   const found = behind.value?.of === path ? behind.value : null; // another fit may be shown meanwhile
-  const load = () => attempt(async () => void (behind.value = { ...(await read<BehindFit>("/api/behind", { path })), of: path }));
   return (
-    <section aria-label="Behind the fit">
+    <section id="behind" aria-label="Behind the fit">
       <Problems of={wrong.value} />
       {!found && (
         <p class="row">
-          <button type="button" onClick={() => void load()}>Residuals, profiles and next points of {path}</button>
+          <button type="button" onClick={() => void showBehind(path)}>Residuals, profiles and next points of {path}</button>
         </p>
       )}
       {found && (

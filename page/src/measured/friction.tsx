@@ -7,7 +7,7 @@ import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Choose } from "../workspace/choose";
 import { Copied, folderOf, Problems, ReportOf, Table } from "../workspace/parts";
-import { Behind, forget } from "./fit";
+import { Behind, forget, showBehind } from "./fit";
 import { Answer, AnswerOf, Shown, Values } from "../workspace/result";
 import type { SentView } from "../server/types";
 import { Heat } from "../plots/heat";
@@ -138,7 +138,7 @@ export function FrictionView() {
       <h2>{path}</h2>
       <Problems of={wrong.value} />
       {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
-      {map.value && (fit.value ? <Answer view={fit.value} /> : <AnswerOf path={path} />)}
+      {map.value && (fit.value ? <Answer view={fit.value} remedy={(of) => of.state !== "good" && <p><button type="button" onClick={() => void showBehind(pathOfFit(path))}>Plan the next points</button></p>} /> : <AnswerOf path={path} />)}
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
       {map.value ? <Map path={path} found={map.value}>{fit.value && <section class="result-figures" aria-label="Fit"><Values view={fit.value} /></section>}</Map> : fit.value && <Shown view={fit.value} label="Fit" />}

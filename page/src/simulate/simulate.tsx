@@ -9,7 +9,8 @@ import { MovingCircuit } from "../drive/moving";
 import { withFile } from "../workspace/command";
 import { count, digits, isSevere, sentence } from "../plots/looks";
 import { opened, problems as textProblems, said, set, useDrawing, valid, type Field } from "../drive/opened";
-import { Copied, KINDS, Problems, SliderRow } from "../workspace/parts";
+import { Leading, Copied, KINDS, Problems, SliderRow } from "../workspace/parts";
+import type { SentValue } from "../server/types";
 import { curveOf, Plot, zooming, type Curve } from "../plots/plot";
 import { route } from "../routes";
 import { ask, Live, Refused, type Problem } from "../server/server";
@@ -31,6 +32,7 @@ interface Head extends BesideHead {
   warnings?: string[];
   impacts?: { time_s: number; end: string; cylinder?: string; speed_m_s: number; energy_j: number }[];
   more_impacts?: number;
+  leading?: SentValue[];
   events?: { time_s: number; what: string }[];
   assumed?: number;
   samples?: number;
@@ -183,7 +185,7 @@ function Simulated() {
       </section>
       <div class="shown">
         <Refusal />
-        <Hazards />
+        <Answers />
         <Plots />
         <Below />
         <Beside />
@@ -216,9 +218,16 @@ function Refusal() {
   );
 }
 
-/** Findings of the run that endanger people or the machine, above the curves. */
-function Hazards() {
-  return <>{answer.value?.head?.warnings?.filter(isSevere).map((one) => <p class="problem severe" role="alert" key={one}>{sentence(one)}</p>)}</>;
+/** Leading values of the run, and findings that endanger people or the machine, above the curves. */
+function Answers() {
+  const head = answer.value?.head;
+  if (!head?.leading) return null;
+  return (
+    <div class="panel answer-card">
+      <Leading of={head.leading} />
+      {head.warnings?.filter(isSevere).map((one) => <p class="problem severe" role="alert" key={one}>{sentence(one)}</p>)}
+    </div>
+  );
 }
 
 function Notes() {

@@ -4,6 +4,7 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
+import type { SentValue } from "../server/types";
 import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "../server/server";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
@@ -195,6 +196,24 @@ export function Table({ heads, rows, label }: { heads: string[]; rows: (Cells | 
         </tbody>
       </table>
     </div>
+  );
+}
+
+const KEPT = { good: "kept", open: "open", bad: "not kept" };
+
+/** The leading values of a result, with their limits and states. */
+export function Leading({ of }: { of: SentValue[] }) {
+  if (!of.length) return null;
+  return (
+    <dl class="leading">
+      {of.map((one) => (
+        <div key={one.key} class={one.state} data-leading={one.key}>
+          <dt>{one.quantity}</dt>
+          <dd class={typeof one.value === "string" ? "words" : "number"}>{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
+          {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{KEPT[one.state]}</span></dd>}
+        </div>
+      ))}
+    </dl>
   );
 }
 

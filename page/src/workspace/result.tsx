@@ -1,13 +1,14 @@
 /** A result in the form that terminal, notebook and report share: a table of values, curves, and sentences. */
 import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { isWide, Scatter, type Group } from "../plots/scatter";
 import { route } from "../routes";
 import { attempting, read, Refused, type Problem } from "../server/server";
-import type { SentCurve, SentView } from "../server/types";
+import type { Finding, SentCurve, SentView } from "../server/types";
 import { FigureView } from "../plots/figure";
 import { pretty } from "../plots/looks";
-import { Problems, Table } from "./parts";
+import { Leading, Problems, Table } from "./parts";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
 
@@ -69,30 +70,19 @@ export function Notes({ of }: { of: string[] }) {
   return of.length ? <ul class="said">{of.map((one) => <li key={one}>{one}</li>)}</ul> : null;
 }
 
-const WORDS = { good: "kept", open: "open", bad: "not kept" };
 const STATES = { good: "in order", open: "open", bad: "needs you" };
 
-/** Headline with its state, at most five numbers with their limits, and the findings, the worst first. */
-export function Answer({ view, withFindings = true }: { view: SentView; withFindings?: boolean }) {
+/** Headline with its state, at most five numbers with their limits, and the findings, the worst first, with buttons for their remedies. */
+export function Answer({ view, withFindings = true, remedy }: { view: SentView; withFindings?: boolean; remedy?: (of: Finding) => ComponentChildren }) {
   const isJudged = view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
   const findings = withFindings ? view.findings : [];
   return (
     <div class="panel answer-card" data-state={view.state}>
       <h2>{isJudged && <><span class={`pill ${view.state}`}>{STATES[view.state]}</span> </>}{view.title}</h2>
-      {view.leading.length > 0 && (
-        <dl class="leading">
-          {view.leading.map((one) => (
-            <div key={one.key} class={one.state} data-leading={one.key}>
-              <dt>{one.quantity}</dt>
-              <dd class={typeof one.value === "string" ? "words" : "number"}>{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
-              {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{WORDS[one.state]}</span></dd>}
-            </div>
-          ))}
-        </dl>
-      )}
+      <Leading of={view.leading} />
       {findings.length > 0 && (
         <ul class="findings">
-          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}</li>)}
+          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}{remedy?.(one)}</li>)}
         </ul>
       )}
     </div>

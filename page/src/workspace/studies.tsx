@@ -204,7 +204,7 @@ function Chosen({ files }: { files: Listed[] }) {
         <button type="button" onClick={() => void open("validate")}>Validate a drive on {paths.length}</button>
         <button type="button" onClick={() => [chosen.value, verb.value] = [[], ""]}>Clear</button>
       </p>
-      {verb.value && JobForm && <JobForm key={verb.value} kind={verb.value} start={{ recordings: paths, name }} />}
+      {verb.value && JobForm && <JobForm key={verb.value} kind={verb.value} given={{ recordings: paths }} start={{ name }} />}
     </section>
   );
 }

@@ -11,6 +11,7 @@ import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.drive.beside import ExtrasRequest
@@ -148,6 +149,7 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
     told["more_impacts"] = len(impacts) - len(told["impacts"])
     told["events"] = events_of(run, impacts)
+    told["leading"] = [value for value in run_view(run.columns, about).data()["leading"] if value["key"] != "air"]
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
