@@ -317,12 +317,16 @@ class View(Shown):
         worst_first = sorted(self.findings, key=lambda finding: -STATES.index(finding.state))
         object.__setattr__(self, "findings", tuple(worst_first))
 
+    @property
+    def leading_values(self) -> list[SentValue]:
+        """Leading values as they are sent, with their limits and states."""
+        return [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
+
     def data(self) -> dict[str, Any]:
         """Return the view as plain data, for JSON, with the fields of `SentView`."""
         head, table = self.table() if self.rows else ((), [])
-        leading = [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
         values = list(map(SentValue.of, self.rows))
-        texts = (self.title, self.state, leading, self.findings, head, table, values)
+        texts = (self.title, self.state, self.leading_values, self.findings, head, table, values)
         return plain_data(SentView(*texts, list(map(SentCurve.of, self.curves)), self.tables, self.figures, self.notes))
 
     def sentences(self) -> tuple[str, ...]:

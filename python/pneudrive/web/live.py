@@ -11,6 +11,7 @@ import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.figures import plain_data
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
@@ -149,7 +150,8 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
     told["more_impacts"] = len(impacts) - len(told["impacts"])
     told["events"] = events_of(run, impacts)
-    told["leading"] = [value for value in run_view(run.columns, about).data()["leading"] if value["key"] != "air"]
+    # Air needs the gas of the description, which the run does not have.
+    told["leading"] = plain_data([one for one in run_view(run.columns, about).leading_values if one.key != "air"])
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
