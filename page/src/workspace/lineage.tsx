@@ -35,7 +35,7 @@ const STATES: Record<Made["state"], string> = {
   same: "unchanged",
   changed: "changed since the file was made",
   differs: "its values changed, or values were set for this run",
-  missing: "not in the folder any more, or renamed and changed",
+  missing: "not in the folder any more, or renamed",
   named: "known only by name: the result does not contain its hash",
   unread: "not checked: too long, or no longer readable",
 };
@@ -132,7 +132,7 @@ export function Chain({ files }: { files: Listed[] }) {
         <>
           <h2>Where {now.path} comes from</h2>
           {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.</p>}
-          {!now.inputs.length && <p>It does not contain a hash of any input.</p>}
+          {!now.inputs.length && <p>It does not list any input.</p>}
           <Inputs of={now.inputs} files={files} />
           {now.made.length > 0 && <h3>Made from it</h3>}
           <ul class="lineage">{now.made.map((one) => <li key={one} data-made={one}>{where(files, one)}</li>)}</ul>
