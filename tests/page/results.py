@@ -23,8 +23,8 @@ STEPS = "0 s: 0.3, 0.4 s: -0.3"
 
 def make_results(folder: Path) -> None:
     """Write drives, recordings, maps, fits, a validation, a sizing, a comparison, a campaign and an FMU."""
-    before = drive()
-    (folder / "axis.toml").write_text(before.to_toml())
+    (folder / "axis.toml").write_text(drive().to_toml())
+    before = pn.Drive.load(folder / "axis.toml")
     (folder / "push.toml").write_text(TASK)
     (folder / "speeds.toml").write_text(PROTOCOL)
     for name in ("layout.toml", f"friction/{RECORDING}"):
@@ -33,8 +33,8 @@ def make_results(folder: Path) -> None:
     pn.save(pn.simulate(before, STEPS, "0.8 s"), folder / "run.parquet")
     fit = pn.identify(before, folder / "monday.parquet", ["valve.conductance"])
     fit.to_toml(folder / "fit.toml")
-    after = fit.apply()
-    (folder / "after.toml").write_text(after.to_toml())
+    (folder / "after.toml").write_text(fit.apply().to_toml())
+    after = pn.Drive.load(folder / "after.toml")
     results = folder / "results"
     for name in ("check", "new", "worn"):
         (results / name).mkdir(parents=True)

@@ -119,7 +119,8 @@ def run_campaign(
                     remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
                 )
             about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
-            about |= stored_beside({INPUTS: [stored_input("rig", source, source, about["rig_sha256"])]}, folder)
+            inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []
+            about |= stored_beside({INPUTS: inputs}, folder)
             campaign = create(folder, asked.text, plan.identity, about)
             return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
 
