@@ -383,11 +383,9 @@ class View(Shown):
 
     def text(self) -> str:
         """Return all but curves and figures as text: tables are indented, "!" marks what is not good."""
-        values = [
-            (("!" if one.state == "bad" else "-"), one.text)
-            for one in self.leading
-            if one.limit is not None or one.state != "good"
-        ]
+        shown = {row.key for row in self.rows}
+        leading = (one for one in self.leading if one.value.key not in shown)
+        values = [("!" if one.state == "bad" else "-", one.text) for one in leading]
         values += [("-" if f.state == "good" else "!", f"{f.text} {f.remedy}".strip()) for f in self.findings]
         tables = [self.table(), *((table.head, table.rows) for table in self.tables)]
         blocks = [aligned([head, *rows]) for head, rows in tables if rows]

@@ -25,7 +25,7 @@ from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, FittedData, Undetermined
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
-from pneudrive.identify.dynamic.result import applied_note, warn_of_mixture
+from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
 from pneudrive.identify.dynamic.search import (
     Attempt,
     SearchOptions,
@@ -170,10 +170,6 @@ APART = 0.05
 SHORT_REGION, LAST_SAMPLES = 0.99999, 10
 #: Prior standard deviations of a start: any pressure, Pa; the temperature is held, K.
 BELIEF = np.array([1e5, 1e-6])
-#: Largest distance of an interval's end, as a share of the value, for a determined value.
-LARGEST_REACH = 0.5
-#: Correlation time of the residuals, in samples, above which there is a note.
-CORRELATED = 10.0
 
 
 def identify_volume(
