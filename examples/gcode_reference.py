@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.control.motion import polynomials
-from pneudrive.control.paths import PEAK, along_line, blended
+from pneudrive.control.motion import PEAK, along_line, blended, polynomials
 from pneudrive.errors import CommandError
 from pneudrive.units import LARGEST
 
@@ -41,7 +40,7 @@ class AxisPath(NamedTuple):
     ----------
     start_m : float
     pieces : list
-        As of `pneudrive.control.paths`.
+        As of `pneudrive.control.motion`.
     """
 
     start_m: float

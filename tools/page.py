@@ -67,7 +67,7 @@ def types() -> str:
     sys.path.insert(0, str(ROOT / "python"))
     from pneudrive import figures, views
     from pneudrive.errors import SEVERE
-    from pneudrive.report.circuit.shapes import PistonShapes, Shape
+    from pneudrive.report.circuit.svg import PistonShapes, Shape
     from pneudrive.sizing.checks import MachineCheck
     from pneudrive.web.drive.beside import SentLine, SentOutput, SentPlatform
     from pneudrive.web.signatures import CommandInput

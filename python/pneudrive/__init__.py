@@ -109,7 +109,6 @@ UPPER.update(
     sheet_view="pneudrive.report.datasheet",
     characteristic_view="pneudrive.report.datasheet",
     write_sizing_report="pneudrive.report.sizing",
-    with_platform_outputs="pneudrive.platforms.outputs",
     Reproduction="pneudrive.studies.bracha.reproduction",
     reproduce="pneudrive.studies.bracha.reproduction",
 )

@@ -12,7 +12,7 @@ from pneudrive import units
 from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
-from pneudrive.simulation.exhaust import exhaust_air
+from pneudrive.simulation.run_limits import exhaust_air
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.units import UnitFloat
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.strokes import StrokeNumbers
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.simulation.exhaust import ExhaustAir
+    from pneudrive.simulation.run_limits import ExhaustAir
     from pneudrive.views import View
 
 _JOULE = " [J]"

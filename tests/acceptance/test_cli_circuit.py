@@ -23,7 +23,7 @@ def test_a_circuit_file_is_simulated(tmp_path, capsys):
     assert run(["simulate", EXAMPLE, *commands, "--duration", "0.3 s", "--out", str(out), "--plot", str(picture)]) == 0
     said = capsys.readouterr().out
     assert said.startswith("two cylinders on one tank: 301 samples to 0.3 s")
-    assert "left: position 0.000 mm -> " in said
+    assert "left.position   0.000 mm" in said
     columns = pl.read_parquet(out)
     assert columns["left.position_m"][-1] > columns["right.position_m"][-1] > 0.001
     assert columns["valve_r.command"][-1] == 0.4

@@ -11,7 +11,7 @@ import pneudrive as pn
 from pneudrive.constants import MOLAR_GAS_CONSTANT_J_MOL_K as MOLAR_GAS_CONSTANT
 from pneudrive.describe.tables.parts import GASES, VIRIAL
 from pneudrive.errors import DescriptionError, PneudriveWarning
-from pneudrive.simulation.humidity import dew_point, saturation_pressure, water_share
+from pneudrive.simulation.run_limits import dew_point, saturation_pressure, water_share
 
 #: Molar mass, g/mol, and mass flow through an orifice over that of air.
 KNOWN = {

@@ -41,8 +41,7 @@ def test_a_drive_and_a_circuit_show_their_circuit_and_escape_every_text(drive):
 
 
 def test_a_drawing_has_every_shape_where_it_is_with_y_down(drive):
-    from pneudrive.report.circuit.shapes import circuit_shapes
-    from pneudrive.report.circuit.svg import circuit_svg
+    from pneudrive.report.circuit.svg import circuit_shapes, circuit_svg
 
     paper, shapes, *_ = circuit_shapes(drive)
     drawing = ET.fromstring(circuit_svg(drive))

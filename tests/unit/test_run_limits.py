@@ -13,7 +13,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning, SimulationError
-from pneudrive.simulation.exhaust import ExhaustAir
+from pneudrive.simulation.run_limits import ExhaustAir
 
 REFERENCE = pn.Drive.load("catalogue:reference")
 START = {"position": "50 mm", "pressure_a": "7 bar abs", "pressure_b": "7 bar abs"}

@@ -27,7 +27,7 @@ with used_later(__name__):
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
-    from pneudrive.platforms import outputs
+    from pneudrive.platforms import kinematics
     from pneudrive.report import trajectory as pictures
     from pneudrive.report.platform import page
     from pneudrive.simulation import run_view, trajectory, tube_study
@@ -374,13 +374,13 @@ def platform(
 
 
 def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:
-    poses, suffix = outputs.motion_of(machine, columns)[0], out.suffix.lower()
+    poses, suffix = kinematics.motion_of(machine, columns)[0], out.suffix.lower()
     if suffix in PICTURES:
         page.draw_platform(machine, poses, out, dark=dark)
     elif suffix == ".html":
         page.write_platform_page(machine, columns, out)
     elif suffix in (".parquet", ".csv"):
-        trajectory.save_columns(columns | outputs.platform_outputs(machine, columns), {"title": machine.name}, out)
+        trajectory.save_columns(columns | kinematics.platform_outputs(machine, columns), {"title": machine.name}, out)
     else:
         page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 from pneudrive.lazy_names import lazily
 
 with lazily(__name__):
-    from pneudrive.control.controller import Controller
     from pneudrive.control.demand import Feasibility, Suitability, feasibility, suitability
     from pneudrive.control.loop import run
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
@@ -27,7 +26,7 @@ with lazily(__name__):
     from pneudrive.control.results.measures import Score, score
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
-    from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
+    from pneudrive.control.tuning import Controller, LawModel, Plant, TunedGain, Tuning, laws, tune
 
 __all__ = [
     "ControlComparison",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive import __version__, _core
+from pneudrive import _core
 from pneudrive.control.axis import supply_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach, named_or_read
@@ -21,7 +21,7 @@ from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.simulation.simulate import SOLVER, Run, positive, require
+from pneudrive.simulation.simulate import Run, made_from, positive, require
 from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
 
@@ -31,10 +31,9 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.control.controller import Controller
     from pneudrive.control.mismatch import Mismatch
     from pneudrive.control.motion import Reference
-    from pneudrive.control.tuning import Plant
+    from pneudrive.control.tuning import Controller, Plant
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
@@ -346,12 +345,7 @@ def provenance_of(
     """Return the provenance that runs of an axis and of a platform share; `setup` has its name."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
-    return {
-        "title": circuit.name,
-        "description_hash": circuit.description_hash,
-        "version": __version__,
-        "solver": SOLVER,
-        "rtol": rtol,
+    return made_from(circuit, rtol) | {
         "law": tuning.law,
         "gains": {gain.key: gain.value for gain in tuning.gains},
         "period_s": tuning.period_s,

@@ -11,9 +11,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pneudrive import units
-from pneudrive.control import paths
-from pneudrive.control.motion import REST_S, Reach, Reference, ReferenceMove, polynomials, rounded_up, sine, stairs
-from pneudrive.control.paths import along_line
+from pneudrive.control import motion
+from pneudrive.control.motion import (
+    REST_S,
+    Reach,
+    Reference,
+    ReferenceMove,
+    along_line,
+    polynomials,
+    rounded_up,
+    sine,
+    stairs,
+)
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
@@ -99,8 +108,8 @@ class ReferenceFile(Described):
         if self.limits is not None and all(move.duration_s is not None for move in self.moves):
             rule = "they are for moves without a duration"
             raise wrong("limits", "limits that nothing is held to are given", rule=rule, remedy="Leave them out.")
-        if self.points and self.through == "pass" and self.order != paths.ORDER:
-            what = f"order = {self.order} and a spline through the points, which has order {paths.ORDER}, are given"
+        if self.points and self.through == "pass" and self.order != motion.ORDER:
+            what = f"order = {self.order} and a spline through the points, which has order {motion.ORDER}, are given"
             raise wrong("order", what, remedy='Leave it out, or write through = "stop".')
         return self
 
@@ -161,7 +170,7 @@ def moves_of_text(text: str, si_unit: str) -> Reference:
     """
     ordered = _ORDER.match(text)
     order = int(ordered[1]) if ordered else 7
-    if order not in paths.BLENDS:
+    if order not in motion.BLENDS:
         raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
     first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
     start = _quantity(first, si_unit, text)
@@ -213,14 +222,14 @@ def _from_file(path: Path) -> Reference:
         moves = [ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
         return _checked(str(path), read.start_m, moves, read.order)
     limits = read.limits
-    asked = paths.PathLimits(limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
+    asked = motion.PathLimits(limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
     rows, free_s, at = [], 0.0, read.start_m
     for one in read.moves:
         _after(free_s, one.at_s, str(path))
         made = (
-            paths.within_limits(one.at_s, at, one.to_m, asked)
+            motion.within_limits(one.at_s, at, one.to_m, asked)
             if one.duration_s is None
-            else paths.blended(one.at_s, one.duration_s, at, one.to_m, read.order)
+            else motion.blended(one.at_s, one.duration_s, at, one.to_m, read.order)
         )
         rows += made
         free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
@@ -233,7 +242,7 @@ def _of_points(text: str, read: ReferenceFile) -> Reference:
         each = zip(times, times[1:], points[1:], strict=False)
         moves = [ReferenceMove(begin, end - begin, to) for begin, end, to in each]
         return _checked(text, points[0], moves, read.order)
-    return _missing(polynomials(text, points[0], paths.through(times, points)), times, points)
+    return _missing(polynomials(text, points[0], motion.through(times, points)), times, points)
 
 
 def _missing(made: Reference, times: Any, points: Any) -> Reference:  # noqa: ANN401 - arrays or lists
@@ -257,8 +266,8 @@ def _of_record(path: Path) -> Reference:
         time, position = (frame[name].to_numpy() for name in names)
     else:
         time, position = read_columns(path, names, table=table).values()
-    if len(time) <= paths.REST:
-        rule = f"more than {paths.REST} samples"
+    if len(time) <= motion.REST:
+        rule = f"more than {motion.REST} samples"
         raise CommandError(f"the record {path} is too short", value=f"{len(time)} samples", rule=rule)
     rises = np.diff(time, prepend=-1.0) > 0.0
     for bad, rule in (
@@ -270,7 +279,7 @@ def _of_record(path: Path) -> Reference:
             value = f"time_s = {time[first]:g}, position_m = {position[first]:g}"
             raise CommandError(f"the record {path}: sample {first + 1} is not valid", value=value, rule=rule)
     sparse = float(np.diff(time).max())
-    made = polynomials(str(path), float(position[0]), paths.near(time, position, max(KNOT_S, 2.0 * sparse)))
+    made = polynomials(str(path), float(position[0]), motion.near(time, position, max(KNOT_S, 2.0 * sparse)))
     _check_span(made, time, position)
     return _missing(made, time, position)
 
@@ -311,7 +320,7 @@ def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int =
         return Reference(text, start_m, tuple(moves))
     starts = [start_m, *(move.to_m for move in moves)]
     each = zip(moves, starts, strict=False)
-    rows = [row for move, at in each for row in paths.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
+    rows = [row for move, at in each for row in motion.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
     return polynomials(text, start_m, rows)
 
 

@@ -1,32 +1,459 @@
-"""Tuning: a law's gains from the description of the drive."""
+"""Tuning: the controller file, gains of a law from the description of a drive, and the linear model of the drive."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pneudrive import _core
-from pneudrive.control.axis import check_axis, check_valves, limitations, unknown_numbers
-from pneudrive.control.controller import Controller, gain_quantity
+from pydantic import Field, model_validator
+
+from pneudrive import _core, own_code, units
+from pneudrive.control.axis import check_axis, check_valves, supply_of, unknown_numbers
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
-from pneudrive.control.setup import Setup, law_remedy, read_setup
-from pneudrive.control.tuned import LawModel, Plant, TunedGain, Tuning, core_form, factors_form, is_code_file
+from pneudrive.control.setup import (
+    USUAL,
+    BuiltInLaw,
+    ControlLimits,
+    MotionComplete,
+    OnFault,
+    Setup,
+    Supervision,
+    law_remedy,
+    read_setup,
+)
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
-from pneudrive.describe.keys import wrong
-from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
+from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import split
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
+from pneudrive.simulation.trajectory import whole
+from pneudrive.views import VALUE, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+
+
+#: Of a controller whose file says nothing; both assumed.
+PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
+
+
+class HoldBand(Described):
+    """Holding: after the reference has stopped and the error stays in the band, the force of the air is kept."""
+
+    table_name: ClassVar[str] = "hold"
+    band_m: Length = Field(default=BAND_M, description="error below which it begins")
+    after_s: Annotated[float, Quantity("s", "ms", Bounds(at_least=0.0))] = Field(
+        default=AFTER_S, description="how long the error has to be within the band"
+    )
+
+    def core(self) -> dict[str, float]:
+        """Return it in the core's form, SI."""
+        return {"band_m": self.band_m, "after_s": self.after_s}
+
+
+def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
+    if given is False or given is None:
+        return None
+    if isinstance(given, HoldBand):
+        return given
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table", remedy='Write [hold] band = "30 um", or hold = false.')
+    return HoldBand.model_validate(given)  # type: ignore[return-value]
+
+
+def _numbers(table: str) -> Reads:
+    def read(given: Any) -> dict[str, Any]:  # noqa: ANN401 - of any type
+        if not isinstance(given, dict):
+            raise WrongValueError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
+        return dict(given)
+
+    return Reads(read)
+
+
+_Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
+
+
+class Factors(Described):
+    """Factors of a law's gains, 0.1 to 10. The core defines which gain each of them multiplies.
+
+    Examples
+    --------
+    >>> Factors(gain=2.0).values
+    (2.0, 1.0, 1.0)
+    """
+
+    table_name: ClassVar[str] = "factors"
+    gain: _Factor = Field(default=1.0, description="k_p of pid and fuzzy, the bandwidth of others")
+    damping: _Factor = Field(default=1.0, description="T_d of pid and fuzzy, what makes others calmer")
+    filter: _Factor = Field(default=1.0, description="filter time of pid and fuzzy")
+
+    @property
+    def values(self) -> tuple[float, float, float]:
+        """The three in the core's order."""
+        return self.gain, self.damping, self.filter
+
+
+#: Factors that change nothing.
+USUAL_FACTORS = Factors()
+
+
+#: Removed tables of a controller file: key, the values that change nothing, and what to do about others.
+REMOVED_TABLES = {
+    "nmpc": ("predictor", "model", "The predictor circuit was removed. Leave the table out: the model is used."),
+    "observer": ("kind", "kalman", "The observers levant and lugre were removed. Leave the table out: kalman is used."),
+    "fuzzy": ("inference", "sugeno", "The inference mamdani was removed. Leave the table out: sugeno is used."),
+}
+
+
+class LawWord(BuiltInLaw):
+    """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
+
+    def read(self, given: object) -> str:
+        """Check the word."""
+        if isinstance(given, str) and (given == "own" or own_code.split(given) is not None):
+            return given
+        return super().read(given)
+
+
+class Controller(Described):
+    """A controller as its file describes it.
+
+    Gains and valve parameters have units. `pneudrive.control.tune` reads them, because the core lists them by
+    controller and valves. Values that are left out are derived from the drive.
+
+    Examples
+    --------
+    >>> controller = Controller(law="nmpc", gains={"bandwidth": "80 rad/s"}, hold=False)
+    >>> controller.period_s, controller.hold
+    (0.001, None)
+    """
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    law: Annotated[str, LawWord(tuple(_core.control_laws()))] = Field(description="a law, or code: mine.py:Law")
+    period_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = Field(
+        default=PERIOD_S, description="time between two samples"
+    )
+    drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
+    adaptation: bool = Field(
+        default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
+    )
+    factors: Factors = USUAL_FACTORS
+    gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
+    valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
+    hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
+    limits: ControlLimits = ControlLimits()
+    motion: MotionComplete = MotionComplete()
+    on_fault: OnFault = OnFault()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
+        if not isinstance(given, dict):
+            return given
+        for table, (key, usual, remedy) in REMOVED_TABLES.items():
+            numbers = given.get(table, {key: usual})
+            if numbers != {key: usual}:
+                raise wrong(table, f"the table [{table}] is not known", remedy=remedy)
+        return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
+
+    @property
+    def supervision(self) -> Supervision:
+        """Its supervisor."""
+        return Supervision(self.limits, self.motion, self.on_fault)
+
+
+def gain_quantity(unit: str) -> Quantity:
+    """Return the annotation of a gain with a unit of the core; bounds are the core's."""
+    return Quantity(units.si_name(unit))
+
+
+class TunedGain(NamedTuple):
+    """A gain of a law.
+
+    Attributes
+    ----------
+    key : str
+        In a controller file.
+    unit : str
+        SI; ``"1"`` for a pure number.
+    value : float
+    meaning, rule : str
+        What it is, and what it follows from.
+    given : bool
+        Whether it was given and does not follow from its rule.
+    """
+
+    key: str
+    unit: str
+    value: float
+    meaning: str
+    rule: str
+    given: bool
+
+    @property
+    def quantity(self) -> str | float:
+        """Value as a controller file writes it."""
+        return gain_quantity(self.unit).show(self.value)
+
+    def __str__(self) -> str:
+        """Return the rounded value with its unit."""
+        return f"{self.value:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
+
+
+@dataclass(frozen=True, repr=False)
+class Plant(Shown):
+    """Linear model of a drive at mid-stroke, with both chambers at the mean of supply and ambient pressure.
+
+    Attributes
+    ----------
+    natural_frequency_rad_s : float
+        Of the mass on its air, shut in.
+    damping_ratio : float
+        From viscous friction.
+    speed_m_s : float
+        Steady speed at full opening, the exhaust choked.
+    force_rate_n_s : float
+        Rate of the force of a chamber at full opening.
+    lag_s : float
+        By which a command acts late: dead time of the valve, its spool, half a period.
+    coulomb_n : float
+    stroke_m : float
+    rest_pressures_pa : list of float
+        Of chambers a and b, absolute, about the mean of supply and ambient pressure: the piston rests without friction.
+    cylinder : str
+        Name of the component.
+    valves : list of str
+        Names of the valves in the order of their commands.
+    left_out : list of str
+        Components of which the law knows nothing but the volume of tubes at the chambers, and parts of cylinder and
+        valve that it does not know.
+    pressure_decay_1_s : list of float
+        Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
+    least_force_shares : list of float
+        Shares of the supply's force that weight and friction at rest take in +x and against it, mid stroke.
+    """
+
+    natural_frequency_rad_s: float
+    damping_ratio: float
+    speed_m_s: float
+    force_rate_n_s: float
+    lag_s: float
+    coulomb_n: float
+    stroke_m: float
+    rest_pressures_pa: list[float]
+    cylinder: str
+    valves: list[str]
+    left_out: list[str]
+    pressure_decay_1_s: list[float]
+    least_force_shares: list[float]
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return name and value with unit of each number."""
+        hertz = self.natural_frequency_rad_s / 6.283185307179586
+        return [
+            ("natural frequency", f"{self.natural_frequency_rad_s:.3g} rad/s ({hertz:.3g} Hz)"),
+            ("damping ratio", f"{self.damping_ratio:.3g}"),
+            ("speed at full opening", f"{self.speed_m_s:.3g} m/s"),
+            ("rate of force at full opening", f"{1e-3 * self.force_rate_n_s:.3g} kN/s"),
+            ("lag of the command", f"{1e3 * self.lag_s:.3g} ms"),
+            ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
+            ("stroke", f"{1e3 * self.stroke_m:g} mm"),
+        ]
+
+
+class LawModel(NamedTuple):
+    """Data of the drive that a custom law gets before a run.
+
+    Attributes
+    ----------
+    plant : Plant
+        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
+    drive : Circuit
+        The drive as the law may believe it to be.
+    """
+
+    plant: Plant
+    drive: Circuit
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning(Viewed):
+    """A law with all its gains, for its model of the drive.
+
+    Attributes
+    ----------
+    law : str
+    period_s : float
+    hold : HoldBand or None
+        Standing still; None: it never holds.
+    adaptation : bool
+        It learns friction, mass and valve of its drive while it runs.
+    gains : tuple of TunedGain
+    plant : Plant
+    belief : Circuit
+        The drive as the law believes it to be.
+    source : str
+        File of that drive, or its name in the catalogue, where a controller file names one.
+    limits : tuple of str
+        What limits the law, in words.
+    own : OwnLaw or None
+        The law, where it is one of one's own: it has no gains here.
+    supervision : Supervision
+        Limits, when a motion is complete, and what is done about faults.
+    valves : tuple of TunedGain
+        Numbers of several or switching valves.
+    factors : Factors
+        What the gains are multiplied by.
+    """
+
+    law: str
+    period_s: float
+    hold: HoldBand | None
+    adaptation: bool
+    gains: tuple[TunedGain, ...]
+    plant: Plant
+    belief: Circuit
+    source: str = ""
+    limits: tuple[str, ...] = ()
+    own: OwnLaw | None = None
+    supervision: Supervision = USUAL
+    valves: tuple[TunedGain, ...] = ()
+    factors: Factors = USUAL_FACTORS
+
+    @property
+    def model(self) -> LawModel:
+        """Data of the drive that a custom law gets."""
+        return LawModel(self.plant, self.belief)
+
+    @property
+    def numbers(self) -> tuple[TunedGain, ...]:
+        """Gains of the law and numbers of its valves."""
+        return (*self.gains, *self.valves)
+
+    def core(self) -> dict[str, Any]:
+        """Return it in the core's form, SI."""
+        each = {"gains": self.gains, "valves": self.valves}
+        numbers = {table: {one.key: one.value for one in own} for table, own in each.items()}
+        word = self.law if self.own is None else OWN
+        form = core_form(word, self.period_s, self.hold, self.adaptation, self.belief, numbers)
+        form |= factors_form(self.factors)
+        return form | self.supervision.core(self.belief.ambient.pressure_pa)
+
+    def to_toml(self, folder: str | Path = "") -> str:
+        """Write it as a controller file for a folder, with meaning and rule of each gain."""
+        word = self.law if self.own is None else _code_seen_from(folder, self.law)
+        lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
+        if self.source:
+            lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
+        if self.factors != USUAL_FACTORS:
+            given = ", ".join(f"{key} = {value!r}" for key, value in self.factors.to_dict().items())
+            lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
+        for name, numbers in (("gains", self.gains), ("valves", self.valves)):
+            lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
+        if not self.adaptation:
+            lines.insert(3, "adaptation = false")
+        if self.hold is None:
+            lines.insert(3, "hold = false")
+        else:
+            band, after = units.write(self.hold.band_m, "m", "um"), units.write(self.hold.after_s, "s", "ms")
+            lines += ["", "[hold]", f'band = "{band}"', f'after = "{after}"']
+            if (self.hold.band_m, self.hold.after_s) == (BAND_M, AFTER_S):
+                lines[-2:] = [f"{line}  # assumed" for line in lines[-2:]]
+        lines += self.supervision.lines()
+        return "\n".join([*lines, ""])
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as a controller file. Files that it names are named from its folder.
+
+        If `believes` was a drive object, the output has no file name for it: add one as ``drive``.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        with whole(Path(path)) as temporary:
+            temporary.write_text(self.to_toml(Path(path).parent), encoding="utf-8")
+        return Path(path)
+
+    def view(self) -> View:
+        """Return the gains with their rules, the drive as assumed, and the limits."""
+        rows = [
+            ShownValue(f"{gain.key}.{name}", gain.key, name, text)
+            for gain in self.numbers
+            for name, text in (
+                (VALUE, str(gain)),
+                ("meaning", gain.meaning),
+                ("follows from", "given" if gain.given else gain.rule),
+            )
+        ]
+        rows += [ShownValue(name, name, "assumed drive, near mid-stroke", text) for name, text in self.plant.rows()]
+        title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
+        factors = " ".join(f"{factor:g}" for factor in self.factors.values)
+        given = () if set(self.factors.values) == {1.0} else (f"given factors {factors} of {_factored(self.law)}",)
+        return View(title, tuple(rows), notes=(*given, *self.limits))
+
+
+def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
+    """Return numbers as lines of a controller file, each with its meaning and rule."""
+    return [
+        f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
+        for one in numbers
+    ]
+
+
+def factors_form(factors: Factors) -> dict[str, Any]:
+    """Return the factors of the gains in the core's form; empty for the usual ones."""
+    return {} if factors == USUAL_FACTORS else {"factors": factors.values}
+
+
+def _factored(law: str) -> str:
+    """Return the gain that each factor multiplies, in words."""
+    return ", ".join(f"{gain} ({factor})" for of, factor, gain in _core.control_factors() if of == law)
+
+
+def core_form(
+    law: str,
+    period_s: float,
+    hold: HoldBand | None,
+    adaptation: bool,
+    belief: Circuit,
+    numbers: Mapping[str, dict[str, float]],
+) -> dict[str, Any]:
+    """Return a controller in the core's form, SI. `numbers` are those of ``gains`` and of ``valves``."""
+    held = None if hold is None else hold.core()
+    core = {"law": law, "period_s": period_s, "gains": {}, "hold": held, "adaptation": adaptation}
+    core |= {table: each for table, each in numbers.items() if each or table == "gains"}
+    return core | {"belief": json.loads(belief.core_json())}
+
+
+def _seen_from(folder: str | Path, source: str) -> str:
+    """Return the name of a drive, or the path of a file relative to the folder of a controller file."""
+    return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
+
+
+def _code_seen_from(folder: str | Path, law: str) -> str:
+    """Return the name of a custom law as written in a controller file of a folder."""
+    module, name = split(law) or ("", OWN)
+    return f"{_seen_from(folder, module)}:{name}" if is_code_file(module) else law if module else name
+
+
+def is_code_file(module: str) -> bool:
+    """Return whether the module of a custom law is named by a file."""
+    return module.endswith(".py")
+
 
 __all__ = ["LawModel", "Plant", "TunedGain", "Tuning", "alone", "believed_by", "laws", "tune"]
 
@@ -228,3 +655,77 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
 
     path = source if source.startswith(PREFIX) else str(folder / source)
     return load_described(path), path
+
+
+# --- Limits of a tuned controller.
+
+#: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
+LEAST_SAMPLES = 40
+MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
+#: Rates that differ by a smaller share are equal.
+EQUAL_DECAY = 0.01
+
+
+def limitations(tuning: Tuning, setup: Setup) -> tuple[str, ...]:
+    """Return the limits of a tuned controller in words; warn where it can hardly work.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    setup : Setup
+        Sensors and computer.
+    """
+    plant, said = tuning.plant, []
+    bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
+    late = bandwidth * plant.lag_s
+    said.append(
+        f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
+        f"{late:.2g} rad at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows a larger bandwidth."
+    )
+    of_valve = plant.lag_s - 0.5 * tuning.period_s
+    longest = max(of_valve, 2.0 * math.pi / plant.natural_frequency_rad_s / LEAST_SAMPLES)
+    needs = max(plant.least_force_shares)
+    if needs > MOST_OF_FORCE:
+        warn(
+            f"weight and friction take {100.0 * needs:.0f} % of the force of the supply: "
+            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} at least one way"
+        )
+    if tuning.period_s > longest:
+        slow = f"period = {1e3 * tuning.period_s:g} ms: a law follows badly or loses the drive"
+        of = f"the lag of its valve or 1/{LEAST_SAMPLES} (assumed) of a period of its mass on the air"
+        warn(f"{slow} beyond {1e3 * longest:.3g} ms, {of}")
+    if setup.computer.time_s > 0.0:
+        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
+    if setup.sensors.pressure_a is None:
+        said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
+    said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
+    supply_pa, _ = supply_of(tuning.belief.core_json())
+    said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
+    if plant.left_out:
+        said.append(
+            f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes "
+            "the valve to stand at the cylinder, at a supply of constant pressure; speed and lag leave them out."
+        )
+    said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
+    assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
+    if assumed:
+        said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
+    return tuple(said)
+
+
+def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
+    """Return the unobservable quantities of this drive, in words."""
+    said = [
+        "Not told apart by any observer: a force on the piston, friction that differs between the directions, and "
+        "zeros of the sensors; conductance of the valve and supply pressure; mass and force, while nothing "
+        "accelerates."
+    ]
+    if not measured:
+        rates = sorted(tuning.plant.pressure_decay_1_s)
+        apart = rates[1] - rates[0]
+        if apart <= EQUAL_DECAY * rates[1]:
+            why = f"both shut chambers return at {rates[1]:.2g} 1/s by leakage and heat"
+        else:
+            why = f"only their return by leakage and heat, at {rates[0]:.2g} and {rates[1]:.2g} 1/s, tells them apart"
+        said.append(f"At rest the position tells the force of the gas, not both pressures: {why}.")
+    return said

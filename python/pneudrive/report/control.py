@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.control.pose.path import PoseScore
 from pneudrive.control.results.measures import view_of_score, written
 from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look, stack, thin
-from pneudrive.report.page import Report, view_section
+from pneudrive.report.page import view_report
 from pneudrive.report.render import box_marks, draw_figure
 from pneudrive.report.tables import plural
 from pneudrive.report.topics import Topic
@@ -257,7 +257,4 @@ def write_control_report(found: ControlComparison, folder: str | Path) -> Path:
         for gain in tuning["gains"]
     )
     assumed = told.section(told.table(found.about["plant"], "plant"), told.table(gains, "gains"), synthetic=False)
-    parts = [method.section(method.text()), view_section("comparison", view), assumed]
-    verdict = [f"{value.text} (simulated)." for value in view.leading]
-    verdict += [finding.text for finding in view.findings]
-    return Report(view.title, verdict, parts, synthetic=True).write(folder)
+    return view_report(view, method.section(method.text()), assumed, synthetic=True).write(folder)

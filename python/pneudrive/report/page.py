@@ -94,7 +94,8 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
     facts["plain"] += view.notes
     lists = (Items(tuple(items), kind) for kind, items in facts.items() if items)
     tables = []
-    for caption, (head, rows) in (("Values", view.table()), ("Curves", view.curve_table())):
+    values = (("Values", table) for table in view.value_tables())
+    for caption, (head, rows) in (*values, ("Curves", view.curve_table())):
         tables += [ShownTable(caption, tuple(head), tuple(map(tuple, rows)))] if rows else []
     pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
     tables += view.tables

@@ -153,7 +153,7 @@ def _write_page(
 ) -> None:
     """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
-    from pneudrive.report.page import Report, Section, inline, svg_text, view_section
+    from pneudrive.report.page import Section, inline, svg_text, view_report, view_section
     from pneudrive.report.platform.page import platform_run_view
 
     about, view = attributes(run), view_of_run(run, circuit)
@@ -163,9 +163,7 @@ def _write_page(
     machines = platforms(circuit) if circuit is not None else []
     table = ShownTable("Provenance", ("", ""), tuple(rows))
     sections = [view_section("platform", platform_run_view(platform, columns(run))) for platform in machines]
-    sections += [view_section("trajectory", view), Section("provenance", "Provenance", (table,))]
-    verdict = [finding.text for finding in view.findings if finding.state == "bad"]
-    report = Report(str(about.get("title") or "Trajectory"), verdict, sections, synthetic=True)
+    report = view_report(view, *sections, Section("provenance", "Provenance", (table,)), synthetic=True)
     report.pictures = {shown.name: inline(svg_text(figure), shown.name, shown.caption) for shown in view.figures}
     with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")

@@ -1,9 +1,13 @@
-"""Warnings for runs outside the stated range of the model. They do not change the simulation."""
+"""Warnings for a run: outside the stated range of the model, with water in its gas, or with ice in its silencer.
+
+They do not change the simulation. Columns are arrays, or `pneudrive._core.Column`.
+"""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
@@ -14,8 +18,13 @@ from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from pneudrive.describe import Drive
     from pneudrive.describe.circuit import Circuit
+
+    Array = NDArray[np.float64]
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
 HIGHEST_PA = 20e5
@@ -36,9 +45,10 @@ FASTEST_M_S2 = 1e5
 ROUNDED = 1e-9
 
 
-class _GasVolume(NamedTuple):
-    """Gas of one volume over a run. Columns are arrays, or `pneudrive._core.Column`."""
+class GasVolume(NamedTuple):
+    """Gas of one volume over a run, with the column of its pressure."""
 
+    column: str
     name: str
     pressure_pa: Any
     temperature_k: Any
@@ -54,23 +64,24 @@ def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str
     columns : mapping
         Columns of the trajectory.
     """
-    time = columns["time_s"]
-    places = list(_places(described, columns))
+    time, places = columns["time_s"], list(gas_volumes(columns))
     found = [*_pressures(places, time), *_hot(described, places, time), *_gas(described, places, time)]
     found += _masses(described, places, time)
-    return [*found, *_pistons(described, columns), *_singular_poses(described, columns)]
+    found += [*_pistons(described, columns), *_singular_poses(described, columns)]
+    return [*water_warnings(described, columns), *found, *_ice(described, columns)]
 
 
-def _places(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[_GasVolume]:
+def gas_volumes(columns: Mapping[str, Any]) -> Iterator[GasVolume]:
+    """Yield the gas of each volume that has a pressure and a temperature."""
     for column, pressure in columns.items():
         temperature = columns.get(column.replace("pressure", "temperature").removesuffix("_pa") + "_k")
         if temperature is not None and "pressure" in column:
             chamber = column.removeprefix("pressure_").removesuffix("_pa")
             name = column.removesuffix(".pressure_pa") if "." in column else f"chamber {chamber}"
-            yield _GasVolume(name, pressure, temperature)
+            yield GasVolume(column, name, pressure, temperature)
 
 
-def _pressures(places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
     if high:
         worst = max(high, key=lambda place: float(place.pressure_pa.max()))
@@ -81,7 +92,7 @@ def _pressures(places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa:
         )
 
 
-def _hot(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a note if the heat capacity of the hottest gas is far from the constant of the model."""
     excesses = CAPACITY_EXCESS.get(_gas_name(described))
     worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
@@ -108,16 +119,16 @@ def _gas_name(described: Drive | Circuit) -> str:
     return "air" if is_air else gas.name or ""
 
 
-def _others(places: list[_GasVolume], worst: _GasVolume) -> str:
+def _others(places: list[GasVolume], worst: GasVolume) -> str:
     rest = [place.name for place in places if place is not worst]
     return f" (also {', '.join(rest[:3])}{', ...' if len(rest) > 3 else ''})" if rest else ""
 
 
-def _celsius(temperature_k: float) -> str:
-    return f"{temperature_k - ZERO_CELSIUS_K:.1f} degC"
+def _celsius(temperature_k: float, digits: int = 1) -> str:
+    return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
 
 
-def _gas(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning if the second virial coefficient contributes more to the pressure than the gas law allows."""
     gas, name = described.gas, _gas_name(described)
     coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
@@ -153,7 +164,7 @@ def _second_share(coefficients: tuple[float, float, float], pressure_pa: float, 
     return second * pressure_pa / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature_k)
 
 
-def _masses(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _masses(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning for each piston whose mass is negligible compared with the pressure on it."""
     for key, mass, area in described.movers:
         place = max(places, key=lambda place: float(place.pressure_pa.max()), default=None)
@@ -204,3 +215,209 @@ def _singular_poses(described: Drive | Circuit, columns: Mapping[str, Any]) -> I
                 "do not hold it there, and a real platform may continue in another way. Keep away from this pose, or "
                 "move the joints"
             )
+
+
+# --- Water in the gas, which may condense or freeze.
+
+#: Keys of the sources in references.bib.
+SOURCES = ("wmo2008", "sonntag1990")
+#: e_s = A exp(B t/(C + t)), Pa, with t in degC, over water and over ice: A, B, C. Source: [wmo2008], Annex 4.B.
+WATER, ICE = (611.2, 17.62, 243.12), (611.2, 22.46, 272.62)
+#: Ratio to saturation below which there is no warning: the accuracy of the formula (assumed).
+SATURATED = 1.01
+
+
+def saturation_pressure(temperature_k: np.ndarray | float) -> np.ndarray:
+    """Return the saturation pressure of water vapour, Pa: over water, below 0 degC over ice.
+
+    Parameters
+    ----------
+    temperature_k : array or float
+        Any shape.
+
+    Examples
+    --------
+    >>> float(saturation_pressure(293.15).round(1))
+    2332.6
+    """
+    import numpy as np
+
+    t = np.asarray(temperature_k, dtype=float) - ZERO_CELSIUS_K
+    over_water, over_ice = (a * np.exp(b * t / (c + t)) for a, b, c in (WATER, ICE))
+    return np.where(t >= 0.0, over_water, over_ice)
+
+
+def dew_point(vapour_pressure_pa: float) -> float:
+    """Return the dew point, K, of a vapour pressure in Pa. Below 0 degC, return the frost point.
+
+    Examples
+    --------
+    >>> round(dew_point(2332.6), 2)
+    293.15
+    """
+    a, b, c = WATER if vapour_pressure_pa >= WATER[0] else ICE
+    log = math.log(vapour_pressure_pa / a)
+    return ZERO_CELSIUS_K + c * log / (b - log)
+
+
+def water_warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the warnings on water in a run: for each volume, at most one for the wall and one for the gas.
+
+    A gas without a dew point gives no warnings. All gas counts as gas from the supply.
+    """
+    share = water_share(described)
+    if share is None:
+        return
+    for place in gas_volumes(columns):
+        yield from _water_in(place, _wall_k(described, columns, place), share, described, columns["time_s"])
+
+
+def water_share(drive: Drive | Circuit) -> float | None:
+    """Return the molar fraction of water vapour in the gas. None without a dew point."""
+    pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
+    return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
+
+
+def _wall_k(described: Drive | Circuit, columns: Mapping[str, Any], place: GasVolume) -> Any:  # noqa: ANN401
+    """Return the temperature of the wall of a volume, K: a column for a wall that stores heat, or else a number."""
+    own = place.column.partition(".")[0] if "." in place.column else "cylinder"
+    wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
+    wall = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
+    return described.ambient.temperature_k if wall is None else wall
+
+
+def _water_in(
+    place: GasVolume,
+    wall_k: Any,  # noqa: ANN401 - array or number
+    share: float,
+    described: Drive | Circuit,
+    time_s: Array,
+) -> Iterator[str]:
+    import numpy as np
+
+    vapour = share * place.pressure_pa
+    saturated = saturation_pressure(place.temperature_k)
+    on_wall = vapour / saturation_pressure(wall_k)
+    at = int(on_wall.argmax())
+    if on_wall[at] > SATURATED:
+        wall = float(np.broadcast_to(wall_k, vapour.shape)[at])
+        what = "ice may form" if wall < ZERO_CELSIUS_K else "water may condense"
+        yield (
+            f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has its "
+            f"{_point(vapour[at])}, the wall is at {_celsius(wall)}"
+        )
+    in_gas = vapour / saturated
+    at = int(in_gas.argmax())
+    if in_gas[at] > SATURATED:
+        gas = float(place.temperature_k[at])
+        what = "fog or ice" if gas < ZERO_CELSIUS_K else "fog"
+        outside = " and in its exhaust" if (share * described.ambient.pressure_pa / saturated).max() > SATURATED else ""
+        yield (
+            f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
+            f"{_celsius(gas)}, below its {_point(vapour[at])}"
+        )
+
+
+def _when(time_s: float, pressure_pa: float) -> str:
+    return f"at {time_s:.3g} s and {pressure_pa / 1e5:.3g} bar abs"
+
+
+def _point(vapour_pressure_pa: float) -> str:
+    dew = dew_point(float(vapour_pressure_pa))
+    return f"{'frost' if dew < ZERO_CELSIUS_K else 'dew'} point {_celsius(dew)}"
+
+
+# --- Temperature of the exhaust air, and ice in the silencer.
+
+#: Exhausts from which the mean temperature counts for ice (assumed): ice needs repeated strokes.
+LEAST_EXHAUSTS = 10
+#: An exhaust leads from above the first of these fractions of the highest gauge pressure to below the second (assumed).
+FULL, EMPTY = 0.5, 0.25
+
+
+@dataclass(frozen=True)
+class ExhaustAir:
+    """Gas that leaves the chambers of all cylinders.
+
+    Attributes
+    ----------
+    mean_k : float
+        Mean temperature, weighted by the mass flow, K.
+    coldest_k : float
+        Lowest temperature of gas that leaves, K.
+    exhausts : int
+        Number of exhausts: the gauge pressure of a chamber falls from half of its highest value to a quarter.
+    """
+
+    mean_k: float
+    coldest_k: float
+    exhausts: int
+
+    def frost_k(self, ambient_pa: float, supply_pa: float) -> float:
+        """Return the pressure dew point of the supply, K, above which ice can form in the silencer.
+
+        Gas with this dew point at `supply_pa` is saturated over ice at the mean temperature and at `ambient_pa`, both
+        absolute.
+        """
+        return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
+
+
+def exhaust_air(columns: Mapping[str, Any], ambient_pa: float) -> ExhaustAir | None:
+    """Return the exhaust air of a run. None if no gas leaves a cylinder.
+
+    Parameters
+    ----------
+    columns : mapping
+        Columns of the trajectory, SI.
+    ambient_pa : float
+        Ambient pressure, absolute.
+    """
+    import numpy as np
+
+    mass, heat, coldest, exhausts = 0.0, 0.0, math.inf, 0
+    time = _array(columns["time_s"])
+    for pressure, temperature, flow in _chambers(columns):
+        leaving = np.maximum(-flow, 0.0)
+        own = np.trapezoid(leaving, time)
+        mass, heat = mass + own, heat + np.trapezoid(leaving * temperature, time)
+        out = leaving > 1e-3 * leaving.max(initial=0.0)
+        coldest = min(coldest, temperature[out].min(initial=math.inf))
+        gauge = (pressure - ambient_pa) / max(float(pressure.max()) - ambient_pa, 1.0)
+        full = gauge[(gauge > FULL) | (gauge < EMPTY)] > FULL
+        exhausts += int(np.sum(full[:-1] & ~full[1:]))
+    return ExhaustAir(float(heat / mass), float(coldest), exhausts) if mass > 0.0 else None
+
+
+def _ice(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a note if ice can form in the silencer: a mean below 0 degC, and a supply that is not dry enough."""
+    if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
+        return
+    air = exhaust_air(columns, described.ambient.pressure_pa)
+    if air is None or air.exhausts < LEAST_EXHAUSTS or air.mean_k >= ZERO_CELSIUS_K:
+        return
+    reached = max(float(pressure.max()) for pressure, *_ in _chambers(columns))
+    supply = described.dew_point_pressure_pa or getattr(described, "supply_pressure_pa", reached)
+    frost, share = air.frost_k(described.ambient.pressure_pa, supply), water_share(described)
+    if share is not None and share * supply < float(saturation_pressure(frost)):
+        return
+    mean, coldest, dry = (_celsius(kelvin, 0) for kelvin in (air.mean_k, air.coldest_k, frost))
+    yield (
+        f"exhaust air: {mean} on average, {coldest} for a moment. The motion hardly changes. Ice can form in the "
+        f"silencer if the pressure dew point of the supply is above {dry}"
+    )
+
+
+def _chambers(columns: Mapping[str, Any]) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield pressure, Pa, temperature, K, and net inflow, kg/s, of each chamber of a cylinder."""
+    for place in gas_volumes(columns):
+        flow = columns.get(place.column.replace("pressure", "mass_flow").removesuffix("_pa") + "_kg_s")
+        if flow is not None and place.column.count(".") in (0, 2):
+            yield _array(place.pressure_pa), _array(place.temperature_k), _array(flow)
+
+
+def _array(column: Any) -> Array:  # noqa: ANN401 - array or column of the core
+    import numpy as np
+
+    if isinstance(column, np.ndarray):
+        return column
+    return np.fromiter((column[k] for k in range(len(column))), dtype=np.float64, count=len(column))

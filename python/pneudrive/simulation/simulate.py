@@ -16,7 +16,7 @@ from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
-from pneudrive.simulation import exhaust, humidity, run_limits
+from pneudrive.simulation import run_limits
 from pneudrive.simulation.session import core_error
 from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import meaning
@@ -245,8 +245,7 @@ def run(
         )
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None
-    result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
-    result["warnings"] += [*run_limits.warnings(drive, result["columns"]), *exhaust.notes(drive, result["columns"])]
+    result["warnings"] += _open_ledger(result["ledger"], rtol) + run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
     by_numbers = None
@@ -290,13 +289,8 @@ def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
 
 def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> dict[str, Any]:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
-    water = () if drive.gas.dew_point_k is None else humidity.SOURCES
-    return {
-        "title": drive.name,
-        "description_hash": drive.description_hash,
-        "version": __version__,
-        "solver": SOLVER,
-        "rtol": rtol,
+    water = () if drive.gas.dew_point_k is None else run_limits.SOURCES
+    return made_from(drive, rtol) | {
         "statistics": result["statistics"],
         "warnings": [*drive.notes, *result["warnings"]],
         "impacts": result["impacts"],
@@ -307,6 +301,12 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
         **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),
         **ledger,
     }
+
+
+def made_from(described: Drive | Circuit, rtol: float) -> dict[str, Any]:
+    """Return the description and the solver that a run was made with."""
+    names = {"title": described.name, "description_hash": described.description_hash}
+    return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}
 
 
 @lru_cache(maxsize=64)

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.run import Options, run_campaign
-from pneudrive.control.controller import Controller
 from pneudrive.control.loop import run
+from pneudrive.control.tuning import Controller
 from pneudrive.figures import Figure, Line, Panel, look
 from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction

@@ -8,7 +8,7 @@ import pytest
 from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.studies.bracha import paper_figures
 from pneudrive.studies.bracha import stick_slip as ss
-from pneudrive.studies.bracha.experiments import EXPERIMENTS, run_experiment
+from pneudrive.studies.bracha.figure import EXPERIMENTS, run_experiment
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3
 
 #: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.

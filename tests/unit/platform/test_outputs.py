@@ -14,7 +14,7 @@ from oracle import platforms
 from pneudrive import _core
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
-from pneudrive.platforms.outputs import platform_outputs, pose_columns
+from pneudrive.platforms.kinematics import platform_outputs, pose_columns
 from unit.platform.test_rigid_dynamics import KINDS, started
 
 TRIPOD = Path(__file__).parents[3] / "examples" / "tripod.toml"

@@ -12,8 +12,7 @@ from pneudrive.cli.main import run
 from pneudrive.describe.components import component
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.report.circuit import blocks
-from pneudrive.report.circuit.shapes import arranged
-from pneudrive.report.circuit.svg import draw_circuit
+from pneudrive.report.circuit.svg import arranged, draw_circuit
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SIZE = {"conductance": "1 dm3/(s bar)"}

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.control.axis import supply_of
-from pneudrive.control.motion import polynomials
-from pneudrive.control.paths import POWERS
+from pneudrive.control.motion import POWERS, polynomials
 from pneudrive.control.tuning import tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
@@ -23,11 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.control.controller import Controller
     from pneudrive.control.motion import Reference
     from pneudrive.control.pose.path import PosePath
     from pneudrive.control.setup import Setup
-    from pneudrive.control.tuning import Tuning
+    from pneudrive.control.tuning import Controller, Tuning
     from pneudrive.platforms import Platform
 
     Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
-from pneudrive.platforms.outputs import pose_columns
+from pneudrive.platforms.kinematics import pose_columns
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import Run, positive
 from pneudrive.simulation.start import check_tolerance
@@ -32,12 +32,11 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.control.controller import Controller
     from pneudrive.control.mismatch import Mismatch
     from pneudrive.control.pose.legs import Demands
     from pneudrive.control.pose.path import PosePath
     from pneudrive.control.setup import Setup
-    from pneudrive.control.tuning import Tuning
+    from pneudrive.control.tuning import Controller, Tuning
     from pneudrive.describe.circuit import Circuit
     from pneudrive.platforms import Platform
     from pneudrive.progress import Flag

@@ -12,9 +12,9 @@ import numpy as np
 
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
-from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
+from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
-from pneudrive.report.page import Report, view_section
+from pneudrive.report.page import view_report
 from pneudrive.report.platform.scene import FONT, LOOKS, platform_scene
 from pneudrive.report.render import draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
@@ -224,8 +224,7 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
         The run has no column of this platform, or the file cannot be written.
     """
     target = check_target(path, (".html",))
-    part = view_section("platform", platform_run_view(platform, columns))
-    report = Report(f"Run of {platform.name}", [], [part], synthetic=True)
+    report = view_report(platform_run_view(platform, columns), synthetic=True)
     with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")
     return target

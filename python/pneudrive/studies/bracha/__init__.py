@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pneudrive.studies.bracha.experiments import EXPERIMENTS, FOLDER, Experiment, run_experiments
-from pneudrive.studies.bracha.figure import Claim, PaperFigure
+from pneudrive.studies.bracha.figure import EXPERIMENTS, FOLDER, Claim, Experiment, PaperFigure, run_experiments
 from pneudrive.studies.bracha.figures import paper_figures
 from pneudrive.studies.bracha.general import general_claims
 from pneudrive.studies.bracha.reproduction import Reproduction, reproduce

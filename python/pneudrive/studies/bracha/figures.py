@@ -14,8 +14,7 @@ from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3, fi
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.studies.bracha.experiments import Experiment
-    from pneudrive.studies.bracha.figure import PaperFigure
+    from pneudrive.studies.bracha.figure import Experiment, PaperFigure
 
 
 def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, PaperFigure]:

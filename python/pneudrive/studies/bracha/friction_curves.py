@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import AirShare
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
-    from pneudrive.studies.bracha.experiments import Experiment
+    from pneudrive.studies.bracha.figure import Experiment
 
     Array = NDArray[np.float64]
 

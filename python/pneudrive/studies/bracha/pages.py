@@ -11,9 +11,9 @@ from pneudrive.report.speed import recovered
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane
 from pneudrive.report.tables import plural, sentence
 from pneudrive.report.topics import Topic
-from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
 from pneudrive.studies.bracha.figure import TEXTS, readable
 from pneudrive.studies.bracha.figures import DRAWINGS
+from pneudrive.studies.bracha.general import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
 from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from pneudrive.characterise import Characterisation
     from pneudrive.report.page import Block, Section
     from pneudrive.rig.description import RigDescription
-    from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
+    from pneudrive.studies.bracha.general import ChamberComparison
 
 PAGE = Path(__file__).with_name("page.toml")
 STICK_SLIP = (1, 2, 3)

@@ -14,10 +14,9 @@ from pneudrive.report.speed import recovered_section
 from pneudrive.report.topics import Topic
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import pages
-from pneudrive.studies.bracha.chamber_laws import ENERGY_BALANCE, compare_chamber_laws
-from pneudrive.studies.bracha.experiments import run_experiments
+from pneudrive.studies.bracha.figure import run_experiments
 from pneudrive.studies.bracha.figures import paper_figures
-from pneudrive.studies.bracha.general import general_claims
+from pneudrive.studies.bracha.general import ENERGY_BALANCE, compare_chamber_laws, general_claims
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.characterise import Characterisation
     from pneudrive.report.fit import Fits
     from pneudrive.rig.description import RigDescription
-    from pneudrive.studies.bracha.chamber_laws import ChamberComparison
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
+    from pneudrive.studies.bracha.general import ChamberComparison
 
 #: Speeds and pressures at which the simulated rig's recordings are compared with their truth.
 RECOVERY_SPEEDS_M_S = (1e-3, 0.45, 24)  # from, to, number; logarithmic

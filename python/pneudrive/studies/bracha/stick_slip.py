@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.studies.bracha.experiments import Experiment
+    from pneudrive.studies.bracha.figure import Experiment
 
     Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from pydantic import Field, StrictStr, field_validator
 from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.platforms import platforms
-from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
+from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
 from pneudrive.report.platform.scene import INKS, LOOKS, platform_scene
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, StrictInt, StrictStr
 
-from pneudrive.control.controller import Controller
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
@@ -19,7 +18,7 @@ from pneudrive.control.results.card import ControlComparison, read_comparison
 from pneudrive.control.results.comparison import standard
 from pneudrive.control.results.measures import SHOWN, Score, written
 from pneudrive.control.setup import ready_setups
-from pneudrive.control.tuning import laws
+from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch

@@ -152,7 +152,7 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     PneudriveError
         The description is not valid.
     """
-    from pneudrive.report.circuit.shapes import circuit_shapes, pistons  # drawing module: the server starts without it
+    from pneudrive.report.circuit.svg import circuit_shapes, pistons  # drawing module: the server starts without it
 
     found = circuit_shapes(described_at(workspace, path, text))
     return {
