@@ -20,7 +20,9 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as command_line
 from pneudrive.cli.main import run as run_command
+from pneudrive.describe.files.toml import value_text as toml_value
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.simulation.trajectory import save_columns
 from pneudrive.web.app import make_app
 from pneudrive.web.workspace import Workspace
 from web.conftest import PORT, TOKEN, Served
@@ -234,6 +236,21 @@ def test_two_fits_are_compared_as_the_command_does(
     refused = post(chain, "/api/compare", {"before": names[0], "after": "axis.toml"}, 400)
     assert "of one kind" in refused["problems"][0]["what"]
     assert post(chain, "/api/compare", {"before": "../a.toml", "after": "axis.toml"}, 400)["problems"]
+
+
+@pytest.mark.parametrize("kind", ["drive", "fit", "friction map", "recording", "rig", "unknown"])
+def test_a_written_list_of_inputs_opens_nothing_outside_and_never_fails(chain: Served, kind: str) -> None:
+    (chain.folder.parent / "secret.toml").write_text("a = 1")
+    known = ["catalogue:x", "catalogue:../secret", "/etc/hostname", "../secret.toml", LAWS, "axis.toml", "a\x00b", ""]
+    about = {"inputs": [{"kind": kind, "name": "x", "file": file, "sha256": "0"} for file in known]}
+    table = {"time_s": np.arange(3.0), "position_m": np.zeros(3)}
+    save_columns(table, about, chain.folder / "forged.parquet")
+    found = get(chain, "/api/lineage", path="forged.parquet")["inputs"]
+    assert {one["path"] for one in found} <= {"", LAWS, "axis.toml", *(known[:2] if kind == "drive" else ())}
+    for wrong in (3, [3], [{"kind": kind}], [{"kind": kind, "name": "", "file": 3, "sha256": ""}]):
+        text = f"kind = 'drive'\n[values.x]\nvalue = 1\n[provenance]\ninputs = {toml_value(wrong)}\n"
+        (chain.folder / "forged.toml").write_text(text)
+        assert get(chain, "/api/lineage", path="forged.toml")["inputs"] == []
 
 
 def test_any_two_results_of_one_kind_are_compared(chain: Served) -> None:

@@ -129,7 +129,7 @@ class Lineage:
 
     def _path(self, one: Input, of: str) -> str:
         """Return the file of an input from the folder of the result or the workspace, or a recording by its name."""
-        if is_in_catalogue(one.file):
+        if one.kind == "drive" and is_in_catalogue(one.file):
             return one.file
         file, root = Path(one.file), self.workspace.root
         inside = file.relative_to(root).as_posix() if file.is_relative_to(root) else one.file
@@ -268,7 +268,7 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
 
 def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
     """Return the hash of the values that a fit takes from a map. Empty text for a map of other recordings."""
-    with suppress(PneudriveError):
+    with suppress(PneudriveError, LookupError):
         if table is not None and fit is not None:
             values = values_of_fit(table, fit.provenance)
             return frozenset(["" if values is None else fingerprint(values)])
@@ -278,8 +278,9 @@ def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _recording_hashes(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
     """Return the hashes of the file of a recording, for friction maps, and of its samples, for other results."""
-    place, digests = workspace.path(path), frozenset[str]()
+    digests = frozenset[str]()
     with suppress(PneudriveError):
+        place = workspace.path(path)
         digests |= hashes_of(place)
         layout = layout_in(workspace, place)
         if layout is not None and layout.kind == "fixed-volume":
@@ -291,7 +292,9 @@ def _recording_hashes(workspace: Workspace, path: str, _changed: float) -> froze
 
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _file_hashes(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
-    return frozenset([hashlib.sha256(workspace.path(path).read_bytes()).hexdigest()])
+    with suppress(OSError, PneudriveError):
+        return frozenset([hashlib.sha256(workspace.path(path).read_bytes()).hexdigest()])
+    return frozenset()
 
 
 @lru_cache(maxsize=2 * MOST_TRACED)
