@@ -27,6 +27,7 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
 from pneudrive.files.content import kind_of_folder, kind_of_toml
 from pneudrive.files.csv_tables import csv_names
+from pneudrive.files.inputs import located
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import groups_of, read_map
@@ -178,7 +179,7 @@ def _load_table(path: Path) -> Any:  # noqa: ANN401
         return read_map(path)
     if path.suffix == ".nc" and kind:
         data = xr.load_dataset(path, engine="h5netcdf")  # the names were read before, in a process that may crash
-        return data.assign_attrs(attributes(data))
+        return data.assign_attrs(located(attributes(data), path.parent))
     if kind == "run":
         frame, provenance = _frame(path)
         return Run({name: frame[name].to_numpy() for name in frame.columns}, provenance).dataset()
@@ -192,7 +193,7 @@ def _frame(path: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
         return pl.DataFrame(read_columns(path, names)), {}
     table = open_table(path, "parquet")
     frame = {name: values for name, values in table.get(table.names).items() if values.dtype.kind in "iuf"}
-    return pl.DataFrame(frame), json.loads(table.metadata.get("pneudrive", "{}"))
+    return pl.DataFrame(frame), located(json.loads(table.metadata.get("pneudrive", "{}")), path.parent)
 
 
 def _dataset(frame: pl.DataFrame, attrs: dict[str, Any]) -> xr.Dataset:

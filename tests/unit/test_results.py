@@ -10,6 +10,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run as command
 from pneudrive.errors import CommandError
+from pneudrive.files.tables import open_table
 from pneudrive.results import StoredResult, kind_of
 
 ROOT = Path(__file__).parents[2]
@@ -164,3 +165,20 @@ def test_two_sizings_are_compared(tmp_path):
 )
 def test_a_file_is_read_by_its_kind(file: str, name: str) -> None:
     assert type(pn.load(Path(__file__).parents[2] / file)).__name__ == name
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".parquet"])
+def test_a_stored_run_lists_its_drive_by_the_path_from_its_folder(tmp_path: Path, suffix: str) -> None:
+    axis = tmp_path / "axis.toml"
+    axis.write_text(pn.Drive.load("catalogue:reference").to_toml())
+    drive = pn.Drive.load(axis)
+    (tmp_path / "runs" / "old").mkdir(parents=True)
+    first, again = tmp_path / "runs" / f"run{suffix}", tmp_path / "runs" / "old" / f"run{suffix}"
+    pn.save(pn.simulate(drive, "0.5", "20 ms"), first)
+    pn.save(pn.load(first), again)
+    for path, file in ((first, "../axis.toml"), (again, "../../axis.toml")):
+        about = open_table(path, "netcdf" if suffix == ".nc" else "parquet").metadata
+        known = json.loads(about["inputs"] if suffix == ".nc" else about["pneudrive"])
+        (stored,) = known if suffix == ".nc" else known["inputs"]
+        assert stored == {"kind": "drive", "name": drive.name, "file": file, "sha256": drive.description_hash}
+        assert pn.load(path).attrs["inputs"] == [stored | {"file": str(axis.resolve())}]
