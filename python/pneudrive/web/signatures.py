@@ -315,5 +315,6 @@ def _job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
             raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
         existing_folder(workspace, folder)
         begun = signature.job(kind, {**given, "name": "sizing"}, workspace)
-        return JobRequest([*begun.arguments[:-1], folder], folder, is_new=False, python=begun.python)
+        arguments = [folder if text == begun.out else text for text in begun.arguments]
+        return JobRequest(arguments, folder, is_new=False, python=begun.python)
     return signature.job(kind, given, workspace)
