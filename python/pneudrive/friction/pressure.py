@@ -221,8 +221,8 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the 95 % prediction
-    interval for the friction of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa). ``basis`` is the
+    ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) over ``band_pressure_pa`` are the line and the 95 % prediction
+    interval of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa). ``basis`` is the
     source of the spread between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``. ``quantile`` belongs to
     the 95 % intervals.
     """
