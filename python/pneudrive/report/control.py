@@ -37,7 +37,7 @@ REFERENCE = Look("grey", "--")
 def plot_control(run: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
     """Draw a run under control over time: position and reference, error, pressures, command, disturbance.
 
-    Of a platform: coordinates with references, errors, positions and forces of the legs.
+    The picture of a platform has coordinates with references, errors, positions and forces of the legs.
 
     Parameters
     ----------
