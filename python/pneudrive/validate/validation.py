@@ -505,7 +505,7 @@ def run_columns(record: RecordResult) -> dict[str, Array]:
 def save_run(found: Validation, number: int, folder: Path) -> Path:
     """Write a recording and its runs. See `Validation.write`."""
     record = found.records[number]
-    about = {"validation of": found.drive.description_hash, "recording": record.recording.name}
+    about: dict[str, Any] = {"validation of": found.drive.description_hash, "recording": record.recording.name}
     about |= {"sha256": record.recording.sha256, "version": __version__}
     about[INPUTS] = inputs_of(found.drive, [record.recording])
     return save_columns(run_columns(record), about, folder / run_name(number))
