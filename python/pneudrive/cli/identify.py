@@ -446,8 +446,7 @@ def _is_circuit(path: str) -> bool:
     """Return whether a file describes a circuit without the valve of a drive."""
     if Path(path).suffix != ".toml" or not Path(path).is_file():
         return False
-    remedy = "`pneudrive identify --out` and `pneudrive apply --out` write TOML."
-    tables = toml.read(path, DescriptionError, remedy)[0]
+    tables = toml.read(path, DescriptionError, "`pneudrive apply --out` writes TOML.")[0]
     return "components" in tables and "valve" not in tables
 
 

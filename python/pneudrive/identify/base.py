@@ -98,6 +98,11 @@ class Intervals(dict[str, tuple[float, float]]):
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
+def recording_tables(records: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return the recordings of a fit for its provenance."""
+    return [{"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records]
+
+
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
     """Return the names of undetermined values."""
     return {str(getattr(one, "parameter", one)) for one in undetermined}

@@ -22,7 +22,8 @@ from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter
-from pneudrive.identify.base import Fit, FitFile, FittedData, Undetermined
+from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
+from pneudrive.identify.compared import FittedData
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
@@ -419,10 +420,7 @@ def _result(
             "version": __version__,
             "method": "output error, profile likelihood",
             "tank": tank.name,
-            "recordings": [
-                {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s}
-                for r in records
-            ],
+            "recordings": recording_tables(records),
             INPUTS: inputs_of(tank, records),
         },
         start=tank,

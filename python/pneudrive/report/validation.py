@@ -148,14 +148,10 @@ def channel_figure(columns: Mapping[str, Any]) -> Figure:
         measured, free, again = (columns[name][part] for name in (column, f"free.{column}", f"restarted.{column}"))
         unit = quantity(column)[1]
         lines = [Line(t, measured, "measured"), Line(t, free, "free run", MODEL)]
-        panels.append(Panel(lines, y=f"{_name(column)} / {unit}"))
+        panels.append(Panel(lines, y=f"{CHANNELS[column]} / {unit}"))
         rests = [Line(t, measured - again, "from measured states", RESIDUAL, 0.7), Line(t, measured - free, look=MODEL)]
         panels.append(Panel(rests, y=f"residual / {unit}"))
     return stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
-
-
-def _name(column: str) -> str:
-    return column.rpartition("_")[0].replace("_", " ")
 
 
 def write_validation_report(found: Validation, folder: str | Path) -> Path:
@@ -229,7 +225,7 @@ def residual_figure(r: RecordResult, window_s: float) -> Figure:
         lags = Bars(np.arange(1, values.size + 1), values, look=Look(), thickness=0.2)
         y = Axis("autocorrelation" if not above else "", low=-1.05, high=1.05)
         noise = Rule(y=(-bound, bound), look=Look("band"))
-        above.append(Panel([noise, lags], _name(column), "lag / samples", y))
+        above.append(Panel([noise, lags], CHANNELS[column], "lag / samples", y))
         middle = (np.arange(channel.window_rms.size) + 0.5) * window_s
         bars = Bars(middle, channel.window_rms, thickness=0.8 * window_s)
         below.append(Panel([bars], "", "start at / s", f"rms / {quantity(column)[1]}"))
@@ -266,9 +262,8 @@ def _provenance(found: Validation) -> Section:
 def friction_view(found: FrictionValidation) -> View:
     """Return the view of a friction law against measured friction: agreement in all, and for each condition."""
     m, curves = found.metrics, list(found.curves)[:MOST_SHOWN]
-    percent = {"fit": m.fit_percent, "NRMSE": 100 * m.nrmse}
-    leading = [LeadingValue(ShownValue("fit", "", "fit", percent["fit"], "%"), STATIC_FIT_PERCENT, MET[found.met])]
-    leading += [LeadingValue(ShownValue("NRMSE", "", "NRMSE", percent["NRMSE"], "%"))]
+    leading = [LeadingValue(ShownValue("fit", "", "fit", m.fit_percent, "%"), STATIC_FIT_PERCENT, MET[found.met])]
+    leading += [LeadingValue(ShownValue("NRMSE", "", "NRMSE", 100 * m.nrmse, "%"))]
     leading += [LeadingValue(ShownValue("largest", "", "largest difference", m.largest, "N"))]
     inside = ShownValue("inside", "", "the law is within the band of", 100 * found.inside, "% of the points")
     law = Topic("validation", "curves")

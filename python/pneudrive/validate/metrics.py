@@ -72,11 +72,6 @@ class Whiteness:
     ljung_box: float
     p: float
 
-    @property
-    def is_white(self) -> bool:
-        """Whether the residual is compatible with white noise (p >= 5 %)."""
-        return self.p >= 0.05
-
 
 @dataclass(frozen=True)
 class CrossCorrelation:

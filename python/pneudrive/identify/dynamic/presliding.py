@@ -19,7 +19,8 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.files.inputs import INPUTS, inputs_of
-from pneudrive.identify.base import SIMULATED, Fit, FittedData, Undetermined
+from pneudrive.identify.base import SIMULATED, Fit, Undetermined
+from pneudrive.identify.compared import FittedData
 from pneudrive.identify.dynamic.problem import white_noise
 from pneudrive.identify.dynamic.result import LARGEST_REACH, unresolved_damping
 from pneudrive.identify.identified import apply_identified

@@ -29,7 +29,8 @@ from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
-from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, FittedData, Undetermined
+from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
+from pneudrive.identify.compared import FittedData
 from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.identify.dynamic.search import profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
@@ -653,9 +654,7 @@ def _provenance(
         "method": "output error",
         "drive": drive.name,
         "description_hash": drive.description_hash,
-        "recordings": [
-            {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records
-        ],
+        "recordings": recording_tables(records),
         "start": {p.name: p.value for p in parameters},
         "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
         "robust": options.robust,

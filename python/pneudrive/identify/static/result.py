@@ -13,7 +13,8 @@ from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
-from pneudrive.identify.base import Fit, FitFile, FittedData
+from pneudrive.identify.base import Fit, FitFile
+from pneudrive.identify.compared import FittedData
 from pneudrive.identify.identified import Dependences, Identified, apply_identified
 from pneudrive.identify.sentences import sentences
 from pneudrive.identify.static.diagnose import estimated, interval_over_knees
