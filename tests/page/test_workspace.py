@@ -144,7 +144,7 @@ def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> 
     settled(tab)
     box = page.locator("figure[data-plot=Velocity] .u-over").bounding_box()
     assert box["height"] >= 200
-    assert box["width"] > 700
+    assert box["width"] > 660
     page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
