@@ -190,7 +190,8 @@ class CommandForm:
             elif value is not None:
                 names += value if isinstance(value, list) else [value]
         python = f"import pneudrive as pn\n{_python(kind, values, out)}\n"
-        return JobRequest(words(kind, *names, **options | {"out": out}), out, python=python)
+        options.pop("out", None)  # the last word: a job that goes on replaces it
+        return JobRequest(words(kind, *names, **options, out=out), out, python=python)
 
 
 def _python(kind: str, values: Mapping[str, Any], out: str) -> str:
