@@ -126,7 +126,7 @@ function Tabs() {
   );
 }
 
-/** Button that copies the address of what is shown, with the choices in it. */
+/** Button that copies the address of the view, with its choices. */
 function Share() {
   const words = useSignal("Share link");
   useEffect(() => void (words.value = "Share link"), [route.value]);

@@ -1,4 +1,4 @@
-/** Addresses name a view, an object, and what the view shows of it: `#/friction/<file>?seal=PK`. */
+/** Addresses name a view, an object, and the choices in the view: `#/friction/<file>?seal=PK`. */
 import { effect, signal, type Signal } from "@preact/signals";
 
 export const route = signal<{ view: string; path: string }>({ view: "studies", path: "" });

@@ -120,8 +120,8 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
 
-        A run under control has its score instead, a characteristic its results, an ensemble the spread of its outputs,
-        a sensitivity the effect of each number, and a friction map its curves and flags.
+        A run under control has its score instead. A characteristic has its results, and an ensemble the spread of its
+        outputs. A sensitivity has the effect of each number, a friction map its curves and flags.
 
         Parameters
         ----------

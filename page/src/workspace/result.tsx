@@ -89,7 +89,7 @@ export function Answer({ view, withFindings = true, remedy }: { view: SentView; 
   );
 }
 
-/** Answer of a result above a view of its own. `changed` asks for it again; a result that cannot be read yet has none. */
+/** Answer of a result above its special view. `changed` asks for it again; a result that cannot be read yet has none. */
 export function AnswerOf({ path, changed, withFindings = true }: { path: string; changed?: unknown; withFindings?: boolean }) {
   const view = useSignal<SentView | null>(null);
   useEffect(() => {
@@ -129,7 +129,7 @@ export function Values({ view }: { view: SentView }) {
   );
 }
 
-/** All of a result: answer, figure with the values beside it, further tables and figures. */
+/** A whole result: answer, figure with the values at its side, further tables and figures. */
 export function Shown({ view, label }: { view: SentView; label: string }) {
   const hasFigure = view.figures.length > 0 || view.curves.length > 0;
   const isNarrow = view.head.length <= MOST_BESIDE && view.tables.every((one) => one.head.length <= MOST_BESIDE);

@@ -381,7 +381,8 @@ def apply(
             raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
         described = found.apply()
     elif drive is not None:
-        described = found.apply((pn.Tank if isinstance(found, volume.VolumeFit) else pn.Drive).load(drive))
+        target: Any = (pn.Tank if isinstance(found, volume.VolumeFit) else pn.Drive).load(drive)
+        described = found.apply(target)
     elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
         described = found.apply()
     else:

@@ -1,8 +1,8 @@
 """Inputs of a result: the list that each writer stores in the provenance of its format.
 
-An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the content that decides the result:
-values of a description or a map, samples of a recording, the bytes of any other file. A comment or a label therefore
-changes no input.
+An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the content that decides the result.
+This content is the values of a description or a map, the samples of a recording, or the bytes of any other file. A
+comment or a label therefore changes no input.
 """
 
 from __future__ import annotations

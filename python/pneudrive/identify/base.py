@@ -691,7 +691,7 @@ class Fit(Viewed):
     # -- display ----------------------------------------------------------------------------------------
 
     def view(self) -> View:
-        """Return values with their intervals, undetermined values, notes, and measured values beside the model's."""
+        """Return values with intervals, undetermined values, notes, and measured values with those of the model."""
         every = self.compared()
         caption = (
             f"Measured values, those of the model, and their difference, which should look like noise: {len(every)}."

@@ -41,7 +41,7 @@ class FittedData:
 
 
 def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
-    """Draw measured values with those of the model, and their difference beside them: a row for each pair."""
+    """Draw a row for each pair: measured values with those of the model, and their difference."""
     panels = []
     for name in list(every)[thin(every, MOST_ROWS)]:
         data, is_line = every[name], every[name].at.size > MANY

@@ -258,7 +258,7 @@ def _write(tables: dict[str, Any], path: Path) -> Path:
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
-    """Return results as plain data; empty ones are None, which files leave out."""
+    """Return results as plain data. Empty results become None: files do not have them."""
     if is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, dict):

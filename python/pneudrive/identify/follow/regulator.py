@@ -119,7 +119,7 @@ class RegulatorFit(Fit):
     runs: dict[str, dict[str, float]]
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return what the recordings do not determine."""
+        """Return the undetermined values."""
         return tuple(Finding(sentence, "open") for sentence in self.undetermined)
 
     def simulate(self, record: VolumeRecording) -> Array:
@@ -220,7 +220,7 @@ def identify_regulator(
     return RegulatorFit(
         name=described.name,
         values=_named(solved),
-        units=UNITS,
+        units={**UNITS},
         free=NAMES,
         covariance=np.zeros((0, 0)),
         intervals=intervals,

@@ -27,7 +27,7 @@ Step = tuple["Place", "Place"]
 
 
 class NoWayError(Exception):
-    """Error: there is no way for a line. The drawing is repeated with more room between the blocks."""
+    """A line has no way. The drawing is repeated with more room between the blocks."""
 
 
 class Routes:
