@@ -16,7 +16,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound
-from pneudrive.files.packed import check_unpacked
+from pneudrive.files.content import check_unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

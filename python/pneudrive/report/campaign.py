@@ -25,8 +25,7 @@ from pneudrive.numbers import plain, with_u
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Paragraph, Picture, view_report, view_section
 from pneudrive.report.provenance import references, software
-from pneudrive.report.tables import MM, chance, condition_names, plural, spread_evenly
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import MM, Topic, chance, condition_names, plural, spread_evenly
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst

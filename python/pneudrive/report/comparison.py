@@ -12,8 +12,7 @@ from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
 from pneudrive.report.page import view_report
-from pneudrive.report.tables import MM, cell, chance, plural, sentence, spread_evenly
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import MM, Topic, cell, chance, plural, sentence, spread_evenly
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from pneudrive.control.results.measures import view_of_score, written
 from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look, stack, thin
 from pneudrive.report.page import view_report
 from pneudrive.report.render import box_marks, draw_figure
-from pneudrive.report.tables import plural
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic, plural
 from pneudrive.simulation.trajectory import attributes, check_si
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 

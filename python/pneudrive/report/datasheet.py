@@ -20,7 +20,7 @@ from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, Report, view_section
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic
 from pneudrive.report.typst_page import write_pdf
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, whole

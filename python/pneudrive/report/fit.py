@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from pneudrive.report.page import view_report
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -13,8 +13,7 @@ from pneudrive import figures
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
 from pneudrive.report.render import draw_figure
-from pneudrive.report.tables import spread_evenly
-from pneudrive.report.topics import texts_of
+from pneudrive.report.tables import spread_evenly, texts_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

@@ -11,7 +11,7 @@ from pneudrive.identify.compared import comparison_figure
 from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Picture, view_report
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic
 from pneudrive.views import Finding, ShownFigure, View, worst
 
 if TYPE_CHECKING:

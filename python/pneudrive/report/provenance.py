@@ -12,7 +12,7 @@ from pneudrive import __version__
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.references import entries
 from pneudrive.report.page import Items, Paragraph, Section
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -36,6 +36,7 @@ from pneudrive.report.render import draw_figure
 from pneudrive.report.speed import map_view, recovered_section
 from pneudrive.report.tables import (
     MOST_SHOWN,
+    Topic,
     broken,
     by_seal,
     gauge_bar,
@@ -45,7 +46,6 @@ from pneudrive.report.tables import (
     speed_mm_s,
     spread_evenly,
 )
-from pneudrive.report.topics import Topic
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.units import readable

@@ -16,7 +16,7 @@ from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, Paragraph, Report, view_section
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic
 from pneudrive.sizing.checks import READ, read
 from pneudrive.sizing.result import WRITTEN, maker_type
 from pneudrive.sizing.result import values_of as drive_values

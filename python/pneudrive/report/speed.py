@@ -13,8 +13,7 @@ from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, bar, gro
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import with_u
-from pneudrive.report.tables import spread_evenly
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic, spread_evenly
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, worst
 

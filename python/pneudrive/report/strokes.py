@@ -11,8 +11,7 @@ from pneudrive.figures import THIN, Axis, Figure, Line, Look, Markers, Panel, Ru
 from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.numbers import fixed
 from pneudrive.report.page import Paragraph
-from pneudrive.report.tables import by_seal, gauge_bar, plural, spread_evenly
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic, by_seal, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 
 if TYPE_CHECKING:

@@ -26,8 +26,7 @@ from pneudrive.figures import (
     thin,
 )
 from pneudrive.report.page import Paragraph, Picture, view_report
-from pneudrive.report.tables import MOST_SHOWN, plural, quantity, spread_evenly
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import MOST_SHOWN, Topic, plural, quantity, spread_evenly
 from pneudrive.validate.balance import BALANCES, moving_mass
 from pneudrive.validate.static import STATIC_FIT_PERCENT
 from pneudrive.validate.validation import CHANNELS

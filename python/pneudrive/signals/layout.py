@@ -31,7 +31,7 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import LayoutError, Problems, nearest
-from pneudrive.files.packed import COMPRESSIONS
+from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
 from pneudrive.repr_tables import Shown

@@ -13,8 +13,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound, within
-from pneudrive.files.content import check_file
-from pneudrive.files.packed import COMPRESSIONS, pieces
+from pneudrive.files.content import COMPRESSIONS, check_file, pieces
 from pneudrive.signals.columns import header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 

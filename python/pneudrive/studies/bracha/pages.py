@@ -9,8 +9,7 @@ from pneudrive.figures import MEASURED, MODEL, Figure, Line, Panel, thin
 from pneudrive.report.page import Paragraph, Picture
 from pneudrive.report.speed import recovered
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane
-from pneudrive.report.tables import plural, sentence
-from pneudrive.report.topics import Topic
+from pneudrive.report.tables import Topic, plural, sentence
 from pneudrive.studies.bracha.figure import TEXTS, readable
 from pneudrive.studies.bracha.figures import DRAWINGS
 from pneudrive.studies.bracha.general import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
