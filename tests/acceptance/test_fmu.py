@@ -323,29 +323,13 @@ def test_variables_of_circuits_of_all_kinds_have_one_name_and_the_unit_of_the_co
                 powers = description.exponents(core)
                 wanted = {base: powers.get(base, 0) + rate.get(base, 0) for base in {*powers, *rate}}
                 assert description.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
-    assert {"reservoir/pulsating", "regulator/electro-pneumatic", "valve/proportional-5/3", "carriage"} <= seen
+    assert {"regulator/electro-pneumatic", "valve/proportional-5/3", "carriage"} <= seen
     columns = ("valve.speed_1_s", "reg.acting_set_pressure_rate_pa_s", "axis.jerk_m_s3")
     assert [meaning(one)[:2] for one in columns] == [
         ("valve.speed", "1/s"),
         ("reg.acting_set_pressure_rate", "Pa/s"),
         ("axis.jerk", "m/s^3"),
     ]
-
-
-def test_a_number_whose_name_is_an_output_is_given_under_another_one(tmp_path):
-    drive = SMOOTH.circuit.replace(
-        {
-            "components.supply": {
-                "kind": "reservoir/pulsating",
-                "pressure": "7 bar abs",
-                "amplitude": "0.3 bar",
-                "frequency": "5 Hz",
-            }
-        }
-    )
-    tool = Tool(str(pn.export_fmu(drive, tmp_path / "mains.fmu").path)).begin(given__supply__pressure=6e5)
-    tool.fmu.doStep(0.0, 0.05)
-    assert tool.get("supply.pressure")[0] == pytest.approx(6.3e5, rel=1e-6), "a quarter of a period"
 
 
 def test_directional_derivatives_are_those_of_differences(made):

@@ -7,14 +7,13 @@
 
 #![warn(missing_docs)]
 
-/// Crates for authors of component crates.
+/// The crates below.
 pub use {math, ode, physics, specification};
 
 mod assembly;
 mod circuit;
 mod component;
 mod ground;
-pub mod own;
 mod part;
 
 pub use assembly::{
@@ -24,8 +23,8 @@ pub use assembly::{
 };
 pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
-    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Points, Port, PortKind, Quantity, Starting, Stroke,
-    Symbol, formula_kind, kinds, register,
+    Brings, Choice, Extra, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port, PortKind, Quantity,
+    Row, Starting, Stroke, Symbol, formula_kind,
 };
 pub use ground::{
     AxisId, AxisNode, Channel, DIRECTIONS, Error, GasId, GasNode, Given, Input, Kind, Net, Part, run_jobs,

@@ -1,7 +1,6 @@
 //! Parts of a circuit: pieces with equations. A new part needs a file here and a line in `parts!`.
 
 pub(crate) mod flow;
-mod foreign;
 pub(crate) mod gas;
 mod kinds;
 pub(crate) mod mechanics;
@@ -18,11 +17,9 @@ pub use flow::gap::Gap;
 pub use flow::restriction::{OtherRestriction, Restriction};
 pub use flow::series::{Series, TubeWall};
 pub use flow::table_edge::TableEdge;
-pub use foreign::{Family, Foreign, Member};
 pub use gas::column::Column;
 pub use gas::compressor::Compressor;
 pub use gas::ejector::Ejector;
-pub use gas::pulsation::Pulsation;
 pub use gas::reservoir::Reservoir;
 pub use gas::volume::{ChamberLaw, Volume};
 pub use gas::wall::Wall;

@@ -2,8 +2,9 @@
 
 use crate::convert::parse;
 use crate::friction::refused;
-use circuit::own::Row;
-use circuit::{Choice, ComponentKind, Extra, Holds, Port, PortKind, Stroke, Symbol, formula_kind, kinds};
+use circuit::{
+    Choice, ComponentKind, Extra, Holds, KINDS, Port, PortKind, Row, Stroke, Symbol, formula_kind,
+};
 use physics::Parameter;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -49,7 +50,7 @@ fn add_strokes<'py>(
 /// Returns every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    kinds().into_iter().map(|kind| kind_entry(py, kind)).collect()
+    KINDS.iter().map(|kind| kind_entry(py, kind)).collect()
 }
 
 /// Returns the entry, as in `components`, of a kind with a formula (JSON), with `warnings`.

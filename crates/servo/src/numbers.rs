@@ -2,11 +2,11 @@
 
 use crate::refuse;
 use circuit::specification::Component;
-use circuit::{ComponentKind, Error, kinds};
+use circuit::{ComponentKind, Error, KINDS};
 
 /// A number of a component: the given value, or the default.
 pub(crate) fn number(own: &Component, key: &str) -> Option<f64> {
-    let kind: &ComponentKind = kinds().into_iter().find(|kind| kind.key == own.kind)?;
+    let kind: &ComponentKind = KINDS.iter().find(|kind| kind.key == own.kind)?;
     let row = kind.parameters.iter().find(|row| row.key == key)?;
     own.numbers.get(key).copied().or(row.default)
 }

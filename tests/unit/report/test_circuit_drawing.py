@@ -135,12 +135,7 @@ def vacuum():
         "ejector": {"kind": "ejector", "suction_conductance": "0.5 dm3/(s bar)"} | SIZE,
         "cup": {"kind": "tank", "volume": "50 cm3"},
         "quiet": {"kind": "silencer"} | FLOW,
-        "swing": {
-            "kind": "reservoir/pulsating",
-            "pressure": "6 bar gauge",
-            "amplitude": "0.3 bar",
-            "frequency": "5 Hz",
-        },
+        "swing": {"kind": "reservoir", "pressure": "6 bar gauge"},
         "gap": {"kind": "leak", "coefficient": "1e-20 kg K/(s Pa2)"},
         "line": {"kind": "tube/distributed", "length": "2 m", "diameter": "4 mm"},
     }

@@ -2,20 +2,19 @@
 
 use super::friction::contact;
 use super::joints::{one_of, refuse};
-use crate::component::{Choice, Given, Instance, Kind, Row, check, kinds};
+use crate::component::{Choice, Given, Instance, KINDS, Kind, Row, check};
 use crate::ground::{Error, Lifted, with_unit};
 use crate::specification::Component;
 
 /// A component with its numbers, checked.
 pub(super) fn instance(spec: &Component) -> Result<Instance<f64>, Error> {
     let name = &spec.name;
-    let kinds = kinds();
-    let Some(kind) = kinds.iter().position(|kind| kind.key == spec.kind) else {
-        let kinds = one_of(kinds.iter().map(|kind| kind.key));
+    let Some(kind) = KINDS.iter().position(|kind| kind.key == spec.kind) else {
+        let kinds = one_of(KINDS.iter().map(|kind| kind.key));
         return refuse(format!("{name}: there is no kind \"{}\" of component; kinds: {kinds}", spec.kind));
     };
-    let extra = Given::of(kinds[kind], spec)?;
-    let table = extra.kind(kinds[kind]);
+    let extra = Given::of(KINDS[kind], spec)?;
+    let table = extra.kind(KINDS[kind]);
     let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
     if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));

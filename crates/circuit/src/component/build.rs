@@ -5,8 +5,8 @@ use super::kind::Kind;
 use crate::circuit::{Circuit, Path};
 use crate::component::mechanics::end_stop::Ends;
 use crate::component::{Quantity, Starting, Timing};
-use crate::ground::{AxisId, Between, Error, GasId, Part};
-use crate::part::{CheckValve, Edge, Family, Foreign, InputId, Kept, Member, PartId, Wall};
+use crate::ground::{AxisId, Between, Error, GasId};
+use crate::part::{CheckValve, Edge, InputId, Kept, PartId, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use physics::friction::Contact;
@@ -198,15 +198,6 @@ impl<P: Lane> Build<P> {
         let paths = part.paths().iter().zip(conductances);
         self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
         self.circuit.add(part)
-    }
-
-    /// Adds a part of another crate. For each flow path, end stops are designed for its sonic conductance.
-    pub fn own_part<T: Member + Part<P> + 'static>(&mut self, part: T, conductances: &[P]) -> PartId
-    where
-        Deps: Over<P>,
-        T::Family: Family<Of<P> = T>,
-    {
-        self.flow_part(Foreign::new(part), conductances)
     }
 
     /// Adds a flow path between two gas nodes.

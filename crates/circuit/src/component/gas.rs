@@ -2,6 +2,5 @@
 
 pub(crate) mod compressor;
 pub(crate) mod ejector;
-pub(crate) mod pulsating;
 pub(crate) mod reservoir;
 pub(crate) mod tank;

@@ -49,7 +49,7 @@ impl<P> Given<P> {
 pub struct Instance<P> {
     /// Its name in the circuit.
     pub name: String,
-    /// Index of the kind in [`kinds`](super::kinds()).
+    /// Index of the kind in [`KINDS`](super::KINDS).
     pub kind: usize,
     /// Table of the kind, or the one that a formula makes of it.
     pub(crate) table: &'static Kind,

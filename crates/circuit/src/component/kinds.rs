@@ -4,7 +4,7 @@ use super::build::{Build, Component};
 use super::extra::Extra;
 use super::instance::{Brings, Given, Instance, Terminals};
 use super::kind::Kind;
-use super::{flow, formula, gas, mechanics, registry, valves};
+use super::{flow, formula, gas, mechanics, valves};
 use crate::ground::Error;
 use crate::specification::ComponentFormula;
 use math::{Deps, Lane, Over};
@@ -20,7 +20,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::bring(own, port, ambient_temperature);
             })*
-            registry::at(own.kind - KINDS.len()).bring_as(own, port, ambient_temperature)
+            unreachable!("a kind of component")
         }
 
         pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
@@ -28,7 +28,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::series(own);
             })*
-            registry::at(own.kind - KINDS.len()).series_as(own)
+            unreachable!("a kind of component")
         }
 
         pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
@@ -36,7 +36,7 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::check(own);
             })*
-            registry::at(own.kind - KINDS.len()).check(own)
+            unreachable!("a kind of component")
         }
 
         pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) where Deps: Over<P> {
@@ -44,7 +44,6 @@ macro_rules! components {
             $(if own.kind == kind.next().unwrap_or(0) {
                 return <$component as Component>::compose(own, at, build);
             })*
-            registry::at(own.kind - KINDS.len()).compose(own, at, build);
         }
     };
 }
@@ -68,7 +67,6 @@ components! {
     valves::regulator::ElectroPneumatic,
     flow::quick_exhaust::QuickExhaust,
     gas::compressor::Compressor,
-    gas::pulsating::Pulsating,
     gas::ejector::Ejector,
     valves::valve::Proportional53,
     valves::valve::Proportional32,
@@ -108,20 +106,6 @@ components! {
     mechanics::cylinder::SingleRod,
     mechanics::cylinder::SingleActing,
     mechanics::cylinder::Tandem,
-}
-
-/// Adds a kind of component that circuits may use, in this process. Adding the same kind again changes nothing.
-///
-/// # Errors
-///
-/// Another component of this kind exists.
-pub fn register<C: Component>() -> Result<(), Error> {
-    registry::add::<C>(|key| KINDS.iter().any(|own| own.key == key))
-}
-
-/// Every kind of component: those of this crate, then those that were added.
-pub fn kinds() -> Vec<&'static Kind> {
-    KINDS.iter().copied().chain(registry::others()).collect()
 }
 
 /// Returns the table of the components that a formula makes from a kind, and warnings to the author. `None` if the kind

@@ -40,22 +40,22 @@ macro_rules! table {
         $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?
         $(, only $only:literal)? $(, was $was:literal)?,
         $meaning:literal)?)?;)*) => {{
-        const PARTS: &[&[$crate::own::Row]] = &[$(
+        const PARTS: &[&[$crate::component::Row]] = &[$(
             $(&$rows)?
             $(&[$crate::table!(
                 @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?],
                 [$($only)?], [$($was)?], $meaning)?
             )])?
         ),*];
-        const ROWS: [$crate::own::Row; $crate::own::count(PARTS)] = $crate::own::join(PARTS);
+        const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
         &ROWS
     }};
     (@row $shared:ident) => { $shared };
     (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
         [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], [$($only:literal)?], [$($was:literal)?],
         $meaning:literal) => {
-        $crate::own::Row {
-            parameter: $crate::physics::Parameter {
+        $crate::component::Row {
+            parameter: ::physics::Parameter {
                 key: stringify!($key),
                 unit: $unit,
                 bounds: $bounds,

@@ -3,7 +3,6 @@
 pub(crate) mod column;
 pub(crate) mod compressor;
 pub(crate) mod ejector;
-pub(crate) mod pulsation;
 pub(crate) mod reservoir;
 pub(crate) mod volume;
 pub(crate) mod wall;

@@ -436,7 +436,6 @@ parts! {
         second_orders: SecondOrder,
         poppets: Poppet,
         compressors: Compressor,
-        pulsations: Pulsation,
         ejectors: Ejector,
         held: Held,
         spools: Spool,
@@ -457,5 +456,4 @@ parts! {
         series: Series,
         formula_paths: FormulaPath,
         formula_forces: FormulaForce,
-        foreign: Foreign,
 }

@@ -277,25 +277,6 @@ fn a_compressor_at_a_reservoir_changes_nothing() {
 }
 
 #[test]
-fn a_pulsating_reservoir_swings_about_its_mean() {
-    let (amplitude, f) = (4e4, 12.5);
-    let numbers = json!({ "pressure": 6e5, "amplitude": amplitude, "frequency": f });
-    let path = one("path", "fitting", json!({ "conductance": 1e-8, "critical_pressure_ratio": 0.3 }));
-    let components = json!([one("mains", "reservoir/pulsating", numbers), path, tank(1e-3)]);
-    let network =
-        network(&components, &json!([["mains.1", "path.1"], ["path.2", "tank.1"]])).expect("assembles");
-    let start = [("tank.pressure_pa", 6e5), ("tank.temperature_k", ROOM)];
-    let (columns, ledger) = run(&network, &[("mains.pressure_pa", 4.0, 5e5)], (8.0, 200.0), &start);
-    closes(ledger);
-    for (t, p) in columns["time_s"].iter().zip(&columns["mains.pressure_pa"]) {
-        let mean = if *t < 4.0 { 6e5 } else { 5e5 };
-        near(*p, mean + amplitude * (2.0 * std::f64::consts::PI * f * t).sin(), 1e-6);
-    }
-    assert!(columns["path.mass_flow_kg_s"].iter().any(|flow| *flow < 0.0));
-    assert_eq!(columns["path.mass_flow_kg_s"], columns["mains.mass_flow_kg_s"]);
-}
-
-#[test]
 fn an_ejector_draws_a_vacuum_and_lets_it_go() {
     let (suction, volume) = (2e-9, 1e-3);
     let numbers = json!({ "conductance": 4e-9, "suction_conductance": suction, "lowest_pressure": 1.5e4,
@@ -330,11 +311,6 @@ fn pressures_that_contradict_each_other_are_refused() {
             "compressor",
             json!({ "free_air_delivery": 1e-3, "start_pressure": 8e5, "stop_pressure": 7e5 }),
             "x.start_pressure = 800000 Pa must be below x.stop_pressure",
-        ),
-        (
-            "reservoir/pulsating",
-            json!({ "pressure": 1e5, "amplitude": 1e5, "frequency": 1.0 }),
-            "x.amplitude = 100000 Pa must be below x.pressure",
         ),
         (
             "soft-start",

@@ -1,6 +1,6 @@
 //! The tables of all kinds of component agree with themselves and with what the components do.
 
-use circuit::own::{Brings, Instance};
+use circuit::{Brings, Instance};
 use circuit::{Holds, KINDS};
 
 #[test]

@@ -19,7 +19,6 @@ mod mechanics;
 mod memory;
 mod mirror;
 mod network;
-mod new_component;
 mod numbers;
 mod published_lugre;
 mod published_sticking;
