@@ -16,13 +16,13 @@ import numpy as np
 import published_models
 from pneudrive.errors import PneudriveWarning
 from pneudrive.friction.characterisation import characterise_recordings as characterise
+from pneudrive.identify.compared import comparison_figure
 from pneudrive.identify.follow.driven import driven_recordings
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
-from pneudrive.report.motion import over_time_figure
 from pneudrive.report.render import render
 from pneudrive.validate.closure import Closure
 from pneudrive.validate.motion import MotionValidation, validate_motion
@@ -48,7 +48,7 @@ def main() -> None:
     friction, differ = friction_rows(files, layout)
     seals = seal_rows()
     with style.applied():
-        save(render(over_time_figure(fit.solution, 0)), "real-gas-spring")
+        save(render(comparison_figure(fit.fitted)), "real-gas-spring")
         save(joint_figure(joints), "real-joints")
         save(seal_figure(seals), "real-seals")
     text = page(fit, check, halves, delays, joints, friction, differ, seals)

@@ -176,7 +176,7 @@ def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
     assert run(["fit", str(chain / "c"), "--laws", "stribeck gaussian", "--pressure", "linear", "--out", out]) == 0
     assert run(["apply", out, str(chain / "drive.toml"), "--out", str(chain / "again.toml")]) == 0
     drives = [(chain / name).read_text("utf-8") for name in ("again.toml", "applied.toml")]
-    assert len({re.sub(r'fit = "\w+"', "", text) for text in drives}) == 1  # but for the hash of the fit's file
+    assert len({re.sub(r'(fit|file) = "[^"]+"', "", text) for text in drives}) == 1  # but for the fit's file
     assert run(["fit", str(chain / "c"), "--laws", "coulomb", "--direction", "+x", "--out", out]) == 0
     kept = FrictionFit.from_toml(out).dependences
     assert {"dwell", "position"} <= kept.tables.keys()

@@ -91,7 +91,7 @@ def test_the_interval_of_one_part_contains_the_value_of_the_next():
         low, high = first.intervals[name]
         assert low <= value <= high, name
         assert np.log(high / low) < (0.15 if name.endswith("volume") else 0.8)
-        outside += not first.model_intervals[name][0] <= value <= first.model_intervals[name][1]
+        outside += not first.details[name]["model_interval"][0] <= value <= first.details[name]["model_interval"][1]
     assert outside  # the interval of one model alone does not contain all of them
 
 

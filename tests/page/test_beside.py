@@ -160,7 +160,7 @@ def test_what_a_long_run_shows_at_a_time_is_of_that_time(server: Server, open_ta
     page.hover("figure.plot[data-plot=Position] .u-over", position={"x": 150, "y": 60})
     told, shown = page.locator("figure.plot[data-plot=Position] figcaption .value").all_inner_texts()[:2]
     row = int(np.abs(time - float(told)).argmin())
-    assert float(shown) == pytest.approx(1e3 * position[row], rel=1e-3, abs=1e-4)
+    assert float(shown) == pytest.approx(1e3 * position[row], rel=5e-3, abs=1e-4)  # three digits
     tab.check()
 
 

@@ -120,7 +120,7 @@ def test_two_views_move_together_on_the_paper_of_the_notebook(browser: object, d
     page.keyboard.press("End")  # above the breakaway force
     page.wait_for_selector(".wrong")
     colour = page.eval_on_selector(".wrong", "one => getComputedStyle(one).color")
-    assert colour == "rgb(255, 157, 157)", "red on dark paper"
+    assert colour == "rgb(255, 156, 152)", "red on dark paper"
     page.close()
 
 

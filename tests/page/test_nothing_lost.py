@@ -408,7 +408,7 @@ def test_what_does_not_count_is_said(server: Server, open_tab: Open) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
-    hazard = page.locator(".shown > .severe").first
+    hazard = page.locator(".severe").first
     assert "are harder than a cylinder of this bore usually takes" in hazard.inner_text()
     assert hazard.bounding_box()["y"] < page.locator("[data-end] >> nth=0").bounding_box()["y"]  # above the curves
     page.select_option("label:has-text('Compare with') select", "upright.toml")

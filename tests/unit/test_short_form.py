@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -137,7 +138,7 @@ def test_lines_on_the_command_line(tmp_path, capsys):
     path.write_text(SHORT + LINES)
     command = ["--command", "0 s: 1", "--duration", "0.1 s", "--initial", "position = 0 mm"]
     assert run(["simulate", str(path), *command, "--out", str(out)]) == 0
-    assert "position 0.000 mm -> " in capsys.readouterr().out
+    assert re.search(r"\nposition +0\.000 mm ", capsys.readouterr().out)
     assert out.read_text().splitlines()[0].startswith("time_s,position_m,velocity_m_s,")
     assert run(["check", str(path)]) == 0
     said = capsys.readouterr().out
