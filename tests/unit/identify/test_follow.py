@@ -92,8 +92,7 @@ def test_leak_wall_delay_and_ram_area_lie_in_their_intervals(circuit, seed):
 def test_a_wall_earns_its_place_only_where_there_is_one(circuit):
     walled = pn.identify_motion(circuit, [record(Truth(capacity=1500.0, outer=40.0))], ["volumes", "heat"])
     assert next(r for r in walled.rivals if r.name == "wall_a").earns
-    low, high = walled.details["upper.volume"]["spread"]
-    assert high > low
+    assert np.ptp(walled.details["upper.volume"]["spread"]) > 0.0
     plain = pn.identify_motion(circuit, [record(Truth())], ["volumes", "heat"])
     assert not any(r.earns for r in plain.rivals)
     assert "not determined" in next(r for r in plain.rivals if r.name == "leak").verdict

@@ -278,7 +278,8 @@ class FollowRecord:
     def of_table(cls, table: dict[str, Any]) -> FollowRecord:
         """Return the record of a table in a file; an older one has its residuals in percent."""
         known: dict[str, Any] = {field.name: table[field.name] for field in fields(cls) if field.name in table}
-        return cls(**known | {"rms": tuple(table.get("rms") or (share / 100.0 for share in table["rms_percent"]))})
+        known["rms"] = tuple(table.get("rms") or (share / 100.0 for share in table["rms_percent"]))
+        return cls(**known)
 
     def __str__(self) -> str:
         """Return residuals, start and delay."""
