@@ -43,12 +43,12 @@ from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
-from pneudrive.sizing.result import SUMMARY, SizingResult
+from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.units import in_unit, readable
 from pneudrive.units.table import TABLE
 from pneudrive.validate.validation import CHANNELS
-from pneudrive.views import ShownCurve, ShownValue, View
+from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,7 +64,7 @@ _NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StoredResult(Shown):
+class StoredResult(Viewed):
     """Result that its folder or file holds as plain data.
 
     Attributes
@@ -83,9 +83,6 @@ class StoredResult(Shown):
     def view(self) -> View:
         """Return the stored values, curves and sentences."""
         return _VIEWS[self.kind](self)
-
-    def _card(self) -> Card:
-        return self.view().card()
 
 
 #: Kind of a file or a folder -> function that reads it.
@@ -476,8 +473,11 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
             v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)
         }
         return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
-    rows = view_of(result).rows
-    return {row.key: _side(row) for row in rows if row.origin != "text"}
+    view = view_of(result)
+    sides = {row.key: _side(row) for row in view.rows if row.origin != "text"}
+    if isinstance(result, SizingResult):  # a table of the view names the parts
+        sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder[:WRITTEN], 1)}
+    return sides
 
 
 def _side(row: ShownValue) -> ComparedValue:

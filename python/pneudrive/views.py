@@ -382,7 +382,7 @@ class View(Shown):
         return ("curve", "points", *axes, "95 % band"), rows
 
     def text(self) -> str:
-        """Return all but curves and figures as text. Tables are indented; "!" marks bad findings."""
+        """Return all but curves and figures as text. Tables are indented; "!" marks open and bad findings."""
         shown = {row.key for row in self.rows}
         leading = (one for one in self.leading if one.value.key not in shown)
         values = [("!" if one.state == "bad" else "-", one.text) for one in leading]

@@ -144,14 +144,14 @@ def test_two_sizings_are_compared(tmp_path):
     drive |= {"time_out": 0.2, "time_back": 0.2, "end_speed": 0.5, "energy": 1.0, "peak_pressure": 7e5, "sizes": []}
     drive |= {"margins": {"energy out": 0.5}, "worst": {"energy out": [1.0, 2.0, "J"]}, "measure": "", "explains": 0.0}
     counts = dict.fromkeys(("enumerated", "left", "tuned"), 1) | {"pruned": {}, "complete": True}
-    for name, time in (("a", 0.2), ("b", 0.25)):
+    for name, time, valve in (("a", 0.2, "smc-sy3000"), ("b", 0.25, "smc-sy5000")):
         (tmp_path / name).mkdir()
-        content = counts | {"task": task, "ranked": [drive | {"time_out": time}]}
+        content = counts | {"task": task, "ranked": [drive | {"time_out": time, "parts": parts | {"valve": valve}}]}
         (tmp_path / name / "result.json").write_text(json.dumps(content))
     air = next(row for row in pn.load(tmp_path / "a").view().rows if row.quantity == "air of a cycle, l ANR")
     assert air.value == pytest.approx(1e-3 / 1.185 * 1e3)  # stored in kg
-    (pair,) = pn.compare_results(tmp_path / "a", tmp_path / "b").values
-    assert (pair.key, pair.before, pair.after) == ("rank 1.time out", "0.200 s", "0.250 s")
+    changes = [(pair.key, pair.after) for pair in pn.compare_results(tmp_path / "a", tmp_path / "b").values]
+    assert changes == [("rank 1.time out", "0.250 s"), ("rank 1.parts", "festo-dsbg-32-100 + smc-sy5000 + smc-tu0604")]
 
 
 @pytest.mark.parametrize(

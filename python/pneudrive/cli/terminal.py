@@ -18,6 +18,7 @@ from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import aligned
+from pneudrive.views import ShownTable, View
 
 with used_later(__name__):
     from pneudrive.report import render
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from pneudrive.identify.base import Fit
-    from pneudrive.views import View
 
 #: Width of a table that is written to a file, characters.
 WIDTH = 160
@@ -114,17 +114,12 @@ def show_view(view: View) -> None:
     for caption, (head, rows) in (*(("", table) for table in (*values, view.curve_table())), *tables):
         if rows:
             show_lines(*([caption] if caption else ()))
-            show_table(_aligned_heads(head, rows), rows[:MOST_ROWS])
+            numbers = ShownTable("", tuple(head), tuple(map(tuple, rows))).are_numbers
+            heads = [name if is_number else f"<{name}" for name, is_number in zip(head, numbers, strict=True)]
+            show_table(heads, rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
             show_lines(f"{len(rows) - MOST_ROWS} further rows are in the files.")
     show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
-
-
-def _aligned_heads(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the heads with "<" at each column that has a cell that does not begin with a number."""
-    columns = zip(*rows, strict=True)
-    are_numbers = [all(not cell or cell[0] in "+-." or cell[0].isdigit() for cell in column) for column in columns]
-    return [name if is_number else f"<{name}" for name, is_number in zip(head, are_numbers, strict=True)]
 
 
 def check_outputs(

@@ -346,16 +346,7 @@ def recordings_report(
 ) -> Report:
     """Return the report: the view, and sections on measurement, record, strokes and budget; sections of one key join.
 
-    Parameters
-    ----------
-    found : Characterisation or None
-        Result of recordings, real or simulated.
-    fits : mapping
-        Group -> law -> FrictionFit; may be empty.
-    study : Study, optional
-        Adds its sections, such as those of the source paper.
-    curves : CampaignCharacteristics, optional
-        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
+    The parameters are those of `write_report`; `study` is its `reproduction`.
     """
     addition = None if study is None else study.addition(found)
     parts: list[Section | None] = []

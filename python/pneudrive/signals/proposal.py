@@ -521,7 +521,7 @@ class Proposal:
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
     every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty for
-    other kinds and for a file that cannot be read; ``problem`` has the reason. ``unused`` has the columns of numbers
+    other kinds and for an unreadable file, and ``problem`` has the reason. ``unused`` has the columns of numbers
     that the layout does not use.
     """
 

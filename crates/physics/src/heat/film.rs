@@ -55,8 +55,11 @@ crate::parameters! {
     ///   `h_rate = sqrt(k cp) (r^2 + e^2)^(1/4),   r = (m' - rho V')/V`
     ///   `h_jet = 0.56 (k/l) ((Re^2 + 100^2)^0.335 - 100^0.67),   Re = 4 m_in/(pi d mu)`
     ///
-    /// A wetted wall, V volume, T_f = (T + T_w)/2, rho = p/(R T_f), dT = sqrt((T - T_w)^2 + 1 K^2), e = 0.01 kg/(s m3),
-    /// m_in = sum of (m + sqrt(m^2 + m_0^2) - m_0)/2 with m_0 at Re 10, l = sqrt(D^2 + (V/A_piston)^2).
+    /// A is the wetted wall, V the volume. T_f = (T + T_w)/2, rho = p/(R T_f), dT = sqrt((T - T_w)^2 + 1 K^2).
+    ///
+    /// e = 0.01 kg/(s m3). m_in is the sum of (m + sqrt(m^2 + m_0^2) - m_0)/2, with m_0 at Re 10.
+    ///
+    /// l = sqrt(D^2 + (V/A_piston)^2).
     ///
     /// h_cond is the slow limit of conduction, h_rate its limit for fast changes. Sources: natural convection
     /// [geankoplis1993], jet [woodfield2007]. Square roots and rational functions approximate the powers 1/3 and 0.335.

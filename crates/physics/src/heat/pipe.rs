@@ -27,8 +27,9 @@ crate::parameters! {
     ///
     ///   `h = c (k/d) (3.66 (1 - s) + s Nu_G)                                                          [W/(m2 K)]`
     ///
-    /// Nu_G of [`nusselt`] is taken at max(Re, 2000), with the friction of a smooth pipe. s is the turbulent share of this
-    /// friction: 0 below Re 2000, 1 above Re 4000. The law is uncertain by a factor of 1.4.
+    /// Nu_G of [`nusselt`] is taken at max(Re, 2000), with the friction of a smooth pipe.
+    /// The turbulent share s of this friction is 0 below Re 2000 and 1 above Re 4000.
+    /// The law is uncertain by a factor of 1.4.
     pub struct Pipe {
         /// Derived: c k/d
         film: "W/(m2 K)", crate::any();

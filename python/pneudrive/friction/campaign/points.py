@@ -314,11 +314,11 @@ class CurvePoints(CycleTable):
     - ``speed_m_s``: mean of both directions.
     - ``friction_n``, ``offset_n``: half the difference and half the sum of the balances of both directions.
     - ``air_n``: half the difference of the chambers' force, positive against the motion.
-    - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: from the cycle alone. They are
-      the scatter of its strokes, at least the noise within them.
-    - ``relative_n``: friction of each cycle over its mean in the bins; NaN if nothing has settled.
-    - ``curve``, ``level``: numbers of the condition and of the speed level; levels ascend.
-    - ``reason``: cause that excludes a cycle from F(v); empty for a point of F(v).
+    - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: scatter of the strokes
+      of the cycle, at least the noise within them.
+    - ``relative_n``: friction of each cycle over its mean in the bins. NaN if nothing has settled.
+    - ``curve``, ``level``: numbers of the condition and of the speed level. Levels ascend.
+    - ``reason``: cause that excludes a cycle from F(v). Empty for a point of F(v).
 
     Attributes
     ----------
