@@ -7,10 +7,18 @@ import { defineConfig } from "vite";
 function build(): string {
   const hash = createHash("sha256");
   const here = (of: string) => readdirSync(join(import.meta.dirname, of), { withFileTypes: true });
-  const folders = ["src", ...here("src").filter((one) => one.isDirectory()).map((one) => `src/${one.name}`).sort(), "."];
+  const folders = [
+    "src",
+    ...here("src")
+      .filter((one) => one.isDirectory())
+      .map((one) => `src/${one.name}`)
+      .sort(),
+    ".",
+  ];
   for (const folder of folders)
     for (const entry of here(folder).sort((a, b) => (a.name < b.name ? -1 : 1)))
-      if (entry.isFile() && /\.(tsx?|css|html|json)$/.test(entry.name)) hash.update(readFileSync(join(import.meta.dirname, folder, entry.name)));
+      if (entry.isFile() && /\.(tsx?|css|html|json)$/.test(entry.name))
+        hash.update(readFileSync(join(import.meta.dirname, folder, entry.name)));
   return hash.digest("hex").slice(0, 16);
 }
 

@@ -2,9 +2,9 @@
 import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
-import { unpack, type Frame } from "./server/frame";
 import { digits, followInk, isDark } from "./plots/looks";
 import { curveOf, Plot } from "./plots/plot";
+import { type Frame, unpack } from "./server/frame";
 
 interface Field {
   key: string;
@@ -45,7 +45,8 @@ interface Model {
 
 const STEPS = 400;
 
-const numbersOf = (changes: Changes): Record<string, number> => Object.fromEntries(Object.entries(changes).map(([key, value]) => [key, parseFloat(String(value))]));
+const numbersOf = (changes: Changes): Record<string, number> =>
+  Object.fromEntries(Object.entries(changes).map(([key, value]) => [key, parseFloat(String(value))]));
 
 function Explore({ model }: { model: Model }) {
   const begin = model.get("begin");
@@ -89,7 +90,12 @@ function Explore({ model }: { model: Model }) {
       else setNumbers(numbersOf(frame.head.changes)); // the sliders of another view were moved
       setWrong(frame.head.problems ?? []);
       if (!frame.head.problems) setAnswer(frame);
-      if (isOwn) Object.assign(place.current!.dataset, { sent: link.current.sent, drawn: frame.head.number, most: link.current.most });
+      if (isOwn)
+        Object.assign(place.current!.dataset, {
+          sent: link.current.sent,
+          drawn: frame.head.number,
+          most: link.current.most,
+        });
       pump();
     };
     model.on("msg:custom", heard);
@@ -111,7 +117,12 @@ function Explore({ model }: { model: Model }) {
             value={Math.round((STEPS * ((numbers[one.key] ?? one.number) - one.low)) / (one.high - one.low))}
             aria-valuetext={`${digits(numbers[one.key] ?? one.number)} ${one.unit}`}
             aria-label={one.key}
-            onInput={(event) => put(one.key, Number((one.low + ((one.high - one.low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
+            onInput={(event) =>
+              put(
+                one.key,
+                Number((one.low + ((one.high - one.low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)),
+              )
+            }
           />
           <output>
             {digits(numbers[one.key] ?? one.number, 5)} {one.unit}
@@ -131,7 +142,9 @@ function Explore({ model }: { model: Model }) {
             title={panel.title}
             unit={panel.unit}
             size={panel.size}
-            curves={panel.curves.map((one) => curveOf(answer!.arrays, answer!.arrays.get("time_s")!, one.column, one.label))}
+            curves={panel.curves.map((one) =>
+              curveOf(answer!.arrays, answer!.arrays.get("time_s")!, one.column, one.label),
+            )}
           />
         ))}
       </div>

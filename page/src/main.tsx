@@ -1,15 +1,15 @@
 import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
-import { Component, render, type ComponentChildren, type ComponentType } from "preact";
+import { Component, type ComponentChildren, type ComponentType, render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { Tray } from "./workspace/jobs";
 import { open } from "./drive/opened";
-import { ConnectionLine } from "./workspace/parts";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
+import { VIEWS, type View, viewOf } from "./views";
+import { Tray } from "./workspace/jobs";
+import { ConnectionLine } from "./workspace/parts";
 import { isOld, list, studies, takeDrops } from "./workspace/studies";
 import { arrangeTables } from "./workspace/tables";
 import { isOverMain, isShown, kindOf, nameOf, PathName, Tree } from "./workspace/tree";
-import { VIEWS, viewOf, type View } from "./views";
 import "./tokens.css";
 import "./style.css";
 
@@ -36,7 +36,9 @@ void load(VIEWS.find((one) => one.name === "simulate")!); // the first click ope
 function keepTab({ view, path }: { view: string; path: string }): void {
   if (!path) return;
   const now = tabs.peek();
-  tabs.value = now.some((one) => one.path === path) ? now.map((one) => (one.path === path ? { path, view } : one)) : [...now.slice(1 - MOST_TABS), { path, view }];
+  tabs.value = now.some((one) => one.path === path)
+    ? now.map((one) => (one.path === path ? { path, view } : one))
+    : [...now.slice(1 - MOST_TABS), { path, view }];
   sessionStorage.setItem(KEY, JSON.stringify(tabs.value));
 }
 
@@ -66,7 +68,9 @@ class Guarded extends Component<{ at: string; children: ComponentChildren }, { f
     return (
       <div class="problem" role="alert">
         <p>This view failed by a fault of the page: {fault}.</p>
-        <p>Hint: Reload the page; save texts under Drive or Sizing first. Report the fault with the files that were open.</p>
+        <p>
+          Hint: Reload the page; save texts under Drive or Sizing first. Report the fault with the files that were open.
+        </p>
       </div>
     );
   }
@@ -79,7 +83,8 @@ function useFocus({ view, path }: { view: string; path: string }): void {
     const at = link(view, path);
     const focused = document.activeElement;
     if (before.current && before.current !== at) {
-      if (focused === document.body || focused?.closest(".tree")) document.getElementById("main")!.focus({ preventScroll: true });
+      if (focused === document.body || focused?.closest(".tree"))
+        document.getElementById("main")!.focus({ preventScroll: true });
       if (focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
     }
     before.current = at;
@@ -97,7 +102,9 @@ function shortName(path: string): string {
 function Tabs() {
   const { view, path } = route.value;
   const kind = kindOf(path);
-  const verbs = path ? VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind)) : [];
+  const verbs = path
+    ? VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind))
+    : [];
   const row = useRef<HTMLUListElement>(null);
   useEffect(() => {
     row.current?.querySelector(".here")?.scrollIntoView({ block: "nearest", inline: "nearest" });
@@ -107,19 +114,30 @@ function Tabs() {
     <>
       {tabs.value.length > 0 && (
         <nav aria-label="Open files">
-        <ul class="tabs" ref={row}>
-          {tabs.value.map((one) => (
-            <li key={one.path} class={one.path === path ? "here" : ""}>
-              <a href={link(one.view, one.path)} title={one.path} aria-current={one.path === path ? "page" : undefined}><PathName path={shortName(one.path)} /></a>
-              <button type="button" class="icon" aria-label={`Close ${one.path}`} onClick={() => closeTab(one.path)}>×</button>
-            </li>
-          ))}
-        </ul>
+          <ul class="tabs" ref={row}>
+            {tabs.value.map((one) => (
+              <li key={one.path} class={one.path === path ? "here" : ""}>
+                <a
+                  href={link(one.view, one.path)}
+                  title={one.path}
+                  aria-current={one.path === path ? "page" : undefined}>
+                  <PathName path={shortName(one.path)} />
+                </a>
+                <button type="button" class="icon" aria-label={`Close ${one.path}`} onClick={() => closeTab(one.path)}>
+                  ×
+                </button>
+              </li>
+            ))}
+          </ul>
         </nav>
       )}
       {verbs.length > 1 && (
         <nav class="verbs" aria-label="Views">
-          {verbs.map((one) => <a key={one.name} href={link(one.name, path)} aria-current={view === one.name ? "page" : undefined}>{one.title}</a>)}
+          {verbs.map((one) => (
+            <a key={one.name} href={link(one.name, path)} aria-current={view === one.name ? "page" : undefined}>
+              {one.title}
+            </a>
+          ))}
         </nav>
       )}
     </>
@@ -130,8 +148,16 @@ function Tabs() {
 function Share() {
   const words = useSignal("Share link");
   useEffect(() => void (words.value = "Share link"), [route.value]);
-  const copy = () => navigator.clipboard.writeText(location.href).then(() => void (words.value = "Link copied"), () => void (words.value = "Copy the address above"));
-  return <button type="button" class="share" onClick={() => void copy()}><span role="status">{words.value}</span></button>;
+  const copy = () =>
+    navigator.clipboard.writeText(location.href).then(
+      () => void (words.value = "Link copied"),
+      () => void (words.value = "Copy the address above"),
+    );
+  return (
+    <button type="button" class="share" onClick={() => void copy()}>
+      <span role="status">{words.value}</span>
+    </button>
+  );
 }
 
 function Page() {
@@ -140,16 +166,31 @@ function Page() {
   const Shown = loaded.value[shown.value.name];
   return (
     <>
-      <a class="skip" href="#main" onClick={toContent}>Skip to the content</a>
+      <a class="skip" href="#main" onClick={toContent}>
+        Skip to the content
+      </a>
       <header>
-        <button type="button" class="icon" aria-expanded={isShown.value} aria-label="Files of the folder" onClick={() => (isShown.value = !isShown.value)}>☰</button>
-        <h1><a href={link("studies")}>pneudrive</a></h1>
+        <button
+          type="button"
+          class="icon"
+          aria-expanded={isShown.value}
+          aria-label="Files of the folder"
+          onClick={() => (isShown.value = !isShown.value)}>
+          ☰
+        </button>
+        <h1>
+          <a href={link("studies")}>pneudrive</a>
+        </h1>
         <span class="folder">{studies.value?.folder}</span>
         <Tray />
         <Share />
       </header>
       <ConnectionLine />
-      {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}
+      {isOld.value && (
+        <div class="banner" role="status">
+          The server has another version of this page. Reload it.
+        </div>
+      )}
       <div class="workspace">
         {connection.value !== "locked" && <Tree />}
         <div class="middle">
@@ -157,7 +198,10 @@ function Page() {
           <main id="main" tabIndex={-1} data-view={view}>
             {connection.value !== "locked" && <Guarded at={link(view, path)}>{Shown && <Shown />}</Guarded>}
           </main>
-          <footer>This page shows and simulates. It is not a safety function.{studies.value && ` pneudrive ${studies.value.version}`}</footer>
+          <footer>
+            This page shows and simulates. It is not a safety function.
+            {studies.value && ` pneudrive ${studies.value.version}`}
+          </footer>
         </div>
       </div>
     </>

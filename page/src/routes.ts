@@ -1,5 +1,5 @@
 /** Addresses name a view, an object, and the choices in the view: `#/friction/<file>?seal=PK`. */
-import { effect, signal, type Signal } from "@preact/signals";
+import { effect, type Signal, signal } from "@preact/signals";
 
 export const route = signal<{ view: string; path: string }>({ view: "studies", path: "" });
 

@@ -9,7 +9,8 @@ describe("the pace of a campaign", () => {
     const told = (text: string) => ((pace.value = text), paced());
     expect(told(" ")).toEqual({});
     expect(told("2.5")).toEqual({ pace: 2.5 });
-    for (const text of ["2,5", "fast", "1e999", "NaN"]) expect(() => told(text)).toThrow("Times real time is no number");
+    for (const text of ["2,5", "fast", "1e999", "NaN"])
+      expect(() => told(text)).toThrow("Times real time is no number");
   });
 });
 
@@ -22,7 +23,11 @@ describe("a look at a campaign", () => {
     }),
   );
   it("that succeeds takes away the problem of the one before", async () => {
-    answers.push([400, { problems: [{ what: "campaigns/first is no campaign" }] }], [200, { groups: [] }], [400, { problems: [{ what: "late" }] }]);
+    answers.push(
+      [400, { problems: [{ what: "campaigns/first is no campaign" }] }],
+      [200, { groups: [] }],
+      [400, { problems: [{ what: "late" }] }],
+    );
     await look("campaigns/first", () => false);
     expect(unread.value.map((one) => one.what)).toEqual(["campaigns/first is no campaign"]);
     await look("campaigns/first", () => false);

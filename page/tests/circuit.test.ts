@@ -1,8 +1,20 @@
 import { describe, expect, it } from "vitest";
-import { movedShape, pistonAt, type PistonShapes, type Shape } from "../src/drive/circuit";
+import { movedShape, type PistonShapes, pistonAt, type Shape } from "../src/drive/circuit";
 
 const at: PistonShapes = { barrel: [2, 18, 14, 22], piston: [5, 5.8], moves: { 1: [true, false] } };
-const rod: Shape = { word: "line", points: [[5.8, 20], [17, 20]], component: "cylinder", size: 0, text: "", align: "", angles: [0, 360], net: -1 };
+const rod: Shape = {
+  word: "line",
+  points: [
+    [5.8, 20],
+    [17, 20],
+  ],
+  component: "cylinder",
+  size: 0,
+  text: "",
+  align: "",
+  angles: [0, 360],
+  net: -1,
+};
 
 describe("a piston", () => {
   it("goes from cover to cover, chamber a growing on the left", () => {

@@ -1,10 +1,16 @@
 import { describe, expect, it } from "vitest";
-import { unpack } from "../src/server/frame";
 import { digits } from "../src/plots/looks";
+import { unpack } from "../src/server/frame";
 
 /** A frame as `pneudrive.web.messages.pack` makes it. */
 function frame(): ArrayBuffer {
-  const head = JSON.stringify({ number: 3, arrays: [["x", "f8", 0, 2], ["y", "f4", 16, 3]] });
+  const head = JSON.stringify({
+    number: 3,
+    arrays: [
+      ["x", "f8", 0, 2],
+      ["y", "f4", 16, 3],
+    ],
+  });
   const start = Math.ceil((4 + head.length) / 8) * 8;
   const bytes = new ArrayBuffer(start + 32);
   new DataView(bytes).setUint32(0, start - 4, true);

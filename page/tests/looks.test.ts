@@ -12,17 +12,40 @@ const token = (name: string) => {
 type Colour = [number, number, number];
 
 const linear = (text: string): Colour =>
-  [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) / 255).map((one) => (one <= 0.04045 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4)) as Colour;
-const times = (matrix: number[][], by: Colour): Colour => matrix.map((row) => row.reduce((sum, one, k) => sum + one * by[k]!, 0)) as Colour;
+  [1, 3, 5]
+    .map((at) => parseInt(text.slice(at, at + 2), 16) / 255)
+    .map((one) => (one <= 0.04045 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4)) as Colour;
+const times = (matrix: number[][], by: Colour): Colour =>
+  matrix.map((row) => row.reduce((sum, one, k) => sum + one * by[k]!, 0)) as Colour;
 
 /** Colours as people see them: all cones, and without the long, middle or short one (Machado, Oliveira and Fernandes 2009). */
 const SIGHTS: Record<string, number[][]> = {
-  normal: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-  protanopia: [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-  deuteranopia: [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
-  tritanopia: [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
+  normal: [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ],
+  protanopia: [
+    [0.152286, 1.052583, -0.204868],
+    [0.114503, 0.786281, 0.099216],
+    [-0.003882, -0.048116, 1.051998],
+  ],
+  deuteranopia: [
+    [0.367322, 0.860646, -0.227968],
+    [0.280085, 0.672501, 0.047413],
+    [-0.01182, 0.04294, 0.968881],
+  ],
+  tritanopia: [
+    [1.255528, -0.076749, -0.178779],
+    [-0.078411, 0.930809, 0.147602],
+    [0.004733, 0.691367, 0.3039],
+  ],
 };
-const TO_XYZ = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
+const TO_XYZ = [
+  [0.4124, 0.3576, 0.1805],
+  [0.2126, 0.7152, 0.0722],
+  [0.0193, 0.1192, 0.9505],
+];
 const WHITE = [0.9505, 1, 1.089];
 
 function lab(colour: Colour): Colour {
@@ -44,12 +67,22 @@ test.each(["light", "dark"] as const)("curves on %s paper are seen and told apar
   }
   for (const matrix of Object.values(SIGHTS)) {
     const seen = colours.map((one) => lab(times(matrix, linear(one))));
-    seen.forEach((one, k) => seen.slice(k + 1).forEach((other) => expect(Math.hypot(...one.map((value, axis) => value - other[axis]!))).toBeGreaterThan(20)));
+    seen.forEach((one, k) =>
+      seen
+        .slice(k + 1)
+        .forEach((other) => expect(Math.hypot(...one.map((value, axis) => value - other[axis]!))).toBeGreaterThan(20)),
+    );
   }
 });
 
 test("only the tokens set colours and sizes of text", () => {
-  const set = /#[0-9a-f]{6}\b|#[0-9a-f]{3,4}\b(?=[;"' ])|\brgba?\(|\bhsl\(|light-dark\(#|font-size: *[\d.]|font-weight: *[5-9]\d\d/i;
-  const found = Object.entries(SOURCES).flatMap(([name, text]) => (name.endsWith("tokens.css") ? "" : text).split("\n").filter((line) => set.test(line)).map((line) => `${name}: ${line.trim()}`));
+  const set =
+    /#[0-9a-f]{6}\b|#[0-9a-f]{3,4}\b(?=[;"' ])|\brgba?\(|\bhsl\(|light-dark\(#|font-size: *[\d.]|font-weight: *[5-9]\d\d/i;
+  const found = Object.entries(SOURCES).flatMap(([name, text]) =>
+    (name.endsWith("tokens.css") ? "" : text)
+      .split("\n")
+      .filter((line) => set.test(line))
+      .map((line) => `${name}: ${line.trim()}`),
+  );
   expect(found).toEqual([]);
 });

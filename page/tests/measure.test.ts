@@ -1,12 +1,15 @@
 import { describe, expect, it } from "vitest";
-import { alike, marksOf, nextPlace, shiftOf, told, type Stroke } from "../src/measured/measure";
+import { alike, marksOf, nextPlace, type Stroke, shiftOf, told } from "../src/measured/measure";
 import { enough } from "../src/measured/recording";
 import { newest } from "../src/server/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });
 
 describe("two recordings", () => {
-  const [own, other] = [[stroke(2, -1), stroke(4, 1)], [stroke(10, 1), stroke(13, -1)]];
+  const [own, other] = [
+    [stroke(2, -1), stroke(4, 1)],
+    [stroke(10, 1), stroke(13, -1)],
+  ];
   it("begin with the first strokes that go the same way", () => {
     expect(alike(own, other)).toEqual([1, 2]);
     expect(alike(own, [stroke(10, 1)])).toEqual([1, 1]); // none goes that way
@@ -30,8 +33,21 @@ describe("the ends of a view", () => {
 });
 
 describe("faults", () => {
-  const faults = { spike: { count: 2, places: [[1, 1], [5, 5]] as [number, number][] }, rows: { count: 3, places: [] } };
-  it("are marked where they are", () => expect(marksOf(faults)).toEqual([{ from: 1, to: 1 }, { from: 5, to: 5 }]));
+  const faults = {
+    spike: {
+      count: 2,
+      places: [
+        [1, 1],
+        [5, 5],
+      ] as [number, number][],
+    },
+    rows: { count: 3, places: [] },
+  };
+  it("are marked where they are", () =>
+    expect(marksOf(faults)).toEqual([
+      { from: 1, to: 1 },
+      { from: 5, to: 5 },
+    ]));
   it("are gone through in turn", () => {
     expect(nextPlace(faults.spike.places, 0)).toEqual([1, 1]);
     expect(nextPlace(faults.spike.places, 1)).toEqual([5, 5]);

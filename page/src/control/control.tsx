@@ -1,14 +1,14 @@
 /** View of the controllers: a run with sliders for the gains, a new benchmark, and the benchmarks of the folder. */
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Frame } from "../server/frame";
-import { follow, JobList } from "../workspace/jobs";
-import { digits } from "../plots/looks";
 import { opened } from "../drive/opened";
-import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
-import { curveOf, pixelsOfPlots, Plot, zooming } from "../plots/plot";
+import { digits } from "../plots/looks";
+import { curveOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { inCatalogue, isToml, link, route } from "../routes";
-import { ask, attempting, Live, read, type Problem } from "../server/server";
+import type { Frame } from "../server/frame";
+import { ask, attempting, Live, type Problem, read } from "../server/server";
+import { follow, JobList } from "../workspace/jobs";
+import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
 import { studies } from "../workspace/studies";
 import { Gains, ScoreCard } from "./score";
 
@@ -77,12 +77,16 @@ function described(): string[] {
   return [...files.map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
 }
 
-const filesOf = (kind: string): string[] => studies.value?.files.filter((one) => one.kind === kind).map((one) => one.path) ?? [];
+const filesOf = (kind: string): string[] =>
+  studies.value?.files.filter((one) => one.kind === kind).map((one) => one.path) ?? [];
 
 function request(): Record<string, unknown> | null {
   if (!drive.value || !choices.value) return null;
   const units = new Map(tuned.peek().map((one) => [one.key, one.unit]));
-  const changed = Object.entries(gains.value).map(([key, value]) => [key, units.get(key) ? `${value} ${units.get(key)}` : value]);
+  const changed = Object.entries(gains.value).map(([key, value]) => [
+    key,
+    units.get(key) ? `${value} ${units.get(key)}` : value,
+  ]);
   return {
     what: "control",
     path: drive.value,
@@ -154,28 +158,68 @@ function Start({ path }: { path: string }) {
     <div class="simulate">
       <section class="controls" aria-label="What is run">
         <h2>A drive under control, simulated</h2>
-        <Choice label="Drive" value={drive.value} put={(one) => (void choose(one), path && (location.hash = link("control", one)))} of={all} />
+        <Choice
+          label="Drive"
+          value={drive.value}
+          put={(one) => (void choose(one), path && (location.hash = link("control", one)))}
+          of={all}
+        />
         <Unsaved path={drive.value} />
-        <Choice label="Law" value={law.value} put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))} of={[...(choices.value?.laws ?? []), ...filesOf("controller")]} />
+        <Choice
+          label="Law"
+          value={law.value}
+          put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
+          of={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
+        />
         <ReferenceField />
-        <Choice label="Setup" value={setup.value} put={(one) => (setup.value = one)} of={[...(choices.value?.setups ?? []), ...filesOf("setup")]} />
-        <Choice label="True drive" value={mismatch.value} put={(one) => (mismatch.value = one)} of={choices.value?.mismatches ?? []} none="as described" />
+        <Choice
+          label="Setup"
+          value={setup.value}
+          put={(one) => (setup.value = one)}
+          of={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
+        />
+        <Choice
+          label="True drive"
+          value={mismatch.value}
+          put={(one) => (mismatch.value = one)}
+          of={choices.value?.mismatches ?? []}
+          none="as described"
+        />
         <p class="row">
           <label>
-            Seed <NumberField low={0} high={Number.MAX_SAFE_INTEGER} whole value={seed.value} put={(one) => (seed.value = one)} />
+            Seed{" "}
+            <NumberField
+              low={0}
+              high={Number.MAX_SAFE_INTEGER}
+              whole
+              value={seed.value}
+              put={(one) => (seed.value = one)}
+            />
           </label>
           <label>
-            Duration <input size={8} value={duration.value} placeholder="reference's" onChange={(event) => (duration.value = event.currentTarget.value)} />
+            Duration{" "}
+            <input
+              size={8}
+              value={duration.value}
+              placeholder="reference's"
+              onChange={(event) => (duration.value = event.currentTarget.value)}
+            />
           </label>
         </p>
         <GainSliders />
-        <p class="note" role="status">{isRunning.value ? "Running." : answer.value ? `Simulated in ${digits(answer.value.head.took_s, 2)} s.` : ""}</p>
+        <p class="note" role="status">
+          {isRunning.value ? "Running." : answer.value ? `Simulated in ${digits(answer.value.head.took_s, 2)} s.` : ""}
+        </p>
         <Problems of={wrong.value} />
         <Compare />
       </section>
       <div class="shown">
         <Shown />
-        <InFolder files={studies.value?.files.filter((one) => one.kind === "comparison") ?? []} title="Comparisons" view="control" />
+        <InFolder
+          files={studies.value?.files.filter((one) => one.kind === "comparison") ?? []}
+          title="Comparisons"
+          view="control"
+        />
       </div>
     </div>
   );
@@ -187,7 +231,11 @@ function Choice(props: { label: string; value: string; put: (value: string) => v
       {props.label}{" "}
       <select value={props.value} onChange={(event) => props.put(event.currentTarget.value)}>
         {props.none && <option value="">{props.none}</option>}
-        {props.of.map((one) => <option key={one} value={one}>{one}</option>)}
+        {props.of.map((one) => (
+          <option key={one} value={one}>
+            {one}
+          </option>
+        ))}
       </select>
     </label>
   );
@@ -198,12 +246,17 @@ function ReferenceField() {
   return (
     <>
       <label class="choice">
-        Reference{" "}
-        <input value={reference.value} onChange={(event) => (reference.value = event.currentTarget.value)} />
+        Reference <input value={reference.value} onChange={(event) => (reference.value = event.currentTarget.value)} />
       </label>
       <p class="row" role="group" aria-label="Standard references">
         {usual.map((one) => (
-          <button type="button" class="link" key={one.name} title={one.text} aria-pressed={reference.value === one.text} onClick={() => (reference.value = one.text)}>
+          <button
+            type="button"
+            class="link"
+            key={one.name}
+            title={one.text}
+            aria-pressed={reference.value === one.text}
+            onClick={() => (reference.value = one.text)}>
             {one.name}
           </button>
         ))}
@@ -221,10 +274,29 @@ function GainSliders() {
         const isChanged = gain.key in gains.value;
         const put = (next: number) => (gains.value = { ...gains.value, [gain.key]: next });
         const ends: [number, number] = [gain.low, gain.high];
-        return <SliderRow key={gain.key} id={`slider-${gain.key}`} label={`${gain.key}: ${gain.meaning}`} name={gain.key} title={gain.rule} value={value} shown={isChanged ? value : digits(value)} ends={ends} unit={gain.unit} kind={isChanged ? "changed" : ""} state={isChanged ? "changed" : "follows"} put={put} />;
+        return (
+          <SliderRow
+            key={gain.key}
+            id={`slider-${gain.key}`}
+            label={`${gain.key}: ${gain.meaning}`}
+            name={gain.key}
+            title={gain.rule}
+            value={value}
+            shown={isChanged ? value : digits(value)}
+            ends={ends}
+            unit={gain.unit}
+            kind={isChanged ? "changed" : ""}
+            state={isChanged ? "changed" : "follows"}
+            put={put}
+          />
+        );
       })}
       {Object.keys(gains.value).length > 0 && (
-        <p><button type="button" class="link" onClick={() => (gains.value = {})}>Reset all gains to the values that follow from the drive</button></p>
+        <p>
+          <button type="button" class="link" onClick={() => (gains.value = {})}>
+            Reset all gains to the values that follow from the drive
+          </button>
+        </p>
       )}
     </>
   );
@@ -238,30 +310,72 @@ function Shown() {
   return (
     <section aria-label="The run">
       {wrong.value.length > 0 && <p class="banner">Curves and numbers below belong to the last run.</p>}
-      {head.warnings.map((one) => <p class="note" key={one}>{one}.</p>)}
+      {head.warnings.map((one) => (
+        <p class="note" key={one}>
+          {one}.
+        </p>
+      ))}
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel, k, every) => (
-          <Plot bare={k < every.length - 1} {...zooming(zoom)} key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))} />
+          <Plot
+            bare={k < every.length - 1}
+            {...zooming(zoom)}
+            key={panel.title}
+            title={panel.title}
+            unit={panel.unit}
+            size={panel.size}
+            curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))}
+          />
         ))}
       </section>
       <h2>Score</h2>
-      <Tiles label="Score" of={head.score.map((one) => ({ key: one.name, title: one.title, text: one.text, data: { "data-score": one.name, "data-si": one.value } }))} />
+      <Tiles
+        label="Score"
+        of={head.score.map((one) => ({
+          key: one.name,
+          title: one.title,
+          text: one.text,
+          data: { "data-score": one.name, "data-si": one.value },
+        }))}
+      />
       {head.events.length > 0 && <h2>What the supervisor told</h2>}
-      <ul>{head.events.map((one, index) => <li key={index}>{digits(one.time_s)} s: {one.text || one.kind}</li>)}</ul>
+      <ul>
+        {head.events.map((one, index) => (
+          <li key={index}>
+            {digits(one.time_s)} s: {one.text || one.kind}
+          </li>
+        ))}
+      </ul>
       <div class="pair">
         <div>
           <h2>Assumed drive</h2>
-          <p>{head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms, in the setup {head.setup[0]}. {head.setup[1]}</p>
+          <p>
+            {head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms, in the setup {head.setup[0]}.{" "}
+            {head.setup[1]}
+          </p>
           <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
-          <ul>{head.limits.map((one) => <li key={one}>{one}</li>)}</ul>
+          <ul>
+            {head.limits.map((one) => (
+              <li key={one}>{one}</li>
+            ))}
+          </ul>
         </div>
         <div>
           <h2>The drive to its law</h2>
           <Table heads={["Property", "Value"]} rows={head.plant} label="The drive to its law" />
           <h2>True drive</h2>
-          <p>The drive {head.drive}, {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}</p>
-          {head.true.length > 0 && <Table heads={["Deviation of the true drive", "factor, or SI"]} rows={head.true.map((one) => [one.name, one.value])} label="Deviations" />}
+          <p>
+            The drive {head.drive},{" "}
+            {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}
+          </p>
+          {head.true.length > 0 && (
+            <Table
+              heads={["Deviation of the true drive", "factor, or SI"]}
+              rows={head.true.map((one) => [one.name, one.value])}
+              label="Deviations"
+            />
+          )}
           <p class="note">{head.assumed} values are assumed: Drive lists those of the drive.</p>
         </div>
       </div>
@@ -288,7 +402,16 @@ function Checks(props: { legend: string; of: string[]; chosen: string[]; put: (c
       <div class="row">
         {props.of.map((one) => (
           <label key={one}>
-            <input type="checkbox" checked={props.chosen.includes(one)} onChange={(event) => props.put(event.currentTarget.checked ? [...props.chosen, one] : props.chosen.filter((it) => it !== one))} /> {one}
+            <input
+              type="checkbox"
+              checked={props.chosen.includes(one)}
+              onChange={(event) =>
+                props.put(
+                  event.currentTarget.checked ? [...props.chosen, one] : props.chosen.filter((it) => it !== one),
+                )
+              }
+            />{" "}
+            {one}
           </label>
         ))}
       </div>
@@ -303,8 +426,18 @@ function Compare() {
   const begin = () =>
     attempting(notBegun)(async () => {
       const references = [...along.value, ...(other.value.trim() ? [other.value] : [])];
-      const asked = { drive: drive.value, laws: laws.value, references, setup: setup.value, count: count.value, name: name.value };
-      const { number } = await ask<{ number: number }>("/api/comparisons", { ...asked, ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }) });
+      const asked = {
+        drive: drive.value,
+        laws: laws.value,
+        references,
+        setup: setup.value,
+        count: count.value,
+        name: name.value,
+      };
+      const { number } = await ask<{ number: number }>("/api/comparisons", {
+        ...asked,
+        ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }),
+      });
       await follow(number);
     });
   return (
@@ -312,22 +445,49 @@ function Compare() {
       <h2>Compare laws</h2>
       <p class="note">
         With the drive, the setup and the true drive chosen above
-        {Object.keys(gains.value).length > 0 && ", not with the gains changed there: the copied command writes these to a controller file, which can be compared"}.
+        {Object.keys(gains.value).length > 0 &&
+          ", not with the gains changed there: the copied command writes these to a controller file, which can be compared"}
+        .
       </p>
-      <Checks legend="Laws" of={[...found.laws, ...filesOf("controller")]} chosen={laws.value} put={(one) => (laws.value = one)} />
-      <Checks legend="Standard references" of={found.references.map((one) => one.name)} chosen={along.value} put={(one) => (along.value = one)} />
+      <Checks
+        legend="Laws"
+        of={[...found.laws, ...filesOf("controller")]}
+        chosen={laws.value}
+        put={(one) => (laws.value = one)}
+      />
+      <Checks
+        legend="Standard references"
+        of={found.references.map((one) => one.name)}
+        chosen={along.value}
+        put={(one) => (along.value = one)}
+      />
       <label class="choice">
-        And along <input value={other.value} placeholder="a reference of your own" onInput={(event) => (other.value = event.currentTarget.value)} />
+        And along{" "}
+        <input
+          value={other.value}
+          placeholder="a reference of your own"
+          onInput={(event) => (other.value = event.currentTarget.value)}
+        />
       </label>
-      <Choice label="Spread of drives" value={spread.value} put={(one) => (spread.value = one)} of={found.spreads} none="none: seeds of noise" />
+      <Choice
+        label="Spread of drives"
+        value={spread.value}
+        put={(one) => (spread.value = one)}
+        of={found.spreads}
+        none="none: seeds of noise"
+      />
       <p class="row">
         <label>
-          {spread.value ? "Members" : "Seeds"} <NumberField low={1} whole value={count.value} put={(one) => (count.value = one)} />
+          {spread.value ? "Members" : "Seeds"}{" "}
+          <NumberField low={1} whole value={count.value} put={(one) => (count.value = one)} />
         </label>
         <label>
-          Into results/ <input size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+          Into results/{" "}
+          <input size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
-        <button type="button" onClick={() => void begin()}>Compare</button>
+        <button type="button" onClick={() => void begin()}>
+          Compare
+        </button>
       </p>
       <Problems of={notBegun.value} />
       <JobList kinds={["control"]} />

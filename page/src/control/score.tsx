@@ -1,14 +1,14 @@
 /** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Frame } from "../server/frame";
-import { follow, JobList, jobs } from "../workspace/jobs";
 import { digits, fitting, look, pretty } from "../plots/looks";
-import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
-import { AnswerOf } from "../workspace/result";
 import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
-import { ask, attempting, frame, read, Refused, type Problem } from "../server/server";
+import type { Frame } from "../server/frame";
+import { ask, attempting, frame, type Problem, Refused, read } from "../server/server";
+import { follow, JobList, jobs } from "../workspace/jobs";
+import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
+import { AnswerOf } from "../workspace/result";
 
 interface ToldGain {
   key: string;
@@ -31,7 +31,15 @@ interface Card {
   laws: string[];
   references: { name: string; text: string }[];
   measures: { name: string; title: string; size: number; unit: string }[];
-  cells: { law: string; reference: string; text: string; range: string[]; value: number | null; best: boolean; lost: number }[];
+  cells: {
+    law: string;
+    reference: string;
+    text: string;
+    range: string[];
+    value: number | null;
+    best: boolean;
+    lost: number;
+  }[];
   each: { law: string; reference: string; seed: number; value: number | null }[];
   tables: Record<string, { heads: string[]; rows: string[][] }>;
   told: Record<string, { law: string; believes: string; period_s: number; gains: ToldGain[]; limits: string[] }>;
@@ -130,12 +138,18 @@ export function ScoreCard({ path }: { path: string }) {
   return (
     <div class="score">
       <h2>{path}</h2>
-      <p><a href={link("control")}>A run, a new benchmark, and all benchmarks</a></p>
+      <p>
+        <a href={link("control")}>A run, a new benchmark, and all benchmarks</a>
+      </p>
       <Problems of={[...wrong.value, ...notResumed.value]} />
       {found?.finished && <AnswerOf path={path} />}
       {found && <About found={found} />}
       <ReportOf folder={path} changed={found?.finished} />
-      {found && !found.finished && <p data-done={found.done}>{found.done} of {found.total} runs are done. The medians below are of those, and can change.</p>}
+      {found && !found.finished && (
+        <p data-done={found.done}>
+          {found.done} of {found.total} runs are done. The medians below are of those, and can change.
+        </p>
+      )}
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
       {found && found.done > 0 && <Matrix found={found} />}
@@ -144,7 +158,10 @@ export function ScoreCard({ path }: { path: string }) {
       {found && (
         <details>
           <summary>The same as a command and as Python</summary>
-          <Copied command={found.command || "This benchmark was not started by a command in this folder."} python={found.python} />
+          <Copied
+            command={found.command || "This benchmark was not started by a command in this folder."}
+            python={found.python}
+          />
         </details>
       )}
     </div>
@@ -155,7 +172,10 @@ function About({ found }: { found: Card }) {
   const each = found.spread ? `${found.count} members of the spread ${found.spread}` : `${found.count} seeds of noise`;
   return (
     <>
-      <p class="banner">Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be wrong.</p>
+      <p class="banner">
+        Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be
+        wrong.
+      </p>
       <p>
         <b>{found.drive}</b>, setup {found.setup[0]}, {each} for each law and reference
         {found.mismatch && `, the true drive deviates by ${found.mismatch}`}. {found.setup[1]}
@@ -175,21 +195,31 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
       {!isRunning && isElsewhere && "A process that this server did not start continues them."}
-      {!isRunning && !isElsewhere && <button type="button" onClick={() => void resume()}>Resume</button>}
+      {!isRunning && !isElsewhere && (
+        <button type="button" onClick={() => void resume()}>
+          Resume
+        </button>
+      )}
     </p>
   );
 }
 
 function Matrix({ found }: { found: Card }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
-  const middle = found.spread ? "median, then the limit for 95 % and for all of the members" : "median of the seeds, then least and largest";
+  const middle = found.spread
+    ? "median, then the limit for 95 % and for all of the members"
+    : "median of the seeds, then least and largest";
   return (
     <section aria-label="Score card">
       <p class="row">
         <label>
           Measure{" "}
           <select value={measure.value} onChange={(event) => (measure.value = event.currentTarget.value)}>
-            {found.measures.map((one) => <option key={one.name} value={one.name}>{one.title}</option>)}
+            {found.measures.map((one) => (
+              <option key={one.name} value={one.name}>
+                {one.title}
+              </option>
+            ))}
           </select>
         </label>
         <span class="note">{middle}; simulated. ★ smallest of a column.</span>
@@ -201,7 +231,13 @@ function Matrix({ found }: { found: Card }) {
               <th scope="col">{now.title}</th>
               {found.references.map((one) => (
                 <th scope="col" key={one.name} title={one.text}>
-                  <button type="button" class="link" aria-pressed={along.value === one.name} onClick={() => (along.value = one.name)}>{one.name}</button>
+                  <button
+                    type="button"
+                    class="link"
+                    aria-pressed={along.value === one.name}
+                    onClick={() => (along.value = one.name)}>
+                    {one.name}
+                  </button>
                 </th>
               ))}
             </tr>
@@ -209,14 +245,22 @@ function Matrix({ found }: { found: Card }) {
           <tbody>
             {found.laws.map((law, index) => (
               <tr key={law}>
-                <th scope="row"><Mark index={index} /> {law}</th>
-                {found.references.map((one) => <Cell key={one.name} of={found.cells.find((it) => it.law === law && it.reference === one.name)} />)}
+                <th scope="row">
+                  <Mark index={index} /> {law}
+                </th>
+                {found.references.map((one) => (
+                  <Cell key={one.name} of={found.cells.find((it) => it.law === law && it.reference === one.name)} />
+                ))}
               </tr>
             ))}
           </tbody>
         </table>
       </div>
-      {found.failed.map((one) => <p class="note" key={one}>Failed: {one}</p>)}
+      {found.failed.map((one) => (
+        <p class="note" key={one}>
+          Failed: {one}
+        </p>
+      ))}
     </section>
   );
 }
@@ -226,7 +270,8 @@ function Cell({ of }: { of: Card["cells"][number] | undefined }) {
   const range = of.range.filter((one) => one).join(" … ");
   return (
     <td data-cell={`${of.law}/${of.reference}`} data-si={of.value} class={of.best ? "best" : ""}>
-      {pretty(of.text) || "–"}{of.best && " ★"}
+      {pretty(of.text) || "–"}
+      {of.best && " ★"}
       {range && of.text && <small>{pretty(range)}</small>}
       {of.lost > 0 && <small class="kind changed">lost: {of.lost}</small>}
     </td>
@@ -249,7 +294,10 @@ function Along({ found }: { found: Card }) {
   const now = tracks.value;
   return (
     <section aria-label={`Along ${along.value}`}>
-      <h2>Along {along.value}{text !== along.value && `: ${text}`}</h2>
+      <h2>
+        Along {along.value}
+        {text !== along.value && `: ${text}`}
+      </h2>
       <Strip found={found} />
       {now && (
         <div class="plots">
@@ -261,10 +309,18 @@ function Along({ found }: { found: Card }) {
             {...zooming(zoom)}
             curves={[
               ...now.head.laws.map((law) => ({ ...curve(now, law, "position_m", law), look: found.laws.indexOf(law) })),
-              ...(now.head.laws[0] ? [{ ...curve(now, now.head.laws[0], "reference_m", "reference"), look: found.laws.length }] : []),
+              ...(now.head.laws[0]
+                ? [{ ...curve(now, now.head.laws[0], "reference_m", "reference"), look: found.laws.length }]
+                : []),
             ]}
           />
-          <Plot title="Errors" unit={now.head.error.unit} size={now.head.error.size} {...zooming(zoom)} curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))} />
+          <Plot
+            title="Errors"
+            unit={now.head.error.unit}
+            size={now.head.error.size}
+            {...zooming(zoom)}
+            curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))}
+          />
         </div>
       )}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
@@ -273,7 +329,8 @@ function Along({ found }: { found: Card }) {
   );
 }
 
-const curve = (of: Frame<Tracks>, law: string, column: string, label: string) => curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
+const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
+  curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
 
 const ROW = 26;
 
@@ -283,7 +340,11 @@ function Strip({ found }: { found: Card }) {
   const runs = found.each.filter((one) => one.reference === along.value);
   const width = fitting(700);
   const left = Math.min(120, 0.3 * width);
-  const known = runs.filter((one) => one.value !== null && one.value > 0) as { law: string; seed: number; value: number }[];
+  const known = runs.filter((one) => one.value !== null && one.value > 0) as {
+    law: string;
+    seed: number;
+    value: number;
+  }[];
   if (!known.length) return <p class="note">{now.title}: no number above zero along this reference.</p>;
   const logs = known.map((one) => Math.log10(one.value / now.size));
   const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
@@ -293,24 +354,41 @@ function Strip({ found }: { found: Card }) {
   const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
   return (
     <figure class="plot strip">
-      <figcaption>{now.title} of each run, {pretty(now.unit)}</figcaption>
+      <figcaption>
+        {now.title} of each run, {pretty(now.unit)}
+      </figcaption>
       <svg viewBox={`0 0 ${width} ${height}`} role="img" aria-label={said}>
         {decades.map((one) => (
           <g key={one}>
             <line x1={at(one * now.size)} x2={at(one * now.size)} y1={4} y2={height - 30} class="grid" />
-            <text x={at(one * now.size)} y={height - 14} text-anchor="middle">{one >= 1 ? one : digits(one)}</text>
+            <text x={at(one * now.size)} y={height - 14} text-anchor="middle">
+              {one >= 1 ? one : digits(one)}
+            </text>
           </g>
         ))}
         {found.laws.map((law, index) => {
           const y = 4 + ROW * (index + 0.5);
           return (
             <g key={law} data-strip={law}>
-              <text x={left - 10} y={y + 4} text-anchor="end">{law}</text>
-              {known.filter((one) => one.law === law).map((one) => (
-                <line key={one.seed} x1={at(one.value)} x2={at(one.value)} y1={y - 8} y2={y + 8} stroke={look(index).color} stroke-width="1.6">
-                  <title>{law}, {found.spread ? "member" : "seed"} {one.seed}: {digits(one.value / now.size)} {now.unit}</title>
-                </line>
-              ))}
+              <text x={left - 10} y={y + 4} text-anchor="end">
+                {law}
+              </text>
+              {known
+                .filter((one) => one.law === law)
+                .map((one) => (
+                  <line
+                    key={one.seed}
+                    x1={at(one.value)}
+                    x2={at(one.value)}
+                    y1={y - 8}
+                    y2={y + 8}
+                    stroke={look(index).color}
+                    stroke-width="1.6">
+                    <title>
+                      {law}, {found.spread ? "member" : "seed"} {one.seed}: {digits(one.value / now.size)} {now.unit}
+                    </title>
+                  </line>
+                ))}
             </g>
           );
         })}
@@ -320,28 +398,50 @@ function Strip({ found }: { found: Card }) {
 }
 
 export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
-  return <Table heads={["Gain", "Value", "Meaning", "Follows from"]} rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])} label={of ? `Gains of ${of}` : "Gains"} />;
+  return (
+    <Table
+      heads={["Gain", "Value", "Meaning", "Follows from"]}
+      rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])}
+      label={of ? `Gains of ${of}` : "Gains"}
+    />
+  );
 }
 
 function Told({ found }: { found: Card }) {
   return (
     <section aria-label="Told and true">
       <h2>What the controllers assume</h2>
-      <Table heads={["Drive as assumed by the controllers, near mid-stroke", ""]} rows={found.plant} label="The drive as its controllers assume it" />
+      <Table
+        heads={["Drive as assumed by the controllers, near mid-stroke", ""]}
+        rows={found.plant}
+        label="The drive as its controllers assume it"
+      />
       {Object.entries(found.told).map(([law, one]) => (
         <details key={law}>
           <summary>
             {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
           </summary>
           <Gains gains={one.gains} of={law} />
-          <ul>{one.limits.map((it) => <li key={it}>{it}</li>)}</ul>
+          <ul>
+            {one.limits.map((it) => (
+              <li key={it}>{it}</li>
+            ))}
+          </ul>
         </details>
       ))}
       <h2>True drive</h2>
       {found.true.length ? (
-        <Table heads={["Deviation of the true drive: factor, or SI", "least", "largest"]} rows={found.true.map((one) => [one.name, one.least, one.largest])} label="True drive" />
+        <Table
+          heads={["Deviation of the true drive: factor, or SI", "least", "largest"]}
+          rows={found.true.map((one) => [one.name, one.least, one.largest])}
+          label="True drive"
+        />
       ) : (
-        <p>{found.finished ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as in the instrumentation.` : "Not known before the runs are done."}</p>
+        <p>
+          {found.finished
+            ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as in the instrumentation.`
+            : "Not known before the runs are done."}
+        </p>
       )}
     </section>
   );

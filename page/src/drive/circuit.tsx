@@ -1,7 +1,7 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
-import type { PistonShapes, Shape } from "../server/types";
 import { useRef, useState } from "preact/hooks";
+import type { PistonShapes, Shape } from "../server/types";
 
 export type { PistonShapes, Shape };
 
@@ -88,8 +88,7 @@ function drawn(shape: Shape): JSX.Element {
           font-size={shape.size * PT}
           text-anchor={ANCHOR[align ?? "center"]}
           dominant-baseline={top ? "hanging" : "central"}
-          class={shape.size === 7 ? "name" : ""}
-        >
+          class={shape.size === 7 ? "name" : ""}>
           {shape.text}
         </text>
       );
@@ -114,9 +113,20 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
   return (
     <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
       <rect class="air" x={left} y={-high} width={face - left} height={high - low} fill-opacity={moved.tints[0]} />
-      <rect class="air" x={face + wide} y={-high} width={right - face - wide} height={high - low} fill-opacity={moved.tints[1]} />
-      <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>a {moved.pressures[0]}</text>
-      <text x={right - 1.5} y={-low + 0.8} font-size={6 * PT} text-anchor="end">b {moved.pressures[1]}</text>
+      <rect
+        class="air"
+        x={face + wide}
+        y={-high}
+        width={right - face - wide}
+        height={high - low}
+        fill-opacity={moved.tints[1]}
+      />
+      <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>
+        a {moved.pressures[0]}
+      </text>
+      <text x={right - 1.5} y={-low + 0.8} font-size={6 * PT} text-anchor="end">
+        b {moved.pressures[1]}
+      </text>
     </g>
   );
 }
@@ -135,7 +145,11 @@ export function whole({ shapes }: Drawing, moves: Record<string, number> = {}): 
   for (const one of shapes) {
     if (isWords(one)) continue;
     const wide = one.word === "text" ? one.text.length * one.size * PT * LETTER : 0;
-    const [before, after] = one.align.startsWith("left") ? [0, wide] : one.align.startsWith("right") ? [wide, 0] : [wide / 2, wide / 2];
+    const [before, after] = one.align.startsWith("left")
+      ? [0, wide]
+      : one.align.startsWith("right")
+        ? [wide, 0]
+        : [wide / 2, wide / 2];
     const room = one.component in moves ? BOX : 0;
     const r = ["arc", "dot"].includes(one.word) ? one.size : 0.5;
     for (const [x, y] of one.points) {
@@ -147,7 +161,12 @@ export function whole({ shapes }: Drawing, moves: Record<string, number> = {}): 
 }
 
 /** Return the notes of a drawing. */
-export const notesOf = ({ shapes }: Drawing): string => shapes.filter((one) => isWords(one) && one.align === "left top").slice(1).map((one) => one.text).join(" ");
+export const notesOf = ({ shapes }: Drawing): string =>
+  shapes
+    .filter((one) => isWords(one) && one.align === "left top")
+    .slice(1)
+    .map((one) => one.text)
+    .join(" ");
 const CLOSER = 1.25; // by a step of zoom
 const WIDEST = 3; // times the drawing
 const PAN = 0.15; // of the view, by a key
@@ -164,8 +183,14 @@ export function ZoomedCircuit(props: CircuitProps) {
   };
   const pan = (x: number, y: number, of = now) => setBox([of[0] + x * of[2], of[1] + y * of[3], of[2], of[3]]);
   const keys: Record<string, () => void> = {
-    "+": () => zoom(CLOSER), "=": () => zoom(CLOSER), "-": () => zoom(1 / CLOSER), "0": () => setBox(null),
-    ArrowLeft: () => pan(-PAN, 0), ArrowRight: () => pan(PAN, 0), ArrowUp: () => pan(0, -PAN), ArrowDown: () => pan(0, PAN),
+    "+": () => zoom(CLOSER),
+    "=": () => zoom(CLOSER),
+    "-": () => zoom(1 / CLOSER),
+    "0": () => setBox(null),
+    ArrowLeft: () => pan(-PAN, 0),
+    ArrowRight: () => pan(PAN, 0),
+    ArrowUp: () => pan(0, -PAN),
+    ArrowDown: () => pan(0, PAN),
   };
   return (
     <div
@@ -175,7 +200,10 @@ export function ZoomedCircuit(props: CircuitProps) {
         if (!event.ctrlKey) return;
         event.preventDefault();
         const at = event.currentTarget.getBoundingClientRect();
-        zoom(event.deltaY < 0 ? CLOSER : 1 / CLOSER, [(event.clientX - at.left) / at.width, (event.clientY - at.top) / at.height]);
+        zoom(event.deltaY < 0 ? CLOSER : 1 / CLOSER, [
+          (event.clientX - at.left) / at.width,
+          (event.clientY - at.top) / at.height,
+        ]);
       }}
       onPointerDown={(event) => (from.current = { x: event.clientX, y: event.clientY, box: now })}
       onPointerUp={() => (from.current = null)}
@@ -183,14 +211,20 @@ export function ZoomedCircuit(props: CircuitProps) {
       onPointerMove={(event) => {
         const start = from.current;
         const at = event.currentTarget.getBoundingClientRect();
-        if (start && event.buttons) pan((start.x - event.clientX) / at.width, (start.y - event.clientY) / at.height, start.box);
-      }}
-    >
+        if (start && event.buttons)
+          pan((start.x - event.clientX) / at.width, (start.y - event.clientY) / at.height, start.box);
+      }}>
       <Circuit {...props} box={now} />
       <p class="tools" role="group" aria-label="Zoom of the drawing">
-        <button type="button" aria-label="Closer" onClick={() => zoom(CLOSER)}>+</button>
-        <button type="button" aria-label="Wider" onClick={() => zoom(1 / CLOSER)}>−</button>
-        <button type="button" aria-label="Fit the drawing" disabled={!box} onClick={() => setBox(null)}>Fit</button>
+        <button type="button" aria-label="Closer" onClick={() => zoom(CLOSER)}>
+          +
+        </button>
+        <button type="button" aria-label="Wider" onClick={() => zoom(1 / CLOSER)}>
+          −
+        </button>
+        <button type="button" aria-label="Fit the drawing" disabled={!box} onClick={() => setBox(null)}>
+          Fit
+        </button>
       </p>
     </div>
   );
@@ -211,14 +245,34 @@ export function Circuit(props: CircuitProps) {
   const names = [...new Set(drawing.shapes.map((one) => one.component))].filter(Boolean);
   const [, , wide, high] = whole(drawing, motion?.shifts);
   return (
-    <svg class="circuit" viewBox={(props.box ?? whole(drawing, motion?.shifts)).join(" ")} style={{ aspectRatio: `${wide} / ${high}` }} role="group" aria-label="Circuit, symbols after ISO 1219">
+    <svg
+      class="circuit"
+      viewBox={(props.box ?? whole(drawing, motion?.shifts)).join(" ")}
+      style={{ aspectRatio: `${wide} / ${high}` }}
+      role="group"
+      aria-label="Circuit, symbols after ISO 1219">
       {drawing.nets.map((pins, net) => {
         const { share, said } = motion?.lines[net] ?? { said: pins.map((pin) => pin.join(".")).join(" – ") };
         const own = drawing.shapes.filter((one) => one.net === net);
         return (
-          <g key={`net ${net}`} class="net" data-net={said} data-share={share} style={share === undefined ? undefined : { color: `color-mix(in oklab, var(--accent) ${Math.round(100 * share)}%, var(--edge))` }} onPointerEnter={() => props.onLine?.(net)} onPointerLeave={() => props.onLine?.(-1)}>
+          <g
+            key={`net ${net}`}
+            class="net"
+            data-net={said}
+            data-share={share}
+            style={
+              share === undefined
+                ? undefined
+                : { color: `color-mix(in oklab, var(--accent) ${Math.round(100 * share)}%, var(--edge))` }
+            }
+            onPointerEnter={() => props.onLine?.(net)}
+            onPointerLeave={() => props.onLine?.(-1)}>
             <title>{said}</title>
-            {own.filter((one) => one.word !== "dot").map((one) => <polyline class="reach" points={one.points.map(([x, y]) => `${x},${-y}`).join(" ")} />)}
+            {own
+              .filter((one) => one.word !== "dot")
+              .map((one) => (
+                <polyline class="reach" points={one.points.map(([x, y]) => `${x},${-y}`).join(" ")} />
+              ))}
             {own.map(drawn)}
           </g>
         );
@@ -226,8 +280,15 @@ export function Circuit(props: CircuitProps) {
       {drawing.shapes.filter((one) => !one.component && one.net < 0 && !isWords(one)).map(drawn)}
       {names.map((name) => {
         const [at, moved, shift] = [drawing.pistons[name], motion?.pistons[name], motion?.shifts[name]];
-        const own = drawing.shapes.flatMap((one, number) => (one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one]));
-        const shapes = shift === undefined ? own.map(drawn) : <Shifted name={name} shapes={own} ports={Object.values(drawing.ports[name]!)} by={shift} />;
+        const own = drawing.shapes.flatMap((one, number) =>
+          one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one],
+        );
+        const shapes =
+          shift === undefined ? (
+            own.map(drawn)
+          ) : (
+            <Shifted name={name} shapes={own} ports={Object.values(drawing.ports[name]!)} by={shift} />
+          );
         const chambers = at && moved && <Chambers at={at} moved={moved} name={name} />;
         if (!props.onChoose)
           return (
@@ -251,32 +312,52 @@ export function Circuit(props: CircuitProps) {
                 event.preventDefault();
                 choose();
               }
-            }}
-          >
+            }}>
             <Area shapes={own} />
             {chambers}
             {shapes}
           </g>
         );
       })}
-      {props.ports && Object.entries(drawing.ports).flatMap(([name, own]) => Object.entries(own).map(([port, at]) => <PortMark key={`${name}.${port}`} id={`${name}.${port}`} at={at} of={props.ports!} />))}
+      {props.ports &&
+        Object.entries(drawing.ports).flatMap(([name, own]) =>
+          Object.entries(own).map(([port, at]) => (
+            <PortMark key={`${name}.${port}`} id={`${name}.${port}`} at={at} of={props.ports!} />
+          )),
+        )}
     </svg>
   );
 }
 
 /** A valve whose boxes are moved. Its ports and the marks of its exhausts stay, and its label makes room. */
-function Shifted({ name, shapes, ports, by }: { name: string; shapes: Shape[]; ports: [number, number][]; by: number }) {
+function Shifted({
+  name,
+  shapes,
+  ports,
+  by,
+}: {
+  name: string;
+  shapes: Shape[];
+  ports: [number, number][];
+  by: number;
+}) {
   const boxes = shapes.filter((one) => one.word === "line" && one.points.length > 3);
   const ys = boxes.flatMap((one) => one.points.map(([, y]) => -y));
   const [top, bottom] = [Math.min(...ys), Math.max(...ys)];
   const clip = `spool-${name}`;
   return (
     <>
-      <clipPath id={clip}><rect x={-1e4} y={top - 0.6} width={2e4} height={bottom - top + 1.2} /></clipPath>
+      <clipPath id={clip}>
+        <rect x={-1e4} y={top - 0.6} width={2e4} height={bottom - top + 1.2} />
+      </clipPath>
       <g clip-path={`url(#${clip})`}>
-        <g data-shift={by} transform={`translate(${by} 0)`}>{shapes.filter((one) => one.word !== "text" && one.word !== "triangle").map(drawn)}</g>
+        <g data-shift={by} transform={`translate(${by} 0)`}>
+          {shapes.filter((one) => one.word !== "text" && one.word !== "triangle").map(drawn)}
+        </g>
       </g>
-      {ports.map(([x, y]) => <polyline class="stroke" points={`${x},${-y} ${x},${-y < top ? top : bottom}`} />)}
+      {ports.map(([x, y]) => (
+        <polyline class="stroke" points={`${x},${-y} ${x},${-y < top ? top : bottom}`} />
+      ))}
       {shapes.filter((one) => one.word === "triangle").map(drawn)}
       <g transform={`translate(${Math.max(by, 0)} 0)`}>{shapes.filter((one) => one.word === "text").map(drawn)}</g>
     </>
@@ -291,7 +372,17 @@ function PortMark({ id, at: [x, y], of }: { id: string; at: [number, number]; of
     of.onPort(id);
   };
   return (
-    <circle class="port" cx={x} cy={-y} r={0.55} role="button" tabindex={0} aria-label={`Port ${id}`} aria-pressed={of.port === id} onClick={choose} onKeyDown={(event) => (event.key === "Enter" || event.key === " ") && choose(event)}>
+    <circle
+      class="port"
+      cx={x}
+      cy={-y}
+      r={0.55}
+      role="button"
+      tabindex={0}
+      aria-label={`Port ${id}`}
+      aria-pressed={of.port === id}
+      onClick={choose}
+      onKeyDown={(event) => (event.key === "Enter" || event.key === " ") && choose(event)}>
       <title>{id}</title>
     </circle>
   );

@@ -1,9 +1,9 @@
 /** The data sheet of a drive: written as a job, opened as a page. */
 import { signal } from "@preact/signals";
+import { route } from "../routes";
 import { JobForm } from "../workspace/form";
 import { jobs } from "../workspace/jobs";
 import { folderOf, ReportOf } from "../workspace/parts";
-import { route } from "../routes";
 import { nameOf } from "../workspace/tree";
 
 const out = signal(""); // of the job that was started here
@@ -14,8 +14,18 @@ export function DatasheetView() {
   return (
     <section aria-label="Data sheet">
       <h2>Data sheet</h2>
-      <p class="lead">The sheet holds the circuit, each characteristic with its standard and interval, the curves, and the values with their sources.</p>
-      <JobForm kind="datasheet" start={{ drive: path, name: path ? `${nameOf(path).replace(/^catalogue:|\.toml$/g, "")}-datasheet` : "datasheet" }} after={(job) => void (out.value = job.out)} />
+      <p class="lead">
+        The sheet holds the circuit, each characteristic with its standard and interval, the curves, and the values with
+        their sources.
+      </p>
+      <JobForm
+        kind="datasheet"
+        start={{
+          drive: path,
+          name: path ? `${nameOf(path).replace(/^catalogue:|\.toml$/g, "")}-datasheet` : "datasheet",
+        }}
+        after={(job) => void (out.value = job.out)}
+      />
       {state === "done" && <ReportOf folder={folderOf(out.value)} changed={state} />}
     </section>
   );

@@ -1,11 +1,11 @@
 /** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { InFolder, Problems, Table } from "../workspace/parts";
 import { link, route } from "../routes";
-import { attempting, read, type Problem } from "../server/server";
+import { attempting, type Problem, read } from "../server/server";
+import { JobForm } from "../workspace/form";
+import { InFolder, Problems, Table } from "../workspace/parts";
 import { studies } from "../workspace/studies";
 import { filesOf } from "../workspace/tree";
 
@@ -51,7 +51,9 @@ export function HandoverView() {
   return (
     <div class="handover">
       <h2>{at}</h2>
-      <p><a href={link("handover")}>A new export, and all exports</a></p>
+      <p>
+        <a href={link("handover")}>A new export, and all exports</a>
+      </p>
       <Problems of={wrong.value} />
       {found.value && <Seen now={found.value} />}
     </div>
@@ -63,39 +65,56 @@ function Start({ path }: { path: string }) {
     <>
       <h2>A drive for other tools</h2>
       <p>The whole drive, compiled: the other tool needs neither Python nor a compiler nor a licence.</p>
-      <p class="banner">The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For another system, export the drive there.</p>
+      <p class="banner">
+        The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For
+        another system, export the drive there.
+      </p>
       <JobForm kind="export" start={{ ...(path && { drive: path }), name: "drive" }} />
       <InFolder files={filesOf("fmu")} title="FMUs" view="handover" />
     </>
   );
 }
 
-const TITLES: Record<Variable["causality"], string> = { input: "Inputs", output: "Outputs", parameter: "Parameters, set before a run" };
+const TITLES: Record<Variable["causality"], string> = {
+  input: "Inputs",
+  output: "Outputs",
+  parameter: "Parameters, set before a run",
+};
 
 function Seen({ now }: { now: Fmu }) {
   return (
     <>
       <p>
-        <b>{now.title}</b>: FMI {now.version}, {now.kinds.map((one) => (one === "CoSimulation" ? "co-simulation" : "model exchange")).join(" and ")}; written by {now.tool}.
+        <b>{now.title}</b>: FMI {now.version},{" "}
+        {now.kinds.map((one) => (one === "CoSimulation" ? "co-simulation" : "model exchange")).join(" and ")}; written
+        by {now.tool}.
       </p>
       <p class="note">
-        {digits(now.size / 1e6, 3)} MB, SHA-256 <code data-sha256={now.sha256}>{now.sha256}</code>, token <code>{now.token}</code>. Pressures are absolute.
+        {digits(now.size / 1e6, 3)} MB, SHA-256 <code data-sha256={now.sha256}>{now.sha256}</code>, token{" "}
+        <code>{now.token}</code>. Pressures are absolute.
       </p>
-      <p class="note">
-        Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.
-      </p>
+      <p class="note">Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.</p>
       <h2>Three lines run it in FMPy</h2>
-      <pre data-copy="fmpy" tabIndex={0} aria-label="Python with FMPy, in the folder of the workspace">{now.fmpy}</pre>
+      <pre data-copy="fmpy" tabIndex={0} aria-label="Python with FMPy, in the folder of the workspace">
+        {now.fmpy}
+      </pre>
       {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (
         <section key={causality} aria-label={TITLES[causality]}>
           <h2>{TITLES[causality]}</h2>
           <Table
             label={`Table of ${causality}s`}
             heads={["Name", "Unit", ...(causality === "output" ? [] : ["Start"]), "Meaning"]}
-            rows={now.variables.filter((one) => one.causality === causality).map((one) => ({
-              cells: [one.name, one.unit, ...(causality === "output" ? [] : [one.start === "" ? "–" : digits(Number(one.start), 6)]), one.meaning],
-              data: { "data-variable": one.name },
-            }))}
+            rows={now.variables
+              .filter((one) => one.causality === causality)
+              .map((one) => ({
+                cells: [
+                  one.name,
+                  one.unit,
+                  ...(causality === "output" ? [] : [one.start === "" ? "–" : digits(Number(one.start), 6)]),
+                  one.meaning,
+                ],
+                data: { "data-variable": one.name },
+              }))}
           />
         </section>
       ))}

@@ -5,5 +5,6 @@
 try {
   Intl.getCanonicalLocales(navigator.language);
 } catch {
-  if (typeof navigator !== "undefined") Object.defineProperty(navigator, "language", { value: "en", configurable: true });
+  if (typeof navigator !== "undefined")
+    Object.defineProperty(navigator, "language", { value: "en", configurable: true });
 }

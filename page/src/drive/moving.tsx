@@ -62,8 +62,15 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
     const spool = first([`${name}.position`, `${name}.command`, ...(isDrive && name === "valve" ? ["command"] : [])]);
     if (spool) shifts[name] = BOX * Math.max(-1, Math.min(1, spool[at]!));
   }
-  const pressureOf = (name: string, port: string) => first([`${name}.${port}.pressure_pa`, ...(isDrive ? [`pressure_${port}_pa`] : []), `${name}.pressure_pa`]);
-  const flowOf = (name: string, port: string) => first([`${name}.${port}.mass_flow_kg_s`, `${name}.mass_flow_${port}_kg_s`, ...(isDrive ? [`mass_flow_${port}_kg_s`] : []), `${name}.mass_flow_kg_s`]);
+  const pressureOf = (name: string, port: string) =>
+    first([`${name}.${port}.pressure_pa`, ...(isDrive ? [`pressure_${port}_pa`] : []), `${name}.pressure_pa`]);
+  const flowOf = (name: string, port: string) =>
+    first([
+      `${name}.${port}.mass_flow_kg_s`,
+      `${name}.mass_flow_${port}_kg_s`,
+      ...(isDrive ? [`mass_flow_${port}_kg_s`] : []),
+      `${name}.mass_flow_kg_s`,
+    ]);
   const known = drawing.nets.map((pins) => ({
     pins,
     pressure: pins.map((pin) => pressureOf(...pin)).find(Boolean),
@@ -72,7 +79,13 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
   const most = Math.max(1, ...known.flatMap((one) => (one.pressure ? [largestOf(one.pressure)] : [])));
   const lines: Line[] = known.map(({ pins, pressure, flow }) => ({
     share: pressure ? pressure[at]! / most : undefined,
-    said: [endsOf(pins), pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`, flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`].filter(Boolean).join(", "),
+    said: [
+      endsOf(pins),
+      pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`,
+      flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`,
+    ]
+      .filter(Boolean)
+      .join(", "),
   }));
   return { pistons, shifts, lines };
 }
@@ -83,7 +96,15 @@ export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pi
  * The circuit at a chosen or running time. With "reduced motion", only the slider moves it. `children` draws the
  * circuit in its state.
  */
-export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHead>; drawing: Drawing; children: (motion: Motion) => ComponentChildren }) {
+export function MovingCircuit({
+  now,
+  drawing,
+  children,
+}: {
+  now: Frame<MotionHead>;
+  drawing: Drawing;
+  children: (motion: Motion) => ComponentChildren;
+}) {
   const cylinders = now.head.cylinders ?? [];
   const time = now.arrays.get("time_s")!;
   const end = time[time.length - 1]!;
@@ -103,7 +124,8 @@ export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHea
   }, [isPlaying.value, end]);
   const platforms = now.head.platforms ?? [];
   useEffect(() => {
-    if (platforms.length && !platformView.value) void import("./platform").then((module) => (platformView.value = module.PlatformAt));
+    if (platforms.length && !platformView.value)
+      void import("./platform").then((module) => (platformView.value = module.PlatformAt));
   }, [platforms.length]);
   const View = platformView.value;
   const row = indexAt(time, at);
@@ -112,17 +134,45 @@ export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHea
     <figure class="motion" data-row={row}>
       {children(motion)}
       <p class="row">
-        {!isCalm && <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
+        {!isCalm && (
+          <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>
+            {isPlaying.value ? "Stop" : "Play"}
+          </button>
+        )}
         <label>
           Time{" "}
-          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${instant(time[row], end / time.length)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
+          <input
+            type="range"
+            min={0}
+            max={1000}
+            value={Math.round((1000 * at) / end)}
+            aria-valuetext={`${instant(time[row], end / time.length)} s`}
+            onInput={(event) => (
+              (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
+            )}
+          />
         </label>
         <output>
-          {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)}; pressures absolute
+          {instant(time[row], end / time.length)} s
+          {cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)};
+          pressures absolute
         </output>
       </p>
-      {View && platforms.map((one) => <View key={one.name} now={now} platform={one} sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)} />)}
-      {!cylinders.length && <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>}
+      {View &&
+        platforms.map((one) => (
+          <View
+            key={one.name}
+            now={now}
+            platform={one}
+            sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}
+          />
+        ))}
+      {!cylinders.length && (
+        <p class="note" data-without="motion">
+          No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain
+          one.
+        </p>
+      )}
     </figure>
   );
 }

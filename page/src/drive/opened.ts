@@ -1,9 +1,9 @@
 /** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "../server/server";
-import type { Drawing } from "./circuit";
 import { link, route } from "../routes";
+import { answering, ask, isAnswering, newest, type Problem, Refused, read, typed, write } from "../server/server";
+import type { Drawing } from "./circuit";
 
 export interface Field {
   key: string;
@@ -56,7 +56,8 @@ const drafts = new Map<string, Opened>();
 const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
 
 /** Return whether the page has unsaved text of a description. Runs that read the file do not see this text. */
-export const isUnsaved = (path: string): boolean => (opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path));
+export const isUnsaved = (path: string): boolean =>
+  opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path);
 
 globalThis.addEventListener?.("beforeunload", (event) => {
   if (!isSaved(opened.value) || drafts.size) event.preventDefault();
@@ -217,12 +218,20 @@ export function set(key: string, value: string | number, unit?: string): Promise
 }
 
 /** Change the structure of a circuit in the text. `then` gets the component to show. */
-export function restructure(what: { act: string; one?: string; other?: string; kind?: string }, then: (chosen: string) => void): void {
+export function restructure(
+  what: { act: string; one?: string; other?: string; kind?: string },
+  then: (chosen: string) => void,
+): void {
   const into = opened.value?.path;
   edits = edits.then(() => edit(into, "/api/structure", { path: into, ...what }, then));
 }
 
-async function edit(into: string | undefined, address: string, what: object, then?: (chosen: string) => void): Promise<void> {
+async function edit(
+  into: string | undefined,
+  address: string,
+  what: object,
+  then?: (chosen: string) => void,
+): Promise<void> {
   for (let now = opened.value; now && now.path === into; now = opened.value) {
     try {
       const { text, chosen } = await ask<{ text: string; chosen?: string }>(address, { text: now.text, ...what });

@@ -14,7 +14,12 @@ interface Shown {
 }
 
 /** Draw a platform at a sample, with the path of its origin until then. */
-function draw(canvas: HTMLCanvasElement, { labels, lines, path, width, height }: SentPlatform, points: Numbers, sample: number): void {
+function draw(
+  canvas: HTMLCanvasElement,
+  { labels, lines, path, width, height }: SentPlatform,
+  points: Numbers,
+  sample: number,
+): void {
   const ink = getComputedStyle(canvas).color;
   const scale = devicePixelRatio || 1;
   [canvas.width, canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
@@ -54,7 +59,12 @@ export function PlatformAt({ now, platform, sample }: Shown) {
   useLayoutEffect(() => draw(canvas.current!, platform, points, sample), [points, sample, dark]);
   return (
     <div class="platform" data-platform={platform.name} data-sample={sample}>
-      <canvas ref={canvas} role="img" aria-label={`Platform ${platform.name}, isometric. The table has its values.`} style={{ maxWidth: `${platform.width}px` }} />
+      <canvas
+        ref={canvas}
+        role="img"
+        aria-label={`Platform ${platform.name}, isometric. The table has its values.`}
+        style={{ maxWidth: `${platform.width}px` }}
+      />
       <table aria-label={`Values of ${platform.name}`}>
         <tbody>
           {platform.outputs.map(({ column, label, unit, size }) => {
@@ -62,7 +72,9 @@ export function PlatformAt({ now, platform, sample }: Shown) {
             return (
               <tr key={column}>
                 <th scope="row">{label}</th>
-                <td data-output={column} data-si={value}>{digits(Math.round((1e6 * value) / size) / 1e6, 4)} {unit}</td>
+                <td data-output={column} data-si={value}>
+                  {digits(Math.round((1e6 * value) / size) / 1e6, 4)} {unit}
+                </td>
               </tr>
             );
           })}

@@ -1,17 +1,17 @@
 /** View of sizing: text and check of the task, the search as a job, and candidates over time and air. */
 import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import type { Editor } from "./editor";
+import { count, digits, fitting, isSevere } from "../plots/looks";
+import { ticks } from "../plots/strip";
+import { isToml, link, route } from "../routes";
+import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
+import type { MachineCheck } from "../server/types";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { count, digits, fitting, isSevere } from "../plots/looks";
-import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
-import { isToml, link, route } from "../routes";
-import { ask, attempting, read, Refused, write, type Problem } from "../server/server";
-import type { MachineCheck } from "../server/types";
 import { list, studies } from "../workspace/studies";
-import { ticks } from "../plots/strip";
+import type { Editor } from "./editor";
+import { wasSaved } from "./opened";
 
 interface Limit {
   name: string;
@@ -128,7 +128,9 @@ async function load(at: string): Promise<void> {
   if (said.value !== wasSaved(at)) said.value = "";
   task.value = meant.value = null;
   await attempt(async () => {
-    const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
+    const one = at
+      ? await read<{ text: string; sha256: string }>("/api/file", { path: at })
+      : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
     if (path.value !== at) return;
     const draft = drafts.get(at);
     [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
@@ -159,7 +161,9 @@ async function save(): Promise<void> {
       await list();
     } catch (error) {
       if (!(error instanceof Refused) || error.status !== 412) throw error;
-      said.value = at ? `${into} changed on disk: nothing was written.` : `${into} already exists: nothing was written. Choose another name.`;
+      said.value = at
+        ? `${into} changed on disk: nothing was written.`
+        : `${into} already exists: nothing was written. Choose another name.`;
     }
   });
 }
@@ -173,9 +177,18 @@ async function look(folder: string): Promise<void> {
 
 const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
-const again = (folder: string, now: Sizing) => ({ kind: "size", task: now.task, draws: now.draws, least: least.value, ...now.asked, name: "sizing", resume: folder });
+const again = (folder: string, now: Sizing) => ({
+  kind: "size",
+  task: now.task,
+  draws: now.draws,
+  least: least.value,
+  ...now.asked,
+  name: "sizing",
+  resume: folder,
+});
 
-const resume = (folder: string, now: Sizing): Promise<void> => attempt(async () => (await ask("/api/jobs", again(folder, now)), void follow()));
+const resume = (folder: string, now: Sizing): Promise<void> =>
+  attempt(async () => (await ask("/api/jobs", again(folder, now)), void follow()));
 
 export function SizingView() {
   const now = found.value?.folder === path.value ? found.value : null; // not that of the folder before
@@ -200,14 +213,28 @@ export function SizingView() {
         <h2>{now?.name ?? path.value}</h2>
         <All />
         <Problems of={wrong.value} />
-        {now ? <Result now={now} folder={path.value} /> : <p>{state === "running" ? "There is no candidate yet." : wrong.value.length ? "" : "No search was started in this folder."}</p>}
+        {now ? (
+          <Result now={now} folder={path.value} />
+        ) : (
+          <p>
+            {state === "running"
+              ? "There is no candidate yet."
+              : wrong.value.length
+                ? ""
+                : "No search was started in this folder."}
+          </p>
+        )}
         <JobList of={path.value} output />
       </div>
     );
   return <TaskView />;
 }
 
-const All = () => <p><a href={link("sizing")}>A new task, and all sizings</a></p>;
+const All = () => (
+  <p>
+    <a href={link("sizing")}>A new task, and all sizings</a>
+  </p>
+);
 
 function TaskView() {
   const place = useRef<HTMLDivElement>(null);
@@ -238,10 +265,19 @@ function TaskView() {
           <div ref={place} class="editor" />
           <p class="row">
             <label>
-              File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
+              File{" "}
+              <input
+                value={file.value}
+                disabled={sha256.value !== ""}
+                onInput={(event) => (file.value = event.currentTarget.value)}
+              />
             </label>
             <SaveButton isSaved={isSaved || !isLoaded.value} save={save} />
-            {path.value && text.value !== saved.value && <button type="button" onClick={dropChanges}>Drop these changes and show the file</button>}
+            {path.value && text.value !== saved.value && (
+              <button type="button" onClick={dropChanges}>
+                Drop these changes and show the file
+              </button>
+            )}
             <span role="status">{said.value}</span>
           </p>
           <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={(line) => editor.current?.go(line)} />
@@ -252,14 +288,31 @@ function TaskView() {
           <Table
             label="Values of the task"
             heads={["Key", "Value", "Meaning"]}
-            rows={(meant.value?.values ?? []).map((one) => [one.key, <span>{one.text} <span class="kind">{one.given ? "" : "default"}</span></span>, one.meaning])}
+            rows={(meant.value?.values ?? []).map((one) => [
+              one.key,
+              <span>
+                {one.text} <span class="kind">{one.given ? "" : "default"}</span>
+              </span>,
+              one.meaning,
+            ])}
           />
-          <ul>{meant.value?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
+          <ul>
+            {meant.value?.follows?.map((one) => (
+              <li key={one.what}>
+                {one.what}: {digits(one.value)} {one.unit}
+              </li>
+            ))}
+          </ul>
         </section>
       </div>
       <section aria-label="Search">
         <h2>Search the catalogue</h2>
-        <JobForm kind="size" given={{ task: file.value }} start={{ name: "sizing" }} isReady={isSaved && !now?.problems.length} after={({ out }) => void (location.hash = link("sizing", out))}>
+        <JobForm
+          kind="size"
+          given={{ task: file.value }}
+          start={{ name: "sizing" }}
+          isReady={isSaved && !now?.problems.length}
+          after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
         </JobForm>
         <InFolder files={results} title="Sizings" view="sizing" />
@@ -274,33 +327,53 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   const [copy, copied] = useCopied(done, attempt);
   return (
     <>
-      {(now.said[0] || now.provisional) && <p class={isSevere(now.said[0] ?? "") ? "answer severe" : "answer"} data-answer>{now.said[0] ?? now.provisional}</p>}
+      {(now.said[0] || now.provisional) && (
+        <p class={isSevere(now.said[0] ?? "") ? "answer severe" : "answer"} data-answer>
+          {now.said[0] ?? now.provisional}
+        </p>
+      )}
       <OpenChecks of={now.checks.filter((one) => one.is_kept !== true)} task={now.task} />
       <Best now={now} />
       {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
-      <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
-        {count(now.candidates.length, "candidate")} simulated{now.said.length > 0 && `, ${now.meets} meet the task`}; {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
-        {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "The folder does not contain this task any more."}
+      <p
+        data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"}
+        data-simulated={now.candidates.length}>
+        {count(now.candidates.length, "candidate")} simulated{now.said.length > 0 && `, ${now.meets} meet the task`};{" "}
+        {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
+        {now.task ? (
+          <a href={link("sizing", now.task)}>{now.task}</a>
+        ) : (
+          "The folder does not contain this task any more."
+        )}
       </p>
       <ReportOf folder={folder} changed={now.done && !running} />
       {running && (
         <p class="row">
-          <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
+          <progress
+            aria-label="Progress of the search"
+            value={running.progress?.done ?? 0}
+            max={Math.max(running.progress?.total ?? 1, 1)}
+          />
           {reached(running)}
           <Cancel job={running}>Cancel the search</Cancel>
         </p>
       )}
-      {!running && now.searched && <p class="note">A process that this server did not start searches in this folder.</p>}
+      {!running && now.searched && (
+        <p class="note">A process that this server did not start searches in this folder.</p>
+      )}
       {!running && !now.searched && !now.done && (
         <p class="row">
           The search was stopped early.
           {now.task ? (
             <>
               <label>
-                Least number of choices <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
+                Least number of choices{" "}
+                <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
               </label>
-              <button type="button" onClick={() => void resume(folder, now)}>Resume</button>
+              <button type="button" onClick={() => void resume(folder, now)}>
+                Resume
+              </button>
             </>
           ) : (
             `It continues once the folder has its task again: ${folder}/sizing.json has the values.`
@@ -309,7 +382,9 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       )}
       {now.miss && (
         <div class="problem" data-miss={now.miss.limit}>
-          <p><b>Nothing meets the task.</b> {now.miss.gives}</p>
+          <p>
+            <b>Nothing meets the task.</b> {now.miss.gives}
+          </p>
         </div>
       )}
       {done && <p>{copy}</p>}
@@ -320,11 +395,20 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="out" />
             <Candidates now={now} way="back" />
           </div>
-          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of 98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Small ring: the search ended before its last samples. Large ring: chosen or pinned.</p>
+          <p class="note">
+            Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of
+            98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Small ring: the search
+            ended before its last samples. Large ring: chosen or pinned.
+          </p>
           <h2>Candidates</h2>
           <p class="row">
             <label>
-              <input type="checkbox" checked={isWhole.value} onChange={(event) => (isWhole.value = event.currentTarget.checked)} /> Every simulated choice, not only the best of each cylinder
+              <input
+                type="checkbox"
+                checked={isWhole.value}
+                onChange={(event) => (isWhole.value = event.currentTarget.checked)}
+              />{" "}
+              Every simulated choice, not only the best of each cylinder
             </label>
           </p>
           <Ranking now={now} />
@@ -334,7 +418,14 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       {now.said.length > 1 && (
         <details open>
           <summary>Reasons, savings, kept checks, and the size of the search</summary>
-          <ul>{now.said.slice(1).filter((one) => !isSevere(one)).map((one) => <li key={one}>{one}</li>)}</ul>
+          <ul>
+            {now.said
+              .slice(1)
+              .filter((one) => !isSevere(one))
+              .map((one) => (
+                <li key={one}>{one}</li>
+              ))}
+          </ul>
         </details>
       )}
     </>
@@ -343,17 +434,34 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 
 /** Checks of the best that are not kept or not decided, with their remedies: none is folded. */
 function OpenChecks({ of, task }: { of: MachineCheck[]; task: string }) {
-  const shown = (value: number | null, unit: string) => (value === null ? "not on the sheet" : `${digits(value)} ${unit}`);
+  const shown = (value: number | null, unit: string) =>
+    value === null ? "not on the sheet" : `${digits(value)} ${unit}`;
   return (
     <>
       {of.map((one) => (
         <div class="problem" key={one.name} data-open-check={one.name}>
-          <p><b class="severe">{one.name}: {one.is_kept === null ? "not decided" : "NOT KEPT"}</b></p>
-          <p>{shown(one.value, one.unit)}, limit {shown(one.limit, one.unit)} ({one.rule}).</p>
-          {one.remedies.length > 0 && <ul>{one.remedies.map((remedy) => <li key={remedy}>{remedy}</li>)}</ul>}
+          <p>
+            <b class="severe">
+              {one.name}: {one.is_kept === null ? "not decided" : "NOT KEPT"}
+            </b>
+          </p>
+          <p>
+            {shown(one.value, one.unit)}, limit {shown(one.limit, one.unit)} ({one.rule}).
+          </p>
+          {one.remedies.length > 0 && (
+            <ul>
+              {one.remedies.map((remedy) => (
+                <li key={remedy}>{remedy}</li>
+              ))}
+            </ul>
+          )}
         </div>
       ))}
-      {of.length > 0 && task && <p><a href={link("sizing", task)}>Change the task</a></p>}
+      {of.length > 0 && task && (
+        <p>
+          <a href={link("sizing", task)}>Change the task</a>
+        </p>
+      )}
     </>
   );
 }
@@ -370,7 +478,12 @@ function Best({ now }: { now: Sizing }) {
     note: `limit ${digits(one.limit)} ${one.unit}${isAssumed && one.name.startsWith("energy") ? ", assumed" : ""}`,
     missed: one.margin === null || one.margin < 0,
   }));
-  return <Tiles label="The best candidate" of={[...limits, { key: "air", title: "air of a cycle", text: `${digits(best.air)} l ANR`, note: "mean" }]} />;
+  return (
+    <Tiles
+      label="The best candidate"
+      of={[...limits, { key: "air", title: "air of a cycle", text: `${digits(best.air)} l ANR`, note: "mean" }]}
+    />
+  );
 }
 
 /** Button that writes the data sheet of the best drive, and the link to it. */
@@ -384,7 +497,9 @@ function DataSheet({ folder }: { folder: string }) {
     });
   return (
     <div class="row" data-sheet={job?.state ?? "none"}>
-      <button type="button" disabled={job?.state === "running"} onClick={() => void start()}>Data sheet of the best</button>
+      <button type="button" disabled={job?.state === "running"} onClick={() => void start()}>
+        Data sheet of the best
+      </button>
       {job?.state === "running" && "The data sheet is being written."}
       <ReportOf folder={`results/${own}`} changed={job?.state} />
     </div>
@@ -405,29 +520,54 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   const room = 0.1 * (Math.max(...times) - Math.min(...times)) || 0.05 * limit;
   const [bottom, top] = [Math.max(0, Math.min(...times) - room), Math.max(...times) + room];
   const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (width - EDGE.left - EDGE.right);
-  const y = (time: number) => HEIGHT - EDGE.bottom - ((time - bottom) / (top - bottom)) * (HEIGHT - EDGE.top - EDGE.bottom);
+  const y = (time: number) =>
+    HEIGHT - EDGE.bottom - ((time - bottom) / (top - bottom)) * (HEIGHT - EDGE.top - EDGE.bottom);
   return (
     <figure class="plot candidates" data-plot={`Stroke ${way}`}>
       <figcaption>Stroke {way}</figcaption>
-      <svg viewBox={`0 0 ${width} ${HEIGHT}`} role="img" aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
+      <svg
+        viewBox={`0 0 ${width} ${HEIGHT}`}
+        role="img"
+        aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
         {ticks(bottom, top).map((one) => (
           <g key={one}>
             <line class="grid" x1={EDGE.left} x2={width - EDGE.right} y1={y(one)} y2={y(one)} />
-            <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">{digits(one, 3)}</text>
+            <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">
+              {digits(one, 3)}
+            </text>
           </g>
         ))}
-        {shown.length > 0 && ticks(low, high).map((one) => <text key={one} x={x(one)} y={HEIGHT - EDGE.bottom + 16} text-anchor="middle">{digits(one, 3)}</text>)}
-        <text x={width / 2} y={HEIGHT - 4} text-anchor="middle">air of a cycle, l ANR</text>
-        <text x={12} y={HEIGHT / 2} text-anchor="middle" transform={`rotate(-90 12 ${HEIGHT / 2})`}>time {way}, worst 1 %, s</text>
+        {shown.length > 0 &&
+          ticks(low, high).map((one) => (
+            <text key={one} x={x(one)} y={HEIGHT - EDGE.bottom + 16} text-anchor="middle">
+              {digits(one, 3)}
+            </text>
+          ))}
+        <text x={width / 2} y={HEIGHT - 4} text-anchor="middle">
+          air of a cycle, l ANR
+        </text>
+        <text x={12} y={HEIGHT / 2} text-anchor="middle" transform={`rotate(-90 12 ${HEIGHT / 2})`}>
+          time {way}, worst 1 %, s
+        </text>
         <line class="limit" x1={EDGE.left} x2={width - EDGE.right} y1={y(limit)} y2={y(limit)} />
-        <text x={width - EDGE.right} y={y(limit) - 4} text-anchor="end">longest time allowed</text>
+        <text x={width - EDGE.right} y={y(limit) - 4} text-anchor="end">
+          longest time allowed
+        </text>
         {shown.map((one) => {
           const [cx, cy] = [x(one.air!), y(timed(one)!)];
           const isMarked = chosen.value === one.name || pinned.value.includes(one.name);
           return (
-            <g key={one.name} class={one.meets ? "meets" : one.misses ? "misses" : "unfinished"} data-point={one.name} onClick={() => (chosen.value = one.name)}>
+            <g
+              key={one.name}
+              class={one.meets ? "meets" : one.misses ? "misses" : "unfinished"}
+              data-point={one.name}
+              onClick={() => (chosen.value = one.name)}>
               {isMarked && <circle class="ring" cx={cx} cy={cy} r={9} />}
-              {!one.misses ? <circle cx={cx} cy={cy} r={one.meets ? 5 : 3} /> : <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />}
+              {!one.misses ? (
+                <circle cx={cx} cy={cy} r={one.meets ? 5 : 3} />
+              ) : (
+                <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />
+              )}
               <title>{Object.values(one.parts).join(" + ")}</title>
             </g>
           );
@@ -440,7 +580,8 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
 const [PERCENT, FULL] = [100, 100]; // %: a load ratio above FULL does not move
 
 /** Text of an interval. */
-const range = (ends: Ends | undefined, unit = "") => ends && `${ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} ${unit}`;
+const range = (ends: Ends | undefined, unit = "") =>
+  ends && `${ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} ${unit}`;
 const between = (ends: Ends | undefined) => ends && <small>{range(ends)}</small>;
 
 const marked = (text: string, isMissed: boolean) => <span class={isMissed ? "missed" : ""}>{text}</span>;
@@ -485,7 +626,12 @@ function Ranking({ now }: { now: Sizing }) {
             <th scope="col">Parts</th>
             {COLUMNS.map(([title, column]) => (
               <th scope="col" key={column} aria-sort={by === column ? (down ? "descending" : "ascending") : undefined}>
-                <button type="button" class="link" onClick={() => (order.value = { by: column, down: by === column && !down })}>{title}</button>
+                <button
+                  type="button"
+                  class="link"
+                  onClick={() => (order.value = { by: column, down: by === column && !down })}>
+                  {title}
+                </button>
               </th>
             ))}
             <th scope="col">What limits it</th>
@@ -496,32 +642,50 @@ function Ranking({ now }: { now: Sizing }) {
           {rows.slice(0, MOST_ROWS).map((one) => (
             <tr key={one.name} data-candidate={one.name} data-meets={one.meets}>
               <th scope="row">
-                <button type="button" class="link" aria-pressed={chosen.value === one.name} onClick={() => (chosen.value = one.name)}>{Object.values(one.parts).join(" + ")}</button>{" "}
+                <button
+                  type="button"
+                  class="link"
+                  aria-pressed={chosen.value === one.name}
+                  onClick={() => (chosen.value = one.name)}>
+                  {Object.values(one.parts).join(" + ")}
+                </button>{" "}
                 <button
                   type="button"
                   class="link"
                   aria-label={`${pinned.value.includes(one.name) ? "Unpin" : "Pin"} ${one.name}`}
-                  onClick={() => (pinned.value = pinned.value.includes(one.name) ? pinned.value.filter((other) => other !== one.name) : [...pinned.value, one.name])}
-                >
+                  onClick={() =>
+                    (pinned.value = pinned.value.includes(one.name)
+                      ? pinned.value.filter((other) => other !== one.name)
+                      : [...pinned.value, one.name])
+                  }>
                   {pinned.value.includes(one.name) ? "unpin" : "pin"}
                 </button>
               </th>
               {COLUMNS.map(([, column, shown, limits]) => {
                 const isOver = column === "load_ratio" && (shown(one) ?? 0) > FULL;
-                const missed = isOver || one.limits.some((limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0));
+                const missed =
+                  isOver ||
+                  one.limits.some(
+                    (limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0),
+                  );
                 return (
                   <td key={column} data-column={column} data-si={shown(one)} class={missed ? "missed" : ""}>
-                    {digits(shown(one))} {between(one.intervals[column])}{missed && " above its limit"}
+                    {digits(shown(one))} {between(one.intervals[column])}
+                    {missed && " above its limit"}
                   </td>
                 );
               })}
               <td class={one.misses ? "missed" : ""}>{one.binding}</td>
-              <td>{one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}</td>
+              <td>
+                {one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}
+              </td>
             </tr>
           ))}
         </tbody>
       </table>
-      {rows.length > MOST_ROWS && <p class="note">{rows.length - MOST_ROWS} more are in the plot and in choices.jsonl.</p>}
+      {rows.length > MOST_ROWS && (
+        <p class="note">{rows.length - MOST_ROWS} more are in the plot and in choices.jsonl.</p>
+      )}
     </div>
   );
 }
@@ -533,7 +697,8 @@ function Chosen({ now }: { now: Sizing }) {
     <section aria-label="Chosen candidate">
       <h2>{Object.values(one.parts).join(" + ")}</h2>
       <p>
-        {one.setting}. {one.met} of {one.draws} draws keep all limits: at least {digits(100 * one.at_least)} % (95 % confidence).
+        {one.setting}. {one.met} of {one.draws} draws keep all limits: at least {digits(100 * one.at_least)} % (95 %
+        confidence).
         {one.measure && ` Measure first: ${one.measure} (${digits(100 * one.explains, 2)} % of its margin).`}
       </p>
       <Table
@@ -541,14 +706,37 @@ function Chosen({ now }: { now: Sizing }) {
         heads={["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"]}
         rows={[
           ...one.limits.map(({ name, value, unit, interval, limit, margin }) => ({
-            cells: [name, marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0), range(interval, unit) ?? "–", `${digits(limit)} ${unit}`, margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`],
+            cells: [
+              name,
+              marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0),
+              range(interval, unit) ?? "–",
+              `${digits(limit)} ${unit}`,
+              margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`,
+            ],
             data: { "data-limit": name },
           })),
-          ...(one.load_ratio === null ? [] : [["load ratio", marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1), range(one.intervals["load_ratio"], "%"), `${FULL} %`, `${digits(PERCENT * (1 - one.load_ratio), 3)} %`]]),
+          ...(one.load_ratio === null
+            ? []
+            : [
+                [
+                  "load ratio",
+                  marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1),
+                  range(one.intervals["load_ratio"], "%"),
+                  `${FULL} %`,
+                  `${digits(PERCENT * (1 - one.load_ratio), 3)} %`,
+                ],
+              ]),
         ]}
       />
-      <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move. The simulation includes all further forces.</p>
-      {one.file && <p><a href={link("drive", one.file)}>Open {one.file} in the Drive view</a></p>}
+      <p class="note">
+        Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of
+        both strokes. Above 100 % the drive does not move. The simulation includes all further forces.
+      </p>
+      {one.file && (
+        <p>
+          <a href={link("drive", one.file)}>Open {one.file} in the Drive view</a>
+        </p>
+      )}
     </section>
   );
 }

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import { attempting, read, type Problem } from "../server/server";
+import { attempting, type Problem, read } from "../server/server";
 import type { PortChoice } from "./circuit";
 import { future, opened, past, problems, restructure, step, valid } from "./opened";
 
@@ -48,7 +48,8 @@ export function keys(event: KeyboardEvent): void {
     if (key === "y" || event.shiftKey) step(future, past);
     else step(past, future);
   } else if (event.key === "Escape") port.value = "";
-  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit") remove(chosen.value);
+  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit")
+    remove(chosen.value);
 }
 
 /** Buttons below the drawing. */
@@ -67,30 +68,69 @@ export function Structure({ children }: { children: ComponentChildren }) {
     <div role="group" aria-label="Edit the circuit">
       <p class="row">
         {children}
-        <button type="button" aria-pressed={isEditing.value} onClick={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>Edit the circuit</button>
-        <button type="button" disabled={!past.value.length} onClick={() => step(past, future)}>Undo</button>
-        <button type="button" disabled={!future.value.length} onClick={() => step(future, past)}>Redo</button>
-        {isEditing.value && isCircuit && chosen.value && <button type="button" disabled={blocked} onClick={() => remove(chosen.value)}>Remove {chosen.value}</button>}
+        <button
+          type="button"
+          aria-pressed={isEditing.value}
+          onClick={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
+          Edit the circuit
+        </button>
+        <button type="button" disabled={!past.value.length} onClick={() => step(past, future)}>
+          Undo
+        </button>
+        <button type="button" disabled={!future.value.length} onClick={() => step(future, past)}>
+          Redo
+        </button>
+        {isEditing.value && isCircuit && chosen.value && (
+          <button type="button" disabled={blocked} onClick={() => remove(chosen.value)}>
+            Remove {chosen.value}
+          </button>
+        )}
       </p>
       {isEditing.value && !isCircuit && (
         <p class="row">
           <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
-          <button type="button" disabled={blocked} onClick={() => restructure({ act: "open" }, () => forget())}>Open it as a circuit</button>
+          <button type="button" disabled={blocked} onClick={() => restructure({ act: "open" }, () => forget())}>
+            Open it as a circuit
+          </button>
         </p>
       )}
-      {isEditing.value && isCircuit && !port.value && <p class="note">Click a port to add a component there or to join it with another port. Click a symbol to remove it.</p>}
+      {isEditing.value && isCircuit && !port.value && (
+        <p class="note">
+          Click a port to add a component there or to join it with another port. Click a symbol to remove it.
+        </p>
+      )}
       {isEditing.value && isCircuit && port.value && (
         <p class="row">
           <b>Port {port.value}</b>
-          <select aria-label="Component to add" value={kind.value} onChange={(event) => (kind.value = event.currentTarget.value)}>
-            {kinds.value.map((one) => <option key={one.kind} value={one.kind}>{one.title}</option>)}
+          <select
+            aria-label="Component to add"
+            value={kind.value}
+            onChange={(event) => (kind.value = event.currentTarget.value)}>
+            {kinds.value.map((one) => (
+              <option key={one.kind} value={one.kind}>
+                {one.title}
+              </option>
+            ))}
           </select>
-          <button type="button" class="primary" disabled={blocked} onClick={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>Add here</button>
-          <button type="button" disabled={blocked} onClick={() => restructure({ act: "cut", one: port.value }, () => forget())}>Cut its line</button>
+          <button
+            type="button"
+            class="primary"
+            disabled={blocked}
+            onClick={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>
+            Add here
+          </button>
+          <button
+            type="button"
+            disabled={blocked}
+            onClick={() => restructure({ act: "cut", one: port.value }, () => forget())}>
+            Cut its line
+          </button>
           <span class="note">Click another port to join it.</span>
         </p>
       )}
-      {isEditing.value && blocked && <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>}
+      {isEditing.value && blocked && (
+        <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>
+      )}
     </div>
   );
 }

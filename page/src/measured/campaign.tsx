@@ -1,17 +1,17 @@
 /** View of a running campaign: state, cycles, map so far, journal, and requests if the server allows them. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { JobForm } from "../workspace/form";
-import { AnswerOf } from "../workspace/result";
-import { follow, JobList, jobs } from "../workspace/jobs";
 import { duration } from "../plots/looks";
-import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
-import { link, route } from "../routes";
-import { ask, attempting, frame, read, Refused, typed, type Problem } from "../server/server";
 import { Behind, Strip } from "../plots/strip";
-import { list, studies } from "../workspace/studies";
+import { link, route } from "../routes";
+import { ask, attempting, frame, type Problem, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
+import { JobForm } from "../workspace/form";
+import { follow, JobList, jobs } from "../workspace/jobs";
+import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
+import { AnswerOf } from "../workspace/result";
+import { list, studies } from "../workspace/studies";
 import { kindOf, nameOf } from "../workspace/tree";
 
 interface Campaign {
@@ -105,9 +105,12 @@ export function CampaignView() {
     const look = async () => {
       while (!gone) {
         try {
-          const { head, arrays } = await frame<{ cycle: string; left: string; samples: number }>("/api/cycle", { path });
+          const { head, arrays } = await frame<{ cycle: string; left: string; samples: number }>("/api/cycle", {
+            path,
+          });
           const of = (name: string) => Array.from(arrays.get(name) ?? []);
-          if (!gone && head.cycle) cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
+          if (!gone && head.cycle)
+            cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
         } catch {
           /* the other reader reports the error */
         }
@@ -124,7 +127,11 @@ export function CampaignView() {
     <div class="campaign">
       <h2>{path || "Campaigns"}</h2>
       <Problems of={[...unread.value, ...wrong.value]} />
-      {path && <p><a href={link("campaign")}>All campaigns, and a new one</a></p>}
+      {path && (
+        <p>
+          <a href={link("campaign")}>All campaigns, and a new one</a>
+        </p>
+      )}
       {path ? found.value && <Watched now={found.value} path={path} /> : <Start />}
     </div>
   );
@@ -148,14 +155,31 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           {now.remaining_s !== null && now.done < total && `, ${duration(now.remaining_s)} left on the rig`}
         </span>
       </p>
-      {now.cycle && now.state !== "paused" && <p class="note">now: {now.cycle}{running && `, ${running.left} left by the clock`}</p>}
+      {now.cycle && now.state !== "paused" && (
+        <p class="note">
+          now: {now.cycle}
+          {running && `, ${running.left} left by the clock`}
+        </p>
+      )}
       {!now.state && now.done > 0 && <AnswerOf path={path} changed={now.done} />}
       <Requests now={now} path={path} />
-      {!now.state && now.done > 0 && <JobForm kind="characterise" given={{ campaign: path, recordings: [] }} start={{ name: nameOf(path) }} jobs={[]} />}
+      {!now.state && now.done > 0 && (
+        <JobForm
+          kind="characterise"
+          given={{ campaign: path, recordings: [] }}
+          start={{ name: nameOf(path) }}
+          jobs={[]}
+        />
+      )}
       <ReportOf folder={path} />
       {running && running.position.length > 1 && (
         <div data-cycle={running.cycle} data-samples={running.samples}>
-          <Strip title={`Cycle in progress: ${running.cycle}, ${running.samples} samples`} x="position, mm" y="force, N" curves={[{ label: "force", x: running.position, y: running.force }]} />
+          <Strip
+            title={`Cycle in progress: ${running.cycle}, ${running.samples} samples`}
+            x="position, mm"
+            y="force, N"
+            curves={[{ label: "force", x: running.position, y: running.force }]}
+          />
         </div>
       )}
       <JobList kinds={["campaign", "design", "characterise"]} />
@@ -176,13 +200,27 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           title="Friction so far"
           x="speed, mm/s"
           y="friction, N"
-          curves={now.groups.map((group) => ({ label: group.label, x: group.points.map((one) => MM * one.speed), y: group.points.map((one) => one.friction) }))}
+          curves={now.groups.map((group) => ({
+            label: group.label,
+            x: group.points.map((one) => MM * one.speed),
+            y: group.points.map((one) => one.friction),
+          }))}
         />
       )}
-      {now.problems.map((one) => <p class="note" key={one}>{one}</p>)}
-      {Object.entries(now.flags).map(([flag, count]) => <p class="note" key={flag}>flag {flag}: {count}</p>)}
+      {now.problems.map((one) => (
+        <p class="note" key={one}>
+          {one}
+        </p>
+      ))}
+      {Object.entries(now.flags).map(([flag, count]) => (
+        <p class="note" key={flag}>
+          flag {flag}: {count}
+        </p>
+      ))}
       <h2>Journal, newest first</h2>
-      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.map(dated).reverse().join("\n")}</pre>
+      <pre class="journal" tabIndex={0} aria-label="Journal">
+        {now.log.map(dated).reverse().join("\n")}
+      </pre>
     </>
   );
 }
@@ -199,15 +237,29 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   const release = () => clearTimeout(timer.current);
   if (!isRunning)
     return now.synthetic && now.done < (now.planned ?? 0) ? (
-      <p><button type="button" onClick={() => void resume()}>Resume on the simulated rig</button></p>
+      <p>
+        <button type="button" onClick={() => void resume()}>
+          Resume on the simulated rig
+        </button>
+      </p>
     ) : null;
   if (!studies.value?.control)
-    return <p class="note">This server only watches. Requests: pneudrive campaign pause {word(path)}, or start the server with --control.</p>;
+    return (
+      <p class="note">
+        This server only watches. Requests: pneudrive campaign pause {word(path)}, or start the server with --control.
+      </p>
+    );
   return (
     <p class="row" role="group" aria-label="Requests">
-      <button type="button" onClick={() => void send("pause")}>Pause after the cycle</button>
-      <button type="button" onClick={() => void send("stop")}>Stop the axis now</button>
-      <button type="button" onClick={() => void send("resume")}>Resume</button>
+      <button type="button" onClick={() => void send("pause")}>
+        Pause after the cycle
+      </button>
+      <button type="button" onClick={() => void send("stop")}>
+        Stop the axis now
+      </button>
+      <button type="button" onClick={() => void send("resume")}>
+        Resume
+      </button>
       <button
         type="button"
         onPointerDown={hold}
@@ -215,8 +267,7 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
         onPointerLeave={release}
         onKeyDown={(event) => !event.repeat && (event.key === "Enter" || event.key === " ") && hold()}
         onKeyUp={release}
-        onBlur={release}
-      >
+        onBlur={release}>
         Abort (hold for 1 s)
       </button>
       <strong>Not an emergency stop.</strong>
@@ -228,11 +279,18 @@ export const paced = () => (pace.value.trim() ? { pace: typed("Times real time",
 
 function Start() {
   const files = studies.value?.files ?? [];
-  const protocols = [...(studies.value?.protocols ?? []), ...files.filter((one) => one.kind === "protocol").map((one) => one.path)];
+  const protocols = [
+    ...(studies.value?.protocols ?? []),
+    ...files.filter((one) => one.kind === "protocol").map((one) => one.path),
+  ];
   const campaigns = files.filter((one) => one.kind === "campaign");
   const start = () =>
     attempt(async () => {
-      const job = await ask<{ number: number; out: string }>("/api/campaigns", { protocol: protocol.value, name: name.value, ...paced() });
+      const job = await ask<{ number: number; out: string }>("/api/campaigns", {
+        protocol: protocol.value,
+        name: name.value,
+        ...paced(),
+      });
       void follow();
       const here = route.peek();
       const isHere = () => route.peek() === here;
@@ -258,24 +316,42 @@ function Start() {
       <div class="fieldset">
         <label class="choice">
           Protocol{" "}
-          <select value={protocol.value} onChange={(event) => ([protocol.value, plan.value] = [event.currentTarget.value, null])}>
-            {protocols.map((one) => <option key={one}>{one}</option>)}
+          <select
+            value={protocol.value}
+            onChange={(event) => ([protocol.value, plan.value] = [event.currentTarget.value, null])}>
+            {protocols.map((one) => (
+              <option key={one}>{one}</option>
+            ))}
           </select>
         </label>
         <label class="choice">
           Into campaigns/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
         <label class="choice">
-          Times real time <input value={pace.value} placeholder="fastest" onInput={(event) => (pace.value = event.currentTarget.value)} />
+          Times real time{" "}
+          <input
+            value={pace.value}
+            placeholder="fastest"
+            onInput={(event) => (pace.value = event.currentTarget.value)}
+          />
         </label>
       </div>
       <p class="row">
-        <button type="button" class="primary" onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>Plan and check</button>
-        <button type="button" onClick={() => void start()}>Run</button>
+        <button
+          type="button"
+          class="primary"
+          onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>
+          Plan and check
+        </button>
+        <button type="button" onClick={() => void start()}>
+          Run
+        </button>
       </p>
       {plan.value && (
         <section aria-label="Plan" data-plan={plan.value.cycles} data-si={plan.value.time_s}>
-          <pre tabIndex={0} aria-label="Plan and pre-flight check">{plan.value.text}</pre>
+          <pre tabIndex={0} aria-label="Plan and pre-flight check">
+            {plan.value.text}
+          </pre>
           <Copied command={plan.value.command} python={plan.value.python} />
         </section>
       )}

@@ -7,14 +7,27 @@ import { Table } from "../workspace/parts";
 export interface Compared {
   sentence: string;
   figure: ShownFigure | null;
-  values: { key: string; before: string; after: string; interval_before: string; interval_after: string; change: number | null }[];
+  values: {
+    key: string;
+    before: string;
+    after: string;
+    interval_before: string;
+    interval_after: string;
+    change: number | null;
+  }[];
   lines: string[];
   command: string;
   python: string;
 }
 
 /** Sentence, figure and table of the differences. `names` are the heads of the columns, for two files. */
-export function Differences({ sentence, figure, values, lines, names: [before, after] = ["Before", "After"] }: Compared & { names?: string[] }) {
+export function Differences({
+  sentence,
+  figure,
+  values,
+  lines,
+  names: [before, after] = ["Before", "After"],
+}: Compared & { names?: string[] }) {
   if (!values.length && !figure) return <p role="status">{sentence}</p>;
   return (
     <section aria-label="Differences">
@@ -24,11 +37,19 @@ export function Differences({ sentence, figure, values, lines, names: [before, a
         label="Values that differ"
         heads={["Value", before!, "95 %", after!, "95 %", "Change, %"]}
         rows={values.map((one) => ({
-          cells: [one.key, ...[one.before, one.interval_before, one.after, one.interval_after].map((text) => text || "–"), one.change === null ? "–" : digits(100 * one.change, 3)],
+          cells: [
+            one.key,
+            ...[one.before, one.interval_before, one.after, one.interval_after].map((text) => text || "–"),
+            one.change === null ? "–" : digits(100 * one.change, 3),
+          ],
           data: { "data-differs": one.key },
         }))}
       />
-      {lines.length > 0 && <pre tabIndex={0} aria-label="Lines that differ">{lines.join("\n")}</pre>}
+      {lines.length > 0 && (
+        <pre tabIndex={0} aria-label="Lines that differ">
+          {lines.join("\n")}
+        </pre>
+      )}
     </section>
   );
 }

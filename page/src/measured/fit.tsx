@@ -1,12 +1,12 @@
 /** View of a fit: its values, their origin, and the next measurements. */
 import { signal } from "@preact/signals";
-import { follow, JobList } from "../workspace/jobs";
 import { digits } from "../plots/looks";
-import { Copied, Problems, Table } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
-import { link } from "../routes";
-import { ask, attempting, read, typed, type Problem } from "../server/server";
 import { Strip } from "../plots/strip";
+import { link } from "../routes";
+import { ask, attempting, type Problem, read, typed } from "../server/server";
+import { follow, JobList } from "../workspace/jobs";
+import { Copied, Problems, Table } from "../workspace/parts";
 
 interface Axis {
   name: string;
@@ -58,7 +58,11 @@ export function forget(): void {
  * Open ends are left out.
  */
 export function outline({ value, low, high, probability }: Profile): { x: number[]; y: number[] } {
-  const ends = [...low.map((x, k) => [x, probability[k]!] as const).reverse(), [value, 0] as const, ...high.map((x, k) => [x, probability[k]!] as const)];
+  const ends = [
+    ...low.map((x, k) => [x, probability[k]!] as const).reverse(),
+    [value, 0] as const,
+    ...high.map((x, k) => [x, probability[k]!] as const),
+  ];
   const known = ends.filter((one): one is readonly [number, number] => one[0] !== null);
   return { x: known.map((one) => one[0]), y: known.map((one) => 100 * one[1]) };
 }
@@ -79,7 +83,9 @@ export function Behind({ path }: { path: string }) {
       <Problems of={wrong.value} />
       {!found && (
         <p class="row">
-          <button type="button" onClick={() => void showBehind(path)}>Residuals, profiles and next points of {path}</button>
+          <button type="button" onClick={() => void showBehind(path)}>
+            Residuals, profiles and next points of {path}
+          </button>
         </p>
       )}
       {found && (
@@ -91,30 +97,59 @@ export function Behind({ path }: { path: string }) {
               x="speed, mm/s"
               y="measured minus fitted friction, N"
               log
-              groups={[{ label: "values of the map", points: found.residuals.map(([speed, rest]) => ({ x: MM * speed, y: rest, spread: null })) }]}
+              groups={[
+                {
+                  label: "values of the map",
+                  points: found.residuals.map(([speed, rest]) => ({ x: MM * speed, y: rest, spread: null })),
+                },
+              ]}
             />
           )}
           {found.profiles.length > 0 && (
             <>
               <h2>Profiles: the interval of each value at every probability</h2>
-              <p class="note">By profile likelihood: all other values are fitted again at each point. If the curve of a side ends below 95 %, the data do not limit the value on this side.</p>
+              <p class="note">
+                By profile likelihood: all other values are fitted again at each point. If the curve of a side ends
+                below 95 %, the data do not limit the value on this side.
+              </p>
               <div class="plots">
-                {found.profiles.map((one) => <Strip key={one.name} title={`Profile of ${one.name}`} x={titled(one)} y="probability of the interval, %" curves={[{ label: one.name, ...outline(one) }]} />)}
+                {found.profiles.map((one) => (
+                  <Strip
+                    key={one.name}
+                    title={`Profile of ${one.name}`}
+                    x={titled(one)}
+                    y="probability of the interval, %"
+                    curves={[{ label: one.name, ...outline(one) }]}
+                  />
+                ))}
               </div>
             </>
           )}
           {found.ellipses.length > 0 && (
             <>
               <h2>Values that change together</h2>
-              <p class="note">Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the profile and not the ellipse.</p>
+              <p class="note">
+                Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the
+                profile and not the ellipse.
+              </p>
               <div class="plots">
                 {found.ellipses.map(({ x, y, correlation, points: at }) => (
-                  <Strip key={`${x.name} ${y.name}`} title={`${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`} x={titled(x)} y={titled(y)} curves={[{ label: `${y.name} over ${x.name}`, x: at.map((one) => one[0]), y: at.map((one) => one[1]) }]} />
+                  <Strip
+                    key={`${x.name} ${y.name}`}
+                    title={`${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`}
+                    x={titled(x)}
+                    y={titled(y)}
+                    curves={[
+                      { label: `${y.name} over ${x.name}`, x: at.map((one) => one[0]), y: at.map((one) => one[1]) },
+                    ]}
+                  />
                 ))}
               </div>
             </>
           )}
-          {found.command && found.python && <Copied of="behind the fit" command={found.command} python={found.python} />}
+          {found.command && found.python && (
+            <Copied of="behind the fit" command={found.command} python={found.python} />
+          )}
           {found.designs && <NextPoints path={path} />}
         </>
       )}
@@ -127,11 +162,17 @@ function NextPoints({ path }: { path: string }) {
   const propose = () =>
     attempt(async () => {
       const many = count();
-      next.value = { ...(await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) })), of: path };
+      next.value = {
+        ...(await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) })),
+        of: path,
+      };
     });
   const write = () =>
     attempt(async () => {
-      await follow((await ask<{ number: number }>("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value })).number);
+      await follow(
+        (await ask<{ number: number }>("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value }))
+          .number,
+      );
     });
   const found = next.value?.of === path ? next.value : null;
   return (
@@ -139,9 +180,19 @@ function NextPoints({ path }: { path: string }) {
       <h2>Next points to measure</h2>
       <p class="row">
         <label>
-          Points, repeats included <input inputMode="numeric" size={6} value={points.value} placeholder="auto" title="Without a number: twice the values" onInput={(event) => ((points.value = event.currentTarget.value), (next.value = null))} />
+          Points, repeats included{" "}
+          <input
+            inputMode="numeric"
+            size={6}
+            value={points.value}
+            placeholder="auto"
+            title="Without a number: twice the values"
+            onInput={(event) => ((points.value = event.currentTarget.value), (next.value = null))}
+          />
         </label>
-        <button type="button" onClick={() => void propose()}>Propose on the simulated rig</button>
+        <button type="button" onClick={() => void propose()}>
+          Propose on the simulated rig
+        </button>
       </p>
       {found && (
         <>
@@ -149,17 +200,36 @@ function NextPoints({ path }: { path: string }) {
             label="Next points"
             heads={["Speed, mm/s", "Chamber a, bar gauge", "Chamber b, bar gauge", "Repeats"]}
             rows={found.points.map((one, index) => ({
-              cells: [digits(MM * one.speed_m_s, 3), digits(one.gauge_a_pa / BAR, 3), digits(one.gauge_b_pa / BAR, 3), one.repeats],
+              cells: [
+                digits(MM * one.speed_m_s, 3),
+                digits(one.gauge_a_pa / BAR, 3),
+                digits(one.gauge_b_pa / BAR, 3),
+                one.repeats,
+              ],
               data: { "data-next": index, "data-si": one.speed_m_s },
             }))}
           />
-          <p>About {digits(found.seconds / 60, 3)} min of strokes. Expected half-width of each 95 % interval, now and after a fit of old and new values together:</p>
-          <Table label="Expected intervals" heads={["Value", "Now", "Then", "Unit"]} rows={found.expected.map((one) => [one.name, ...[one.now, one.then].map((half) => (half === null ? "open" : digits(half, 3))), one.unit])} />
+          <p>
+            About {digits(found.seconds / 60, 3)} min of strokes. Expected half-width of each 95 % interval, now and
+            after a fit of old and new values together:
+          </p>
+          <Table
+            label="Expected intervals"
+            heads={["Value", "Now", "Then", "Unit"]}
+            rows={found.expected.map((one) => [
+              one.name,
+              ...[one.now, one.then].map((half) => (half === null ? "open" : digits(half, 3))),
+              one.unit,
+            ])}
+          />
           <p class="row">
             <label>
-              Protocol <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
+              Protocol <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+              .toml
             </label>
-            <button type="button" onClick={() => void write()}>Write the protocol</button>
+            <button type="button" onClick={() => void write()}>
+              Write the protocol
+            </button>
             <a href={link("campaign")}>Plan a campaign</a>
           </p>
           <Copied of="next points" command={found.command} python={found.python} />

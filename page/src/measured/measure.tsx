@@ -2,9 +2,9 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
-import { NumberField, Problems } from "../workspace/parts";
 import type { Mark } from "../plots/plot";
-import { ask, newest, read, Refused, type Problem } from "../server/server";
+import { ask, newest, type Problem, Refused, read } from "../server/server";
+import { NumberField, Problems } from "../workspace/parts";
 import { studies } from "../workspace/studies";
 
 export interface Stroke {
@@ -59,7 +59,8 @@ export function alike(own: Stroke[], other: Stroke[]): [number, number] {
 }
 
 /** Return the time shift of the other recording. */
-export const shiftOf = (own: Stroke[], other: Stroke[], [first, second]: [number, number]): number => own[first - 1]!.from - other[second - 1]!.from;
+export const shiftOf = (own: Stroke[], other: Stroke[], [first, second]: [number, number]): number =>
+  own[first - 1]!.from - other[second - 1]!.from;
 
 const WORDS: Record<string, string> = {
   non_finite: "not a number",
@@ -72,7 +73,8 @@ const WORDS: Record<string, string> = {
   position_jump: "position jumps",
 };
 
-export const marksOf = (faults: Faults): Mark[] => Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
+export const marksOf = (faults: Faults): Mark[] =>
+  Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
 
 /** Return the next fault after the middle of the view. The first fault follows the last. */
 export function nextPlace(places: [number, number][], middle: number): [number, number] {
@@ -80,7 +82,17 @@ export function nextPlace(places: [number, number][], middle: number): [number, 
 }
 
 /** Table of the recording's faults by kind. A button moves from one place to the next. */
-export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; span: [number, number]; whole: [number, number]; onShow: (span: [number, number]) => void }) {
+export function FaultsLine({
+  faults,
+  span,
+  whole,
+  onShow,
+}: {
+  faults: Faults;
+  span: [number, number];
+  whole: [number, number];
+  onShow: (span: [number, number]) => void;
+}) {
   const kinds = Object.entries(faults);
   if (!kinds.length) return null;
   const show = (places: [number, number][]) => {
@@ -98,7 +110,13 @@ export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; sp
           {one.places.length > 0 && (
             <>
               {" "}
-              <button type="button" class="link" onClick={() => show(one.places)} aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>show the next</button>
+              <button
+                type="button"
+                class="link"
+                onClick={() => show(one.places)}
+                aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>
+                show the next
+              </button>
             </>
           )}
         </span>
@@ -129,7 +147,9 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
       reading.value = "";
       const isAligned = strokes.length > 0 && found.length > 0;
       const numbers: [number, number] = isAligned ? alike(strokes, found) : [1, 1];
-      beside.value = other ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 } : null;
+      beside.value = other
+        ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 }
+        : null;
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       reading.value = "";
@@ -145,7 +165,8 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
   const stroke = (which: 0 | 1, label: string, of: Stroke[]) => (
     <label>
       {label}{" "}
-      <NumberField low={1} high={of.length} whole value={now!.numbers[which]} put={(number) => align(which, number)} /> of {of.length}
+      <NumberField low={1} high={of.length} whole value={now!.numbers[which]} put={(number) => align(which, number)} />{" "}
+      of {of.length}
     </label>
   );
   return (
@@ -155,7 +176,9 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
           Draw over it{" "}
           <select value={now?.path ?? ""} onChange={(event) => void choose(event.currentTarget.value)}>
             <option value="">no other recording</option>
-            {files.map((one) => <option key={one.path}>{one.path}</option>)}
+            {files.map((one) => (
+              <option key={one.path}>{one.path}</option>
+            ))}
           </select>
         </label>
         {reading.value && <span role="status">{reading.value} is read.</span>}
@@ -167,7 +190,9 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
         )}
         {now && (
           <span role="status" data-shift={now.shift}>
-            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 12)} s` : "not aligned: strokes need a layout that names the position"}
+            {now.strokes.length && strokes.length
+              ? `moved by ${digits(now.shift, 12)} s`
+              : "not aligned: strokes need a layout that names the position"}
           </span>
         )}
       </p>
@@ -211,11 +236,29 @@ const STEPS = 1000;
 export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
 
 /** Two cursors, with the time, difference and slope between them for each shown channel. */
-export function Measuring({ path, version, columns, span, isTimed }: { path: string; version: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
+export function Measuring({
+  path,
+  version,
+  columns,
+  span,
+  isTimed,
+}: {
+  path: string;
+  version: string;
+  columns: string[];
+  span: [number, number];
+  isTimed: boolean;
+}) {
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
-  const wanted = JSON.stringify({ path, at: now, columns, beside: other?.strokes.length ? other.path : "", shift: other?.shift ?? 0 });
+  const wanted = JSON.stringify({
+    path,
+    at: now,
+    columns,
+    beside: other?.strokes.length ? other.path : "",
+    shift: other?.shift ?? 0,
+  });
   useEffect(() => {
     asked = wanted;
     if (now) void fetchMeasured();
@@ -230,16 +273,29 @@ export function Measuring({ path, version, columns, span, isTimed }: { path: str
     <span class="row">
       <label>
         Cursor {which + 1}{" "}
-        <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${told(now![which], span)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
+        <input
+          type="range"
+          min={0}
+          max={STEPS}
+          value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))}
+          aria-valuetext={`${told(now![which], span)} ${unit}`}
+          onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)}
+        />
       </label>
-      <NumberField label={`Cursor ${which + 1}, ${unit}`} value={told(now![which], span)} put={(time) => put(which, time)} /> {unit}
+      <NumberField
+        label={`Cursor ${which + 1}, ${unit}`}
+        value={told(now![which], span)}
+        put={(time) => put(which, time)}
+      />{" "}
+      {unit}
     </span>
   );
   return (
     <section aria-label="Measure">
       <p class="row">
         <label>
-          <input type="checkbox" checked={now !== null} onChange={(event) => begin(event.currentTarget.checked)} /> measure between two cursors
+          <input type="checkbox" checked={now !== null} onChange={(event) => begin(event.currentTarget.checked)} />{" "}
+          measure between two cursors
         </label>
         {now && cursor(0)}
         {now && cursor(1)}
@@ -254,7 +310,17 @@ export function Measuring({ path, version, columns, span, isTimed }: { path: str
  * Table of the measured values. It is separate from the cursors, so that an answer does not overwrite a field in
  * use.
  */
-function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
+function MeasuredTable({
+  path,
+  wanted,
+  span,
+  isTimed,
+}: {
+  path: string;
+  wanted: string;
+  span: [number, number];
+  isTimed: boolean;
+}) {
   const found = measured.value;
   const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
   const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
@@ -281,14 +347,25 @@ function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: 
                 {isFirst && (
                   <tr key={`time ${one.recording}`}>
                     <th scope="row">time{name}</th>
-                    <td>{told(one.time_s[0], span)} {unit}</td>
-                    <td>{told(one.time_s[1], span)} {unit}</td>
+                    <td>
+                      {told(one.time_s[0], span)} {unit}
+                    </td>
+                    <td>
+                      {told(one.time_s[1], span)} {unit}
+                    </td>
                     <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
                     <td />
                   </tr>
                 )}
-                <tr key={one.label + one.recording} data-measured={`${one.recording}/${one.label}`} data-difference={one.difference} data-slope={one.slope}>
-                  <th scope="row">{one.label}{name}</th>
+                <tr
+                  key={one.label + one.recording}
+                  data-measured={`${one.recording}/${one.label}`}
+                  data-difference={one.difference}
+                  data-slope={one.slope}>
+                  <th scope="row">
+                    {one.label}
+                    {name}
+                  </th>
                   <td>{of(one.values[0], one.unit)}</td>
                   <td>{of(one.values[1], one.unit)}</td>
                   <td>{of(one.difference, step(one.unit))}</td>

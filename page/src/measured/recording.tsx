@@ -1,17 +1,30 @@
 /** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
 import { batch, computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Choose } from "../workspace/choose";
-import type { Frame, Numbers } from "../server/frame";
-import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { folderOf, Problems, Table } from "../workspace/parts";
-import { pixelsOfPlots, Plot, type Curve, type Shade } from "../plots/plot";
+import { type Curve, Plot, pixelsOfPlots, type Shade } from "../plots/plot";
 import { link, route } from "../routes";
+import type { Frame, Numbers } from "../server/frame";
+import { ask, attempting, frame, Live, type Problem, Refused, read, write } from "../server/server";
+import { Choose } from "../workspace/choose";
+import { JobForm } from "../workspace/form";
+import { folderOf, Problems, Table } from "../workspace/parts";
 import { list, studies } from "../workspace/studies";
 import { nameOf } from "../workspace/tree";
-import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
-import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
+import {
+  BesideRecording,
+  beside,
+  besideAsked,
+  cursors,
+  type Faults,
+  FaultsLine,
+  forgetBeside,
+  Measuring,
+  marksOf,
+  pick,
+  realign,
+  type Stroke,
+} from "./measure";
 
 interface Channel {
   column: string;
@@ -144,7 +157,12 @@ async function put(found: Opened, path: string, isGone: () => boolean): Promise<
   if (isGone()) return;
   batch(() => {
     if (before) show(found, before);
-    [strokes.value, faults.value, without.value, unmoved.value] = [moved.strokes, moved.faults, moved.note ?? "", problems];
+    [strokes.value, faults.value, without.value, unmoved.value] = [
+      moved.strokes,
+      moved.faults,
+      moved.note ?? "",
+      problems,
+    ];
     if (before) realign(moved.strokes);
   });
 }
@@ -154,7 +172,8 @@ function show(found: Opened, before?: Opened): void {
   const [from, to] = span.value;
   const names = (of?: Opened) => JSON.stringify([of?.time, of?.channels]);
   const isAlike = names(before) === names(found);
-  const isZoomed = isAlike && (from > before!.span![0] || to < before!.span![1]) && from < found.span![1] && to > found.span![0];
+  const isZoomed =
+    isAlike && (from > before!.span![0] || to < before!.span![1]) && from < found.span![1] && to > found.span![0];
   batch(() => {
     about.value = found;
     unread.value = wrong.value = [];
@@ -184,7 +203,17 @@ function look(next: [number, number]): void {
 const asked = computed(() => {
   if (!about.value?.channels) return null;
   const [from, to] = span.value;
-  return { what: "window", path: route.value.path, key: about.value.key, turn: turn.value, from, to, pixels: pixels.value, columns: shown.value.join("\n"), ...besideAsked() };
+  return {
+    what: "window",
+    path: route.value.path,
+    key: about.value.key,
+    turn: turn.value,
+    from,
+    to,
+    pixels: pixels.value,
+    columns: shown.value.join("\n"),
+    ...besideAsked(),
+  };
 });
 
 let isOwed = false; // a view that was asked for
@@ -192,7 +221,8 @@ let isOwed = false; // a view that was asked for
 function take({ head, arrays }: Frame<Head>): void {
   isOwed = head.key === null;
   if (head.problems) wrong.value = head.problems;
-  else if (isOwed) wake(); // another file has its name now
+  else if (isOwed)
+    wake(); // another file has its name now
   else if (head.path === asked.value?.path && head.key === asked.value.key) {
     wrong.value = [];
     const time = arrays.get("time")!;
@@ -234,7 +264,16 @@ export function RecordingView() {
     if (path) void open(path);
     return () => void (generation += 1);
   }, [path]);
-  if (!path) return <Choose title="Recordings" hint="A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones." view="recording" kinds={["recording"]} recordings />;
+  if (!path)
+    return (
+      <Choose
+        title="Recordings"
+        hint="A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones."
+        view="recording"
+        kinds={["recording"]}
+        recordings
+      />
+    );
   const found = about.value;
   return (
     <div class="recording">
@@ -271,13 +310,23 @@ const isForeign = (found: Opened | null): boolean => Boolean(found?.notes?.some(
 
 /** Explain why the layout of the folder does not fit, and link to the layout. */
 function Foreign({ found }: { found: Opened }) {
-  const [why] = found.notes!.find((one) => one.startsWith(FOREIGN))!.slice(FOREIGN.length).split("; ");
-  const layout = (studies.value?.files ?? []).find((one) => one.kind === "layout" && route.value.path.startsWith(folderOf(one.path)));
+  const [why] = found
+    .notes!.find((one) => one.startsWith(FOREIGN))!
+    .slice(FOREIGN.length)
+    .split("; ");
+  const layout = (studies.value?.files ?? []).find(
+    (one) => one.kind === "layout" && route.value.path.startsWith(folderOf(one.path)),
+  );
   return (
     <section class="problem" aria-label="Layout of other files">
       <p>
         The layout in this folder belongs to other files: {why}.
-        {layout && <> If it should hold for this file too, <a href={link("drive", layout.path)}>edit {layout.path}</a>.</>}
+        {layout && (
+          <>
+            {" "}
+            If it should hold for this file too, <a href={link("drive", layout.path)}>edit {layout.path}</a>.
+          </>
+        )}
       </p>
       <Wizard path={route.value.path} />
     </section>
@@ -290,13 +339,25 @@ function Controls({ found }: { found: Opened }) {
   return (
     <>
       <p class="row" role="group" aria-label="View">
-        <button type="button" onClick={() => look(found.span!)}>Whole recording</button>
-        <button type="button" onClick={() => zoom(0.5)}>Closer</button>
-        <button type="button" onClick={() => zoom(2)}>Wider</button>
-        <button type="button" onClick={() => pan(-0.5)}>Earlier</button>
-        <button type="button" onClick={() => pan(0.5)}>Later</button>
+        <button type="button" onClick={() => look(found.span!)}>
+          Whole recording
+        </button>
+        <button type="button" onClick={() => zoom(0.5)}>
+          Closer
+        </button>
+        <button type="button" onClick={() => zoom(2)}>
+          Wider
+        </button>
+        <button type="button" onClick={() => pan(-0.5)}>
+          Earlier
+        </button>
+        <button type="button" onClick={() => pan(0.5)}>
+          Later
+        </button>
         <span role="status" data-from={from} data-to={to}>
-          {found.time ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
+          {found.time
+            ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s`
+            : `sample ${Math.round(from)} to ${Math.round(to)}`}
           {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
           {head && !head.raw && ", lowest and highest of each pixel"}
           {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
@@ -304,7 +365,11 @@ function Controls({ found }: { found: Opened }) {
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>
-      {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => <p class="note" key={note}>{note}</p>)}
+      {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => (
+        <p class="note" key={note}>
+          {note}
+        </p>
+      ))}
       <fieldset class="row">
         <legend>Channels</legend>
         {found.channels!.map((one) => (
@@ -355,16 +420,38 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
     <section aria-label="Spectrum">
       <p class="row">
         <label>
-          <input type="checkbox" checked={isSpectral.value} onChange={(event) => (isSpectral.value = event.currentTarget.checked)} /> spectrum of the view
+          <input
+            type="checkbox"
+            checked={isSpectral.value}
+            onChange={(event) => (isSpectral.value = event.currentTarget.checked)}
+          />{" "}
+          spectrum of the view
         </label>
-        {isSpectral.value && <span class="note">Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is the variance.</span>}
+        {isSpectral.value && (
+          <span class="note">
+            Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is
+            the variance.
+          </span>
+        )}
       </p>
       {isSpectral.value && <Problems of={notSpectral.value} />}
       {isSpectral.value && drawn && (
         <div class="plots">
-          {found.channels!.filter((one) => drawn.has(`hz/${one.column}`)).map((one) => (
-            <Plot key={one.column} title={`Spectrum of ${one.label}`} unit={`${one.unit || "1"}/√Hz`} xUnit="Hz" size={1} log curves={[{ label: one.label, x: drawn.get(`hz/${one.column}`)!, y: drawn.get(`density/${one.column}`)! }]} />
-          ))}
+          {found
+            .channels!.filter((one) => drawn.has(`hz/${one.column}`))
+            .map((one) => (
+              <Plot
+                key={one.column}
+                title={`Spectrum of ${one.label}`}
+                unit={`${one.unit || "1"}/√Hz`}
+                xUnit="Hz"
+                size={1}
+                log
+                curves={[
+                  { label: one.label, x: drawn.get(`hz/${one.column}`)!, y: drawn.get(`density/${one.column}`)! },
+                ]}
+              />
+            ))}
         </div>
       )}
     </section>
@@ -381,7 +468,8 @@ function Plots({ found }: { found: Opened }) {
       {drawn.map((one, k) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
         const there = now.channels.get(`beside/${one.column}`);
-        if (there && beside.value) curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
+        if (there && beside.value)
+          curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
         return (
           <Plot
             key={one.column}
@@ -413,8 +501,14 @@ function Wizard({ path }: { path: string }) {
   const now = proposal.value;
   const own = nameOf(path).replace(/\..*$/, "");
   const isOther = isForeign(about.value); // its layout goes into a folder of its own
-  if (about.value?.layout === "own names") return <p class="note">Its columns have the names of pneudrive: it needs no layout.</p>;
-  if (about.value?.layout && !isOther) return <p class="note">The layout of the folder names its columns: a recording of a {about.value.layout.replace("-", " ")}.</p>;
+  if (about.value?.layout === "own names")
+    return <p class="note">Its columns have the names of pneudrive: it needs no layout.</p>;
+  if (about.value?.layout && !isOther)
+    return (
+      <p class="note">
+        The layout of the folder names its columns: a recording of a {about.value.layout.replace("-", " ")}.
+      </p>
+    );
   const attempt = attempting(refused);
   const put = (one: Proposal) => {
     proposals.set(path, one);
@@ -444,22 +538,40 @@ function Wizard({ path }: { path: string }) {
   return (
     <section aria-label="Layout">
       <p class="row">
-        <button type="button" class={isOther ? "primary" : ""} onClick={() => void propose()}>{isOther ? "Propose a layout for this file" : "Propose a layout"}</button>
-        <span role="status">{said.value || "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}</span>
+        <button type="button" class={isOther ? "primary" : ""} onClick={() => void propose()}>
+          {isOther ? "Propose a layout for this file" : "Propose a layout"}
+        </button>
+        <span role="status">
+          {said.value ||
+            "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}
+        </span>
       </p>
       <Problems of={refused.value} />
       {now && (
         <>
           <p>
-            {now.problem ? `Not read yet: ${now.problem}. Correct the lines marked guess.` : `A recording of a ${now.kind}: ${now.strokes} strokes.`}
+            {now.problem
+              ? `Not read yet: ${now.problem}. Correct the lines marked guess.`
+              : `A recording of a ${now.kind}: ${now.strokes} strokes.`}
           </p>
-          <Table label="Columns" heads={["Channel", "Column", "Unit", "Why"]} rows={now.guesses.map((one) => [one.role, one.column, one.unit, one.why])} />
+          <Table
+            label="Columns"
+            heads={["Channel", "Column", "Unit", "Why"]}
+            rows={now.guesses.map((one) => [one.role, one.column, one.unit, one.why])}
+          />
           <label>
             Text of the layout; lines marked guess are to be checked
-            <textarea class="text" rows={16} value={now.text} onInput={(event) => put({ ...now, text: event.currentTarget.value })} />
+            <textarea
+              class="text"
+              rows={16}
+              value={now.text}
+              onInput={(event) => put({ ...now, text: event.currentTarget.value })}
+            />
           </label>
           <p>
-            <button type="button" onClick={() => void accept()}>{isOther ? `Accept: move the file into ${own}/ with this layout` : `Accept: write ${place}`}</button>
+            <button type="button" onClick={() => void accept()}>
+              {isOther ? `Accept: move the file into ${own}/ with this layout` : `Accept: write ${place}`}
+            </button>
           </p>
         </>
       )}

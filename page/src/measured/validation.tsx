@@ -4,19 +4,19 @@
  */
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Differences, type Compared } from "./differences";
-import type { Frame } from "../server/frame";
-import { JobForm } from "../workspace/form";
-import { follow, JobList, jobs } from "../workspace/jobs";
+import { type Field, open as openDrive, valid } from "../drive/opened";
 import { digits, instant } from "../plots/looks";
-import { open as openDrive, valid, type Field } from "../drive/opened";
-import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
 import { curveOf, Plot } from "../plots/plot";
 import { link, route } from "../routes";
-import { ask, attempting, Live, read, Refused, type Problem } from "../server/server";
+import type { Frame } from "../server/frame";
+import { ask, attempting, Live, type Problem, Refused, read } from "../server/server";
+import { JobForm } from "../workspace/form";
+import { follow, JobList, jobs } from "../workspace/jobs";
+import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
 import { AnswerOf } from "../workspace/result";
 import { list, studies } from "../workspace/studies";
 import { filesOf, kindOf } from "../workspace/tree";
+import { type Compared, Differences } from "./differences";
 
 interface Metrics {
   rms: number;
@@ -95,9 +95,13 @@ const key = signal("");
 const number = signal<number | null>(null);
 
 const INPUTS = ["drive", "circuit", "fit", "recording"];
-const path = computed(() => (route.value.view === "validation" && !INPUTS.includes(kindOf(route.value.path)) ? route.value.path : ""));
+const path = computed(() =>
+  route.value.view === "validation" && !INPUTS.includes(kindOf(route.value.path)) ? route.value.path : "",
+);
 /** Values that can have a slider: those of the file, and those that a cause names but the file lacks. */
-const fields = computed(() => [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined));
+const fields = computed(() =>
+  [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined),
+);
 const field = computed(() => fields.value.find((one) => one.key === key.value));
 const changes = computed<Record<string, string | number>>(() => {
   const [one, value] = [field.value, number.value];
@@ -146,7 +150,15 @@ export function ValidationView() {
     const end = effect(() => {
       const now = found.value;
       if (!now || !path.value) return; // the list of validations, after one of them
-      live.request({ what: "validation", path: path.value, record: record.value, span: span.value, pixels: 1000, changes: changes.value, drive: now.drive });
+      live.request({
+        what: "validation",
+        path: path.value,
+        record: record.value,
+        span: span.value,
+        pixels: 1000,
+        changes: changes.value,
+        drive: now.drive,
+      });
       count();
     });
     return () => {
@@ -161,7 +173,9 @@ export function ValidationView() {
   return (
     <div class="validation">
       <h2>{found.value?.name ?? path.value}</h2>
-      <p><a href={link("validation")}>A new validation, and all of them</a></p>
+      <p>
+        <a href={link("validation")}>A new validation, and all of them</a>
+      </p>
       <Problems of={wrong.value} />
       {found.value && <AnswerOf path={path.value} withFindings={false} />}
       <ReportOf folder={folderOf(path.value)} />
@@ -176,8 +190,15 @@ function Start() {
   return (
     <>
       <h2>Does my model hold?</h2>
-      <p>The drive runs under the recorded command; the page shows where it leaves the recording, and what would explain it.</p>
-      <JobForm kind="validate" start={{ name: "validation", ...start }} after={async (job) => (await follow(job.number), await list())} />
+      <p>
+        The drive runs under the recorded command; the page shows where it leaves the recording, and what would explain
+        it.
+      </p>
+      <JobForm
+        kind="validate"
+        start={{ name: "validation", ...start }}
+        after={async (job) => (await follow(job.number), await list())}
+      />
       <InFolder files={filesOf("validation")} title="Validations" view="validation" />
     </>
   );
@@ -190,12 +211,29 @@ function Result({ now }: { now: Validation }) {
   return (
     <>
       {now.synthetic && <p class="banner">Synthetic: the recordings were simulated.</p>}
-      {!now.drive && <p class="banner">The validated drive is no longer in this folder, because it was changed or removed. Validate again.</p>}
+      {!now.drive && (
+        <p class="banner">
+          The validated drive is no longer in this folder, because it was changed or removed. Validate again.
+        </p>
+      )}
       <p>
-        {now.drive && <>Drive: {now.drive.startsWith("catalogue:") ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}. </>}
+        {now.drive && (
+          <>
+            Drive: {now.drive.startsWith("catalogue:") ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}
+            .{" "}
+          </>
+        )}
         Recordings:{" "}
         {now.record.map((each) => (
-          <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name}{each.badge && <> <b class="badge">{each.badge}</b></>} </span>
+          <span key={each.name}>
+            {each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name}
+            {each.badge && (
+              <>
+                {" "}
+                <b class="badge">{each.badge}</b>
+              </>
+            )}{" "}
+          </span>
         ))}
       </p>
       <ul class="verdicts">
@@ -211,12 +249,20 @@ function Result({ now }: { now: Validation }) {
       <div class="result">
         <Runs now={now} one={one} />
         <aside>
-          <div class="panel"><Suspect now={now} /></div>
-          <div class="panel"><Why now={now} /></div>
+          <div class="panel">
+            <Suspect now={now} />
+          </div>
+          <div class="panel">
+            <Why now={now} />
+          </div>
         </aside>
       </div>
       <Origins now={now} />
-      {now.notes.map((note) => <p class="note" key={note}>{note}</p>)}
+      {now.notes.map((note) => (
+        <p class="note" key={note}>
+          {note}
+        </p>
+      ))}
     </>
   );
 }
@@ -228,9 +274,18 @@ function Why({ now }: { now: Validation }) {
       <h2>{clean && !culprit.length ? "The model at the measured states" : "Why the model is off"}</h2>
       <p>
         Residual of the balances at the measured states, as a multiple of noise and 1 % of the terms:{" "}
-        {Object.entries(sizes).map(([balance, size]) => `${balance.replace("_", " ")} ${digits(size, 2)}`).join(", ")}.
+        {Object.entries(sizes)
+          .map(([balance, size]) => `${balance.replace("_", " ")} ${digits(size, 2)}`)
+          .join(", ")}
+        .
       </p>
-      {!culprit.length && <p>{clean ? "The balances close: the residuals are sensor noise and less than 1 % of the terms." : "The balances do not close, but none of the known causes explains the residuals."}</p>}
+      {!culprit.length && (
+        <p>
+          {clean
+            ? "The balances close: the residuals are sensor noise and less than 1 % of the terms."
+            : "The balances do not close, but none of the known causes explains the residuals."}
+        </p>
+      )}
       {culprit.map((cause) => (
         <div key={cause.what} class="cause" data-cause={cause.what}>
           <p>{cause.text}</p>
@@ -242,7 +297,9 @@ function Why({ now }: { now: Validation }) {
           ))}
         </div>
       ))}
-      {culprit.length > 0 && <p class="note">{digits(100 * left, 2)} % of the residual remains without an explanation.</p>}
+      {culprit.length > 0 && (
+        <p class="note">{digits(100 * left, 2)} % of the residual remains without an explanation.</p>
+      )}
     </section>
   );
 }
@@ -262,14 +319,22 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
             onChange={(event) => {
               record.value = Number(event.currentTarget.value);
               span.value = now.record[record.value]!.span;
-            }}
-          >
-            {now.record.map((each, index) => <option key={each.name} value={index}>{each.name}</option>)}
+            }}>
+            {now.record.map((each, index) => (
+              <option key={each.name} value={index}>
+                {each.name}
+              </option>
+            ))}
           </select>
         </label>
-        <button type="button" onClick={() => (span.value = one.span)}>Whole recording</button>
+        <button type="button" onClick={() => (span.value = one.span)}>
+          Whole recording
+        </button>
         <span class="note">
-          Drag in a plot to zoom.{one.start_s ? ` Times count from the beginning of the recording: 0 s in this plot is ${digits(one.start_s, 12)} s in the file.` : ""}
+          Drag in a plot to zoom.
+          {one.start_s
+            ? ` Times count from the beginning of the recording: 0 s in this plot is ${digits(one.start_s, 12)} s in the file.`
+            : ""}
         </span>
       </p>
       <div class="plots">
@@ -277,48 +342,101 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
           now.channels.map(({ column, label, size, unit }) => {
             const x = shown.arrays.get("time_s")!;
             const curve = (words: string, run: string) => curveOf(shown.arrays, x, `${column}.${run}`, words);
-            const runs = [curve("measured", "measured"), curve("free run", "free"), ...(isChanged ? [curve("changed", "changed")] : [])];
-            const off = [curve(`from states, ${digits(now.window_s)} s`, "restarted.residual"), curve("free run", "free.residual"), ...(isChanged ? [curve("changed", "changed.residual")] : [])];
+            const runs = [
+              curve("measured", "measured"),
+              curve("free run", "free"),
+              ...(isChanged ? [curve("changed", "changed")] : []),
+            ];
+            const off = [
+              curve(`from states, ${digits(now.window_s)} s`, "restarted.residual"),
+              curve("free run", "free.residual"),
+              ...(isChanged ? [curve("changed", "changed.residual")] : []),
+            ];
             const isWhole = span.value[0] <= one.span[0] && span.value[1] >= one.span[1];
-            const plot = { unit, size, onZoom: zoom, range: span.value, onReset: isWhole ? undefined : () => (span.value = one.span) };
+            const plot = {
+              unit,
+              size,
+              onZoom: zoom,
+              range: span.value,
+              onReset: isWhole ? undefined : () => (span.value = one.span),
+            };
             return (
               <div key={column}>
                 <Plot {...plot} title={label} curves={runs} bare />
-                <Plot {...plot} title={`residual of ${label}`} curves={off} height={110} bare={column !== now.channels[now.channels.length - 1]!.column} />
+                <Plot
+                  {...plot}
+                  title={`residual of ${label}`}
+                  curves={off}
+                  height={110}
+                  bare={column !== now.channels[now.channels.length - 1]!.column}
+                />
               </div>
             );
           })}
       </div>
-      <div class="wide" tabIndex={0} role="region" aria-label="Figures of the runs"><table>
-        <thead>
-          <tr>
-            {["Channel", "Fit, %", "NRMSE, %", "rms", "Largest", "From states: fit, %", "Deviates from", ...(isChanged ? ["Changed: fit, %"] : [])].map((head) => <th scope="col" key={head}>{head}</th>)}
-          </tr>
-        </thead>
-        <tbody>
-          {now.channels.map(({ column, label, size, unit }) => {
-            const { free, restarted, off_s: off } = one[column] as Channel;
-            return (
-              <tr key={column}>
-                <th scope="row">{label}</th>
-                <td data-fit={column} data-si={free.fit_percent}>{digits(free.fit_percent)}</td>
-                <td>{digits(free.nrmse === null ? null : 100 * free.nrmse, 3)}</td>
-                <td>{digits(free.rms / size, 3)} {unit}</td>
-                <td>{digits(free.largest / size, 3)} {unit}</td>
-                <td>{digits(restarted.fit_percent)}</td>
-                <td>
-                  {off === undefined ? "–" : (
-                    <button type="button" class="link" aria-label={`Zoom to ${instant(off, now.window_s / 100)} s, where ${label} deviates`} onClick={() => zoom(Math.max(off - now.window_s, one.span[0]), Math.min(off + now.window_s, one.span[1]))}>
-                      {instant(off, now.window_s / 100)} s
-                    </button>
+      <div class="wide" tabIndex={0} role="region" aria-label="Figures of the runs">
+        <table>
+          <thead>
+            <tr>
+              {[
+                "Channel",
+                "Fit, %",
+                "NRMSE, %",
+                "rms",
+                "Largest",
+                "From states: fit, %",
+                "Deviates from",
+                ...(isChanged ? ["Changed: fit, %"] : []),
+              ].map((head) => (
+                <th scope="col" key={head}>
+                  {head}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {now.channels.map(({ column, label, size, unit }) => {
+              const { free, restarted, off_s: off } = one[column] as Channel;
+              return (
+                <tr key={column}>
+                  <th scope="row">{label}</th>
+                  <td data-fit={column} data-si={free.fit_percent}>
+                    {digits(free.fit_percent)}
+                  </td>
+                  <td>{digits(free.nrmse === null ? null : 100 * free.nrmse, 3)}</td>
+                  <td>
+                    {digits(free.rms / size, 3)} {unit}
+                  </td>
+                  <td>
+                    {digits(free.largest / size, 3)} {unit}
+                  </td>
+                  <td>{digits(restarted.fit_percent)}</td>
+                  <td>
+                    {off === undefined ? (
+                      "–"
+                    ) : (
+                      <button
+                        type="button"
+                        class="link"
+                        aria-label={`Zoom to ${instant(off, now.window_s / 100)} s, where ${label} deviates`}
+                        onClick={() =>
+                          zoom(Math.max(off - now.window_s, one.span[0]), Math.min(off + now.window_s, one.span[1]))
+                        }>
+                        {instant(off, now.window_s / 100)} s
+                      </button>
+                    )}
+                  </td>
+                  {isChanged && (
+                    <td data-changed={column} data-si={shown!.head.fit![column]}>
+                      {digits(shown!.head.fit![column])}
+                    </td>
                   )}
-                </td>
-                {isChanged && <td data-changed={column} data-si={shown!.head.fit![column]}>{digits(shown!.head.fit![column])}</td>}
-              </tr>
-            );
-          })}
-        </tbody>
-      </table></div>
+                </tr>
+              );
+            })}
+          </tbody>
+        </table>
+      </div>
       {one.breakaway.length > 0 && <Stops one={one} />}
     </section>
   );
@@ -331,7 +449,11 @@ function Stops({ one }: { one: Recorded }) {
       <Table
         label="Breakaway after stops"
         heads={["Stop from, s", "Lasts, s", "Measured, N", "Model, N", "Error, %"]}
-        rows={one.breakaway.map((stop) => [stop.start_s, stop.onset_s - stop.start_s, stop.measured_n, stop.model_n, 100 * stop.error].map((value) => digits(value, 3)))}
+        rows={one.breakaway.map((stop) =>
+          [stop.start_s, stop.onset_s - stop.start_s, stop.measured_n, stop.model_n, 100 * stop.error].map((value) =>
+            digits(value, 3),
+          ),
+        )}
       />
     </>
   );
@@ -342,7 +464,12 @@ function Suspect({ now }: { now: Validation }) {
   const one = field.value;
   if (!now.editable || !fields.value.length) return null;
   const value = number.value ?? one?.number ?? 0;
-  const [low, high] = one ? [Math.min(0.5 * one.number!, 1.5 * one.number!) || one.low!, Math.max(0.5 * one.number!, 1.5 * one.number!) || one.high!] : [0, 1];
+  const [low, high] = one
+    ? [
+        Math.min(0.5 * one.number!, 1.5 * one.number!) || one.low!,
+        Math.max(0.5 * one.number!, 1.5 * one.number!) || one.high!,
+      ]
+    : [0, 1];
   const put = (next: number) => (number.value = Number.isFinite(next) ? next : null);
   const folder = path.value.slice(0, path.value.lastIndexOf("/") + 1);
   return (
@@ -351,14 +478,31 @@ function Suspect({ now }: { now: Validation }) {
       <p>
         <label>
           Value{" "}
-          <select value={key.value} onChange={(event) => ((key.value = event.currentTarget.value), (number.value = null))}>
+          <select
+            value={key.value}
+            onChange={(event) => ((key.value = event.currentTarget.value), (number.value = null))}>
             <option value="">choose</option>
-            {fields.value.map((each) => <option key={each.key} value={each.key}>{each.key} = {digits(each.number, 4)} {each.unit}</option>)}
+            {fields.value.map((each) => (
+              <option key={each.key} value={each.key}>
+                {each.key} = {digits(each.number, 4)} {each.unit}
+              </option>
+            ))}
           </select>
         </label>
       </p>
       {one && (
-        <SliderRow id="suspect" label={one.key} name={one.key} value={value} shown={value === one.number ? digits(value, 4) : value} ends={[low, high]} unit={one.unit} kind={value === one.number ? one.kind : "changed"} state={value === one.number ? KINDS[one.kind]! : "changed"} put={put} />
+        <SliderRow
+          id="suspect"
+          label={one.key}
+          name={one.key}
+          value={value}
+          shown={value === one.number ? digits(value, 4) : value}
+          ends={[low, high]}
+          unit={one.unit}
+          kind={value === one.number ? one.kind : "changed"}
+          state={value === one.number ? KINDS[one.kind]! : "changed"}
+          put={put}
+        />
       )}
       {key.value && <Refit now={now} folder={folder} />}
     </section>
@@ -376,7 +520,13 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
   const target = after.value || `${now.drive.replace(/^catalogue:/, "").replace(/\.toml$/, "")}-identified.toml`;
   const files = studies.value?.files ?? [];
   const has = (file: string) => files.some((one) => one.path === file);
-  const given = { kind: "identify", drive: now.drive, recordings: now.record.map((one) => one.file), free: wanted, out: fit };
+  const given = {
+    kind: "identify",
+    drive: now.drive,
+    recordings: now.record.map((one) => one.file),
+    free: wanted,
+    out: fit,
+  };
   const applied = { kind: "apply", drive: now.drive, fit, out: target };
   const [copy, copied] = useCopied(has(fit) ? applied : given, attempt);
   const busy = jobs.value.some((one) => one.state === "running" && [fit, target].includes(one.out));
@@ -387,8 +537,14 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
         <label>
           Identify <input value={wanted} onInput={(event) => (free.value = event.currentTarget.value)} />
         </label>
-        <button type="button" disabled={busy || has(fit) || isWithout} onClick={() => void start(given)}>Identify from these recordings</button>
-        {isWithout && <span class="note">A recording of this validation is not in the folder any more, or others have its name.</span>}
+        <button type="button" disabled={busy || has(fit) || isWithout} onClick={() => void start(given)}>
+          Identify from these recordings
+        </button>
+        {isWithout && (
+          <span class="note">
+            A recording of this validation is not in the folder any more, or others have its name.
+          </span>
+        )}
         {has(fit) && <a href={link("friction", fit)}>{fit}</a>}
       </p>
       {has(fit) && (
@@ -396,11 +552,22 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
           <label>
             Apply into <input value={target} onInput={(event) => (after.value = event.currentTarget.value)} />
           </label>
-          <button type="button" disabled={busy || has(target)} onClick={() => void start(applied)}>Apply to a new drive file</button>
+          <button type="button" disabled={busy || has(target)} onClick={() => void start(applied)}>
+            Apply to a new drive file
+          </button>
           {has(target) && (
             <>
               <a href={link("drive", target)}>{target}</a>
-              <button type="button" onClick={() => void attempt(async () => void (difference.value = await ask("/api/compare", { before: now.drive, after: target })))}>Compare with {now.drive}</button>
+              <button
+                type="button"
+                onClick={() =>
+                  void attempt(
+                    async () =>
+                      void (difference.value = await ask("/api/compare", { before: now.drive, after: target })),
+                  )
+                }>
+                Compare with {now.drive}
+              </button>
             </>
           )}
         </p>
@@ -425,9 +592,15 @@ function Origins({ now }: { now: Validation }) {
           cells: [
             one.key,
             one.text,
-            <><span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}</>,
+            <>
+              <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
+            </>,
             one.interval,
-            one.source?.map((each) => <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name} </span>),
+            one.source?.map((each) => (
+              <span key={each.name}>
+                {each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name}{" "}
+              </span>
+            )),
             one.fit && <a href={link("friction", one.fit)}>{one.fit}</a>,
           ],
           data: { "data-origin": one.key },

@@ -27,7 +27,8 @@ interface Scale {
 }
 
 const isNumber = (value: number | null | undefined): value is number => value !== null && value !== undefined;
-const asList = (value: number | [number, number] | null): Numbers => (value === null ? [] : Array.isArray(value) ? value : [value]);
+const asList = (value: number | [number, number] | null): Numbers =>
+  value === null ? [] : Array.isArray(value) ? value : [value];
 
 /** Return the ends of cells around their middles. */
 function edges(middles: Numbers): number[] {
@@ -49,7 +50,9 @@ function along(mark: Mark, side: "x" | "y"): Numbers {
     case "rule":
       return asList(mark[side]);
     case "bars":
-      return (side === "x") === mark.across ? [0, ...mark.values] : mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
+      return (side === "x") === mark.across
+        ? [0, ...mark.values]
+        : mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
     case "heat":
       return edges(mark[side]);
     case "drawing":
@@ -59,32 +62,60 @@ function along(mark: Mark, side: "x" | "y"): Numbers {
 
 /** Return the scale of an axis for the marks of all panels that share its ends. */
 export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
-  const each = marks.map((mark) => along(mark, side).filter(isNumber).map((value) => value / axis.size));
+  const each = marks.map((mark) =>
+    along(mark, side)
+      .filter(isNumber)
+      .map((value) => value / axis.size),
+  );
   const values = each.flat();
-  let [low, high] = [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
+  let [low, high] = [
+    values.reduce((a, b) => Math.min(a, b), Infinity),
+    values.reduce((a, b) => Math.max(a, b), -Infinity),
+  ];
   if (axis.names.length) [low, high] = [Math.min(low, -0.5), Math.max(high, axis.names.length - 0.5)];
   if (!(high >= low)) [low, high] = [0, 1];
   const isLog = low > 0 && (axis.scale === "log" || (axis.scale === "wide" && high > WIDE * low));
-  const largest = each.filter((_, k) => marks[k]!.kind === "line" || marks[k]!.kind === "markers").map((some) => some.reduce((a, b) => Math.max(a, Math.abs(b)), 0)).filter((one) => one > 0);
+  const largest = each
+    .filter((_, k) => marks[k]!.kind === "line" || marks[k]!.kind === "markers")
+    .map((some) => some.reduce((a, b) => Math.max(a, Math.abs(b)), 0))
+    .filter((one) => one > 0);
   const least = Math.min(...largest);
-  const linear = axis.scale === "far" && largest.length > 1 && Math.max(...largest) > FAR * least ? 10 ** Math.floor(Math.log10(least)) : 0;
-  const placed = (value: number) => (isLog ? Math.log10(Math.max(value, 1e-300)) : linear ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear) : value);
+  const linear =
+    axis.scale === "far" && largest.length > 1 && Math.max(...largest) > FAR * least
+      ? 10 ** Math.floor(Math.log10(least))
+      : 0;
+  const placed = (value: number) =>
+    isLog
+      ? Math.log10(Math.max(value, 1e-300))
+      : linear
+        ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear)
+        : value;
   let [from, to] = [placed(low), placed(high)];
   const isTight = side === "x" && marks.every((mark) => ["line", "band", "rule", "heat"].includes(mark.kind));
   const room = isTight || axis.names.length || marks.every((mark) => mark.kind === "heat") ? 0 : ROOM * (to - from);
   const isGrounded = marks.some((mark) => mark.kind === "bars" && (side === "x") === mark.across) && !isLog;
-  [from, to] = [from - (isGrounded && low === 0 ? 0 : room) - axis.below * (to - from), to + (isGrounded && high === 0 ? 0 : room) + axis.above * (to - from)];
+  [from, to] = [
+    from - (isGrounded && low === 0 ? 0 : room) - axis.below * (to - from),
+    to + (isGrounded && high === 0 ? 0 : room) + axis.above * (to - from),
+  ];
   if (axis.low !== null) from = placed(axis.low / axis.size);
   if (axis.high !== null) to = placed(axis.high / axis.size);
   if (to === from) [from, to] = [from - (Math.abs(from) * ROOM || 0.5), to + (Math.abs(to) * ROOM || 0.5)];
   const at = (value: number) => (placed(value) - from) / (to - from);
-  const shown = (many: number[]): [number, string][] => many.filter((one) => at(one) > -1e-6 && at(one) < 1 + 1e-6).map((one) => [one, digits(one, 6)]);
-  const decades = (first: number, last: number, steps: number[]) => Array.from({ length: Math.max(last - first + 1, 0) }, (_, k) => steps.map((one) => Number((one * 10 ** (first + k)).toPrecision(6)))).flat();
+  const shown = (many: number[]): [number, string][] =>
+    many.filter((one) => at(one) > -1e-6 && at(one) < 1 + 1e-6).map((one) => [one, digits(one, 6)]);
+  const decades = (first: number, last: number, steps: number[]) =>
+    Array.from({ length: Math.max(last - first + 1, 0) }, (_, k) =>
+      steps.map((one) => Number((one * 10 ** (first + k)).toPrecision(6))),
+    ).flat();
   return {
     at,
     ticks: (count) => {
       if (axis.names.length) return axis.names.map((name, k) => [k, name]);
-      if (isLog) return shown(decades(Math.floor(from), Math.ceil(to), to - from < 1 ? [1, 2, 3, 5, 7] : to - from < 2.5 ? [1, 2, 5] : [1]));
+      if (isLog)
+        return shown(
+          decades(Math.floor(from), Math.ceil(to), to - from < 1 ? [1, 2, 3, 5, 7] : to - from < 2.5 ? [1, 2, 5] : [1]),
+        );
       if (!linear) return shown(ticks(Math.min(from, to), Math.max(from, to), count));
       const ends = decades(Math.log10(linear), Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)))), [1]);
       return shown([...ends.map((one) => -one).reverse(), 0, ...ends]);
@@ -93,7 +124,9 @@ export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
 }
 
 const colour = (name: string | number): string =>
-  typeof name === "number" ? `color-mix(in srgb, var(--fig-deep) ${Math.round(100 * name)}%, var(--fig-light))` : `var(--fig-${name.replace(" ", "-")})`;
+  typeof name === "number"
+    ? `color-mix(in srgb, var(--fig-deep) ${Math.round(100 * name)}%, var(--fig-light))`
+    : `var(--fig-${name.replace(" ", "-")})`;
 
 /** Return the dash of a look for a line of usual width. */
 function dashOf(dash: unknown): string | undefined {
@@ -101,16 +134,33 @@ function dashOf(dash: unknown): string | undefined {
   return ({ "--": "6 4", "-.": "7 3 2 3", ":": "2 3" } as Record<string, string>)[String(dash)];
 }
 
-const around = (...ends: [number, number][]) => (x: number, y: number, r: number) => `M${ends.map(([dx, dy]) => `${(x + dx * r).toFixed(1)} ${(y + dy * r).toFixed(1)}`).join("L")}Z`;
+const around =
+  (...ends: [number, number][]) =>
+  (x: number, y: number, r: number) =>
+    `M${ends.map(([dx, dy]) => `${(x + dx * r).toFixed(1)} ${(y + dy * r).toFixed(1)}`).join("L")}Z`;
 const SHAPES: Record<string, (x: number, y: number, r: number) => string> = {
   s: around([-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]),
   "^": around([0, -1.2], [1.1, 0.8], [-1.1, 0.8]),
   v: around([0, 1.2], [1.1, -0.8], [-1.1, -0.8]),
   D: around([0, -1.2], [1.2, 0], [0, 1.2], [-1.2, 0]),
-  P: around([-0.4, -1.1], [0.4, -1.1], [0.4, -0.4], [1.1, -0.4], [1.1, 0.4], [0.4, 0.4], [0.4, 1.1], [-0.4, 1.1], [-0.4, 0.4], [-1.1, 0.4], [-1.1, -0.4], [-0.4, -0.4]),
+  P: around(
+    [-0.4, -1.1],
+    [0.4, -1.1],
+    [0.4, -0.4],
+    [1.1, -0.4],
+    [1.1, 0.4],
+    [0.4, 0.4],
+    [0.4, 1.1],
+    [-0.4, 1.1],
+    [-0.4, 0.4],
+    [-1.1, 0.4],
+    [-1.1, -0.4],
+    [-0.4, -0.4],
+  ),
   "|": around([0, -1.4], [0, 1.4]),
 };
-const round = (x: number, y: number, r: number) => `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
+const round = (x: number, y: number, r: number) =>
+  `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
 const radius = (mark: Markers): number => (mark.look[2] === "." ? 1.8 : Math.max(mark.size, 3) * 0.9);
 
 /** A panel in pixels: where values lie. */
@@ -149,9 +199,15 @@ function Points({ mark, at }: { mark: Markers; at: Place }) {
         const [px, py, low, high] = [at.px(value), at.py(other), mark.low?.[k], mark.high?.[k]];
         return (
           <>
-            {isNumber(low) && isNumber(high) && <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />}
+            {isNumber(low) && isNumber(high) && (
+              <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />
+            )}
             <path d={shape(px, py, radius(mark))} />
-            {mark.names[k] && <text x={px + 6} y={py - 5} stroke="none" fill="var(--soft)">{mark.names[k]}</text>}
+            {mark.names[k] && (
+              <text x={px + 6} y={py - 5} stroke="none" fill="var(--soft)">
+                {mark.names[k]}
+              </text>
+            )}
           </>
         );
       })}
@@ -161,7 +217,10 @@ function Points({ mark, at }: { mark: Markers; at: Place }) {
 
 function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
   const values = mark.z.flat().filter(isNumber);
-  const [low, high] = [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
+  const [low, high] = [
+    values.reduce((a, b) => Math.min(a, b), Infinity),
+    values.reduce((a, b) => Math.max(a, b), -Infinity),
+  ];
   const thinned = Math.ceil(Math.sqrt(Math.max(values.length / MOST_CELLS, 1)));
   const [xs, ys] = [mark.x.filter((_, k) => k % thinned === 0), mark.y.filter((_, k) => k % thinned === 0)];
   const [ex, ey] = [edges(xs), edges(ys)];
@@ -173,7 +232,16 @@ function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
           if (!isNumber(value)) return null;
           const [x0, x1, y0, y1] = [at.px(ex[column]!), at.px(ex[column + 1]!), at.py(ey[row]!), at.py(ey[row + 1]!)];
           const share = high > low ? (value - low) / (high - low) : 0.5;
-          return <rect x={Math.min(x0, x1)} y={Math.min(y0, y1)} width={Math.abs(x1 - x0) + 0.5} height={Math.abs(y1 - y0) + 0.5} fill={colour(share)}><title>{`${mark.label}: ${digits(value)}`}</title></rect>;
+          return (
+            <rect
+              x={Math.min(x0, x1)}
+              y={Math.min(y0, y1)}
+              width={Math.abs(x1 - x0) + 0.5}
+              height={Math.abs(y1 - y0) + 0.5}
+              fill={colour(share)}>
+              <title>{`${mark.label}: ${digits(value)}`}</title>
+            </rect>
+          );
         }),
       )}
     </g>
@@ -182,7 +250,11 @@ function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
 
 function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
   return (
-    <g fill={mark.hatched ? "var(--surface)" : colour(mark.look[0])} stroke="var(--fig-black)" stroke-width="0.8" stroke-dasharray={mark.hatched ? "3 2" : undefined}>
+    <g
+      fill={mark.hatched ? "var(--surface)" : colour(mark.look[0])}
+      stroke="var(--fig-black)"
+      stroke-width="0.8"
+      stroke-dasharray={mark.hatched ? "3 2" : undefined}>
       {mark.at.map((place, k) => {
         const value = mark.values[k];
         if (!isNumber(place) || !isNumber(value)) return null;
@@ -199,10 +271,25 @@ function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
 function Drawn({ mark, at }: { mark: Mark; at: Place }) {
   switch (mark.kind) {
     case "line":
-      return <path d={pathOf(mark.x, mark.y, at, mark.steps)} fill="none" stroke={colour(mark.look[0])} stroke-width={mark.width ? 1.3 * mark.width : 1.75} stroke-linejoin="round" stroke-dasharray={dashOf(mark.look[1])} />;
+      return (
+        <path
+          d={pathOf(mark.x, mark.y, at, mark.steps)}
+          fill="none"
+          stroke={colour(mark.look[0])}
+          stroke-width={mark.width ? 1.3 * mark.width : 1.75}
+          stroke-linejoin="round"
+          stroke-dasharray={dashOf(mark.look[1])}
+        />
+      );
     case "band": {
       const back = pathOf([...mark.x].reverse(), [...mark.low].reverse(), at).replace(/^M/, "L");
-      return <path d={`${pathOf(mark.x, mark.high, at)}${back}Z`} fill={mark.look ? colour(mark.look[0]) : "var(--fig-band)"} opacity={mark.look ? 0.16 : 1} />;
+      return (
+        <path
+          d={`${pathOf(mark.x, mark.high, at)}${back}Z`}
+          fill={mark.look ? colour(mark.look[0]) : "var(--fig-band)"}
+          opacity={mark.look ? 0.16 : 1}
+        />
+      );
     }
     case "markers":
       return <Points mark={mark} at={at} />;
@@ -212,14 +299,40 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
       return <HeatCells mark={mark} at={at} />;
     case "rule": {
       const [xs, ys] = [asList(mark.x).map((one) => at.px(one!)), asList(mark.y).map((one) => at.py(one!))];
-      const line = { stroke: colour(mark.look[0]), "stroke-width": 1.2 * mark.width, "stroke-dasharray": dashOf(mark.look[1]) };
-      const tint = ["band", "shade", "shade two"].includes(String(mark.look[0])) ? colour(mark.look[0]) : "var(--fig-shade)";
+      const line = {
+        stroke: colour(mark.look[0]),
+        "stroke-width": 1.2 * mark.width,
+        "stroke-dasharray": dashOf(mark.look[1]),
+      };
+      const tint = ["band", "shade", "shade two"].includes(String(mark.look[0]))
+        ? colour(mark.look[0])
+        : "var(--fig-shade)";
       return (
         <>
-          {xs.length === 2 && <rect x={Math.min(...xs)} width={Math.abs(xs[1]! - xs[0]!)} y={at.top} height={at.bottom - at.top} fill={tint} />}
-          {ys.length === 2 && <rect y={Math.min(...ys)} height={Math.abs(ys[1]! - ys[0]!)} x={at.left} width={at.right - at.left} fill={tint} />}
+          {xs.length === 2 && (
+            <rect
+              x={Math.min(...xs)}
+              width={Math.abs(xs[1]! - xs[0]!)}
+              y={at.top}
+              height={at.bottom - at.top}
+              fill={tint}
+            />
+          )}
+          {ys.length === 2 && (
+            <rect
+              y={Math.min(...ys)}
+              height={Math.abs(ys[1]! - ys[0]!)}
+              x={at.left}
+              width={at.right - at.left}
+              fill={tint}
+            />
+          )}
           {xs.length === 1 && <path d={`M${xs[0]} ${at.top}V${at.bottom}`} {...line} />}
-          {xs.length === 1 && at.hasEnds && <text x={xs[0]! + 4} y={at.top + 12} fill="var(--soft)">{mark.label}</text>}
+          {xs.length === 1 && at.hasEnds && (
+            <text x={xs[0]! + 4} y={at.top + 12} fill="var(--soft)">
+              {mark.label}
+            </text>
+          )}
           {ys.length === 1 && <path d={`M${at.left} ${ys[0]}H${at.right}`} {...line} />}
         </>
       );
@@ -232,7 +345,8 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
 /** Labels of a panel that stand at the ends of its lines, apart from each other. */
 function endsOf(panel: Panel, at: Place): { label: string; y: number; ink: string }[] {
   const found = labelled(panel).flatMap((mark) => {
-    if (mark.kind === "rule" && typeof mark.y === "number") return [{ label: mark.label, y: at.py(mark.y), ink: "var(--soft)" }];
+    if (mark.kind === "rule" && typeof mark.y === "number")
+      return [{ label: mark.label, y: at.py(mark.y), ink: "var(--soft)" }];
     if (mark.kind !== "line" && mark.kind !== "markers") return [];
     const last = mark.y.reduce<number>((best, value, k) => (isNumber(value) && isNumber(mark.x[k]) ? k : best), -1);
     return last < 0 ? [] : [{ label: mark.label, y: at.py(mark.y[last]!), ink: colour(mark.look[0]) }];
@@ -248,7 +362,14 @@ function endsOf(panel: Panel, at: Place): { label: string; y: number; ink: strin
 /** Marks with a label, one of each label. */
 const labelled = (panel: Panel): Exclude<Mark, Drawing>[] => {
   const seen = new Set<string>();
-  return [...panel.marks, ...panel.right].filter((mark): mark is Exclude<Mark, Drawing> => mark.kind !== "drawing" && mark.kind !== "heat" && !!mark.label && !seen.has(mark.label) && !!seen.add(mark.label));
+  return [...panel.marks, ...panel.right].filter(
+    (mark): mark is Exclude<Mark, Drawing> =>
+      mark.kind !== "drawing" &&
+      mark.kind !== "heat" &&
+      !!mark.label &&
+      !seen.has(mark.label) &&
+      !!seen.add(mark.label),
+  );
 };
 
 interface PanelProps {
@@ -268,44 +389,113 @@ interface PanelProps {
 /** Return the ticks of the vertical axis of a panel. */
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
-function PanelDrawing({ panel, x, y, scales: [sx, sy], width, height, isBare, hasEnds, longest, ends, name }: PanelProps) {
+function PanelDrawing({
+  panel,
+  x,
+  y,
+  scales: [sx, sy],
+  width,
+  height,
+  isBare,
+  hasEnds,
+  longest,
+  ends,
+  name,
+}: PanelProps) {
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const rightScale = panel.right.length ? scaleOf(panel.right_y, "y", panel.right) : null;
   const right = width - (rightScale ? 48 : 12) - (ends ? CHARACTER * ends + 4 : 0);
   const head = [panel.title, y.is_named ? y.label : ""].filter(Boolean);
-  const [top, bottom] = [head.length ? 26 : 10, height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18)];
-  const place = (scale: Scale, size: number): Place["py"] => (value) => bottom - scale.at(value / size) * (bottom - top);
-  const at: Place = { left, right, top, bottom, hasEnds, px: (value) => left + sx.at(value / x.size) * (right - left), py: place(sy, y.size) };
+  const [top, bottom] = [
+    head.length ? 26 : 10,
+    height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18),
+  ];
+  const place =
+    (scale: Scale, size: number): Place["py"] =>
+    (value) =>
+      bottom - scale.at(value / size) * (bottom - top);
+  const at: Place = {
+    left,
+    right,
+    top,
+    bottom,
+    hasEnds,
+    px: (value) => left + sx.at(value / x.size) * (right - left),
+    py: place(sy, y.size),
+  };
   const xTicks = sx.ticks(Math.max(Math.round((right - left) / 84), 2));
   const widest = Math.max(...xTicks.map(([, words]) => words.length), 1) * CHARACTER + 8;
   const every = Math.ceil((xTicks.length * widest) / Math.max(right - left, 1));
   const clip = `clip-${name}`.replace(/[^\w-]/g, "-");
   return (
-    <svg class="panel-drawing" width={width} height={height} role="img" aria-label={[...head, x.label].join(", ")} font-size="12" font-family="system-ui, sans-serif">
-      {head.length > 0 && <text x={panel.title ? 0 : Math.max(left - CHARACTER * longest - 6, 0)} y={14} fill="var(--soft)"><tspan font-weight="650" fill="var(--ink)">{panel.title}</tspan>{panel.title && head.length > 1 ? "  " : ""}{pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}</text>}
-      {rightScale && <text x={right + 44} y={14} text-anchor="end" fill="var(--soft)">{panel.right_y.label}</text>}
+    <svg
+      class="panel-drawing"
+      width={width}
+      height={height}
+      role="img"
+      aria-label={[...head, x.label].join(", ")}
+      font-size="12"
+      font-family="system-ui, sans-serif">
+      {head.length > 0 && (
+        <text x={panel.title ? 0 : Math.max(left - CHARACTER * longest - 6, 0)} y={14} fill="var(--soft)">
+          <tspan font-weight="650" fill="var(--ink)">
+            {panel.title}
+          </tspan>
+          {panel.title && head.length > 1 ? "  " : ""}
+          {pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}
+        </text>
+      )}
+      {rightScale && (
+        <text x={right + 44} y={14} text-anchor="end" fill="var(--soft)">
+          {panel.right_y.label}
+        </text>
+      )}
       {yTicks.map(([value, words]) => (
         <>
           {!y.names.length && <path d={`M${left} ${at.py(value * y.size)}H${right}`} stroke="var(--grid)" />}
-          <text x={left - 8} y={at.py(value * y.size) + 4} text-anchor="end" fill="var(--caption)">{words}</text>
+          <text x={left - 8} y={at.py(value * y.size) + 4} text-anchor="end" fill="var(--caption)">
+            {words}
+          </text>
         </>
       ))}
       {xTicks.map(([value, words], k) => (
         <>
           <path d={`M${at.px(value * x.size)} ${bottom}v4`} stroke="var(--edge)" />
-          {!isBare && k % every === 0 && <text x={at.px(value * x.size)} y={bottom + 17} text-anchor="middle" fill="var(--caption)">{words}</text>}
+          {!isBare && k % every === 0 && (
+            <text x={at.px(value * x.size)} y={bottom + 17} text-anchor="middle" fill="var(--caption)">
+              {words}
+            </text>
+          )}
         </>
       ))}
-      {rightScale?.ticks(4).map(([value, words]) => <text x={right + 8} y={bottom - rightScale.at(value) * (bottom - top) + 4} fill="var(--caption)">{words}</text>)}
+      {rightScale?.ticks(4).map(([value, words]) => (
+        <text x={right + 8} y={bottom - rightScale.at(value) * (bottom - top) + 4} fill="var(--caption)">
+          {words}
+        </text>
+      ))}
       <path d={`M${left} ${bottom}H${right}`} stroke="var(--edge)" />
-      {!isBare && x.is_named && x.label && <text x={(left + right) / 2} y={height - 5} text-anchor="middle" fill="var(--soft)">{pretty(x.label)}</text>}
-      <clipPath id={clip}><rect x={left - 6} y={top - 6} width={Math.max(right - left + 12, 0)} height={Math.max(bottom - top + 12, 0)} /></clipPath>
+      {!isBare && x.is_named && x.label && (
+        <text x={(left + right) / 2} y={height - 5} text-anchor="middle" fill="var(--soft)">
+          {pretty(x.label)}
+        </text>
+      )}
+      <clipPath id={clip}>
+        <rect x={left - 6} y={top - 6} width={Math.max(right - left + 12, 0)} height={Math.max(bottom - top + 12, 0)} />
+      </clipPath>
       <g clip-path={`url(#${clip})`}>
-        {panel.marks.map((mark) => <Drawn mark={mark} at={at} />)}
-        {rightScale && panel.right.map((mark) => <Drawn mark={mark} at={{ ...at, py: place(rightScale, panel.right_y.size) }} />)}
+        {panel.marks.map((mark) => (
+          <Drawn mark={mark} at={at} />
+        ))}
+        {rightScale &&
+          panel.right.map((mark) => <Drawn mark={mark} at={{ ...at, py: place(rightScale, panel.right_y.size) }} />)}
       </g>
-      {hasEnds && endsOf(panel, at).map((one) => <text x={right + (rightScale ? 44 : 8)} y={one.y + 4} font-weight="650" fill={one.ink}>{one.label}</text>)}
+      {hasEnds &&
+        endsOf(panel, at).map((one) => (
+          <text x={right + (rightScale ? 44 : 8)} y={one.y + 4} font-weight="650" fill={one.ink}>
+            {one.label}
+          </text>
+        ))}
     </svg>
   );
 }
@@ -317,13 +507,41 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
   const [kx, ky] = drawing.equal ? [Math.min(fx, fy), Math.min(fx, fy)] : [fx, fy];
   const point = ([x, y]: Numbers): string => `${((x! - x0) * kx).toFixed(1)} ${((y1 - y!) * ky).toFixed(1)}`;
   return (
-    <svg class="panel-drawing" width={(x1 - x0) * kx} height={(y1 - y0) * ky} role="img" aria-label="Drawing" font-family="system-ui, sans-serif">
+    <svg
+      class="panel-drawing"
+      width={(x1 - x0) * kx}
+      height={(y1 - y0) * ky}
+      role="img"
+      aria-label="Drawing"
+      font-family="system-ui, sans-serif">
       {drawing.strokes.map((stroke) => {
         const [across, up] = stroke.align.split(" ");
         const anchor = across === "left" ? "start" : across === "right" ? "end" : "middle";
         const [px, py] = point(stroke.points[0]!).split(" ");
-        if (stroke.text) return <text x={px} y={Number(py) + (up === "top" ? 10 : up === "bottom" ? -2 : 4)} text-anchor={anchor} font-size={Math.max(1.35 * stroke.size, 11)} font-weight={stroke.bold ? 650 : 400} fill={colour(stroke.color)}>{stroke.text}</text>;
-        return <path d={`M${stroke.points.map(point).join("L")}`} fill={stroke.fill ? colour(stroke.fill) : "none"} fill-opacity={stroke.tint} stroke={colour(stroke.color)} stroke-width={1.3 * stroke.width} stroke-opacity={stroke.opacity} stroke-dasharray={stroke.dash.map((one) => one * 1.3 * stroke.width).join(" ") || undefined} stroke-linecap={stroke.cap === "butt" ? "butt" : "round"} />;
+        if (stroke.text)
+          return (
+            <text
+              x={px}
+              y={Number(py) + (up === "top" ? 10 : up === "bottom" ? -2 : 4)}
+              text-anchor={anchor}
+              font-size={Math.max(1.35 * stroke.size, 11)}
+              font-weight={stroke.bold ? 650 : 400}
+              fill={colour(stroke.color)}>
+              {stroke.text}
+            </text>
+          );
+        return (
+          <path
+            d={`M${stroke.points.map(point).join("L")}`}
+            fill={stroke.fill ? colour(stroke.fill) : "none"}
+            fill-opacity={stroke.tint}
+            stroke={colour(stroke.color)}
+            stroke-width={1.3 * stroke.width}
+            stroke-opacity={stroke.opacity}
+            stroke-dasharray={stroke.dash.map((one) => one * 1.3 * stroke.width).join(" ") || undefined}
+            stroke-linecap={stroke.cap === "butt" ? "butt" : "round"}
+          />
+        );
       })}
     </svg>
   );
@@ -336,25 +554,67 @@ function Labels({ marks }: { marks: Mark[] }) {
   const at: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
   const sample = (mark: Exclude<Mark, Drawing>): ComponentChildren => {
     if (mark.kind === "line") return <Drawn mark={{ ...mark, x: [0, 28], y: [6, 6] }} at={at} />;
-    if (mark.kind === "markers") return <Points mark={{ ...mark, x: mark.joined ? [2, 14, 26] : [14], y: [6, 6, 6], low: null, high: null, names: [] }} at={at} />;
-    if (mark.kind === "rule") return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
-    return <rect width="28" height="12" fill={mark.kind === "heat" ? "var(--fig-deep)" : mark.look ? colour(mark.look[0]) : "var(--fig-band)"} opacity={mark.kind === "band" && mark.look ? 0.3 : 1} />;
+    if (mark.kind === "markers")
+      return (
+        <Points
+          mark={{ ...mark, x: mark.joined ? [2, 14, 26] : [14], y: [6, 6, 6], low: null, high: null, names: [] }}
+          at={at}
+        />
+      );
+    if (mark.kind === "rule")
+      return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
+    return (
+      <rect
+        width="28"
+        height="12"
+        fill={mark.kind === "heat" ? "var(--fig-deep)" : mark.look ? colour(mark.look[0]) : "var(--fig-band)"}
+        opacity={mark.kind === "band" && mark.look ? 0.3 : 1}
+      />
+    );
   };
-  return <ul class="figure-labels">{shown.map((mark) => <li key={mark.label}><svg width="28" height="12" aria-hidden="true">{sample(mark)}</svg> {mark.label}</li>)}</ul>;
+  return (
+    <ul class="figure-labels">
+      {shown.map((mark) => (
+        <li key={mark.label}>
+          <svg width="28" height="12" aria-hidden="true">
+            {sample(mark)}
+          </svg>{" "}
+          {mark.label}
+        </li>
+      ))}
+    </ul>
+  );
 }
 
 /** Return the axis of a panel, or that of the figure if the panel has none. */
-const axisOf = (own: Axis, shared: Axis): Axis => (own.label || own.names.length || own.scale !== "linear" || own.low !== null || own.high !== null ? own : shared);
+const axisOf = (own: Axis, shared: Axis): Axis =>
+  own.label || own.names.length || own.scale !== "linear" || own.low !== null || own.high !== null ? own : shared;
 
 /** Numbers of a figure: a row for each point, in the units of its axes. */
 function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
-  const text = (value: number | null | undefined, axis: Axis) => (isNumber(value) ? String(Number((value / axis.size).toPrecision(10))) : "");
+  const text = (value: number | null | undefined, axis: Axis) =>
+    isNumber(value) ? String(Number((value / axis.size).toPrecision(10))) : "";
   const rows = panels.flatMap(({ panel, x, y }) =>
     panel.marks.flatMap((mark) => {
-      if (mark.kind === "bars") return mark.at.map((at, k) => [panel.title, mark.label, (mark.across ? y : x).names[at ?? -1] ?? text(at, mark.across ? y : x), text(mark.values[k], mark.across ? x : y), "", ""]);
+      if (mark.kind === "bars")
+        return mark.at.map((at, k) => [
+          panel.title,
+          mark.label,
+          (mark.across ? y : x).names[at ?? -1] ?? text(at, mark.across ? y : x),
+          text(mark.values[k], mark.across ? x : y),
+          "",
+          "",
+        ]);
       if (mark.kind !== "line" && mark.kind !== "markers" && mark.kind !== "band") return [];
       const [low, high] = mark.kind === "line" ? [null, null] : [mark.low, mark.high];
-      return mark.x.map((at, k) => [panel.title, mark.label, x.names[at ?? -1] ?? text(at, x), mark.kind === "band" ? "" : text(mark.y[k], y), text(low?.[k], y), text(high?.[k], y)]);
+      return mark.x.map((at, k) => [
+        panel.title,
+        mark.label,
+        x.names[at ?? -1] ?? text(at, x),
+        mark.kind === "band" ? "" : text(mark.y[k], y),
+        text(low?.[k], y),
+        text(high?.[k], y),
+      ]);
     }),
   );
   const [first] = panels;
@@ -375,32 +635,73 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const { figure } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const columns = Math.max(Math.min(total, Math.floor(width / LEAST_WIDTH)), 1);
-  const drawnPanels = figure.panels.flatMap((panel, index) => (panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : []));
-  if (figure.tall) drawnPanels.splice(figure.tall_first ? 0 : drawnPanels.length, 0, { panel: figure.tall, index: -1, x: axisOf(figure.tall.x, figure.x), y: axisOf(figure.tall.y, figure.y) });
+  const drawnPanels = figure.panels.flatMap((panel, index) =>
+    panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
+  );
+  if (figure.tall)
+    drawnPanels.splice(figure.tall_first ? 0 : drawnPanels.length, 0, {
+      panel: figure.tall,
+      index: -1,
+      x: axisOf(figure.tall.x, figure.x),
+      y: axisOf(figure.tall.y, figure.y),
+    });
   const together = (index: number, how: string) =>
-    drawnPanels.filter((one) => one.index === index || (index >= 0 && one.index >= 0 && (how === "all" || (how === "row" && Math.floor(one.index / total) === Math.floor(index / total)) || (how === "col" && one.index % total === index % total)))).flatMap((one) => one.panel.marks);
+    drawnPanels
+      .filter(
+        (one) =>
+          one.index === index ||
+          (index >= 0 &&
+            one.index >= 0 &&
+            (how === "all" ||
+              (how === "row" && Math.floor(one.index / total) === Math.floor(index / total)) ||
+              (how === "col" && one.index % total === index % total))),
+      )
+      .flatMap((one) => one.panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
   const ratios = figure.heights.length ? figure.heights : Array<number>(rows).fill(1);
   const whole = ratios.reduce((sum, one) => sum + one, 0);
   const heightOf = (index: number) => {
     const row = index < 0 ? 1 : ((ratios[Math.floor(index / total)] ?? 1) * rows) / whole;
-    return Math.min(Math.max(figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40, LEAST_HEIGHT), MOST_HEIGHT);
+    return Math.min(
+      Math.max(figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40, LEAST_HEIGHT),
+      MOST_HEIGHT,
+    );
   };
   const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
   const hasEnds = (panel: Panel) => {
     const marks = labelled(panel);
-    return panelWidth > 440 && drawnPanels.length <= 3 && marks.length <= MOST_ENDS && marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind));
+    return (
+      panelWidth > 440 &&
+      drawnPanels.length <= 3 &&
+      marks.length <= MOST_ENDS &&
+      marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind))
+    );
   };
   const seen = new Set<string>();
-  const above = drawnPanels.filter(({ panel }) => !hasEnds(panel)).flatMap(({ panel }) => labelled(panel)).filter((mark) => !seen.has(mark.label) && seen.add(mark.label));
+  const above = drawnPanels
+    .filter(({ panel }) => !hasEnds(panel))
+    .flatMap(({ panel }) => labelled(panel))
+    .filter((mark) => !seen.has(mark.label) && seen.add(mark.label));
   const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
   const placed = drawnPanels.map((one) => {
-    const scales: [Scale, Scale] = [scaleOf(one.x, "x", together(one.index, figure.share_x)), scaleOf(one.y, "y", together(one.index, figure.share_y))];
+    const scales: [Scale, Scale] = [
+      scaleOf(one.x, "x", together(one.index, figure.share_x)),
+      scaleOf(one.y, "y", together(one.index, figure.share_y)),
+    ];
     const height = heightOf(one.index);
     const longest = Math.max(...ticksOf(scales[1], height).map(([, words]) => words.length), 1);
-    return { ...one, scales, height, longest, ends: hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0 };
+    return {
+      ...one,
+      scales,
+      height,
+      longest,
+      ends: hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0,
+    };
   });
-  const [longest, ends] = [Math.max(...placed.map((one) => one.longest), 1), Math.max(...placed.map((one) => one.ends), 0)]; // panels below each other have one left and one right
+  const [longest, ends] = [
+    Math.max(...placed.map((one) => one.longest), 1),
+    Math.max(...placed.map((one) => one.ends), 0),
+  ]; // panels below each other have one left and one right
   const heat = drawnPanels.flatMap(({ panel }) => panel.marks).find((mark) => mark.kind === "heat");
   return (
     <figure class="figure" data-figure={shown.name}>
@@ -413,11 +714,32 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
             const isTall = index < 0;
             const wide = isTall || (columns < total && columns === 1) ? width : panelWidth;
             return (
-              <div key={index} style={isTall ? { gridColumn: "1 / -1" } : columns === total ? { gridColumn: (index % total) + 1 } : {}}>
+              <div
+                key={index}
+                style={
+                  isTall ? { gridColumn: "1 / -1" } : columns === total ? { gridColumn: (index % total) + 1 } : {}
+                }>
                 {first?.kind === "drawing" ? (
                   <Paper drawing={first} width={wide} height={height} />
                 ) : (
-                  <PanelDrawing panel={panel} x={x} y={y} scales={scales} width={wide} height={height} isBare={isStacked && !isTall && index + total < figure.panels.length && figure.panels[index + total] !== null} hasEnds={hasEnds(panel)} longest={columns === 1 ? longest : own.longest} ends={columns === 1 ? ends : own.ends} name={`${shown.name}-${index}`} />
+                  <PanelDrawing
+                    panel={panel}
+                    x={x}
+                    y={y}
+                    scales={scales}
+                    width={wide}
+                    height={height}
+                    isBare={
+                      isStacked &&
+                      !isTall &&
+                      index + total < figure.panels.length &&
+                      figure.panels[index + total] !== null
+                    }
+                    hasEnds={hasEnds(panel)}
+                    longest={columns === 1 ? longest : own.longest}
+                    ends={columns === 1 ? ends : own.ends}
+                    name={`${shown.name}-${index}`}
+                  />
                 )}
               </div>
             );
@@ -426,8 +748,12 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <figcaption>
         {shown.caption}{" "}
         <span class="saves">
-          <button type="button" class="link" onClick={() => saveDrawing(shown.name, place.current!)}>Save figure</button>{" "}
-          <button type="button" class="link" onClick={() => saveRows(shown.name, rowsOf(drawnPanels))}>Save numbers</button>
+          <button type="button" class="link" onClick={() => saveDrawing(shown.name, place.current!)}>
+            Save figure
+          </button>{" "}
+          <button type="button" class="link" onClick={() => saveRows(shown.name, rowsOf(drawnPanels))}>
+            Save numbers
+          </button>
         </span>
       </figcaption>
     </figure>

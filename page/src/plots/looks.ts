@@ -82,7 +82,8 @@ export const count = (number: number, thing: string): string => `${number} ${thi
 export const isSevere = (finding: string): boolean => SEVERE.some((word) => finding.startsWith(word));
 
 /** A message of the server as a sentence. A name at its beginning stays as it is. */
-export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+export const sentence = (words: string): string =>
+  `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 
 /** A time in words. */
 export function duration(seconds: number): string {
@@ -98,4 +99,7 @@ export const fitting = (most: number): number => Math.min(most, Math.max(innerWi
 const RAISED: Record<string, string> = { 2: "²", 3: "³" };
 
 /** Units as people write them: µm, cm³. In fields they stay as files write them. */
-export const pretty = (words: string): string => words.replace(/\bu([ms])\b/g, "µ$1").replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);
+export const pretty = (words: string): string =>
+  words
+    .replace(/\bu([ms])\b/g, "µ$1")
+    .replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);

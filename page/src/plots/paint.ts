@@ -5,8 +5,8 @@ import { look, token } from "./looks";
 import type { Band, Event, Mark, PlotProps, Shade } from "./plot";
 
 /** Colours of axes and grid. */
-export const ink = (): string => (token("axis"));
-export const grid = (): string => (token("grid"));
+export const ink = (): string => token("axis");
+export const grid = (): string => token("grid");
 
 /**
  * Return whether a curve reverses more often than every fourth pixel. Such a curve is drawn as `columns`: a stroke
@@ -38,14 +38,23 @@ export function isInDash(column: number, dash: number[]): boolean {
  * Paths of uPlot, only for logarithmic axes. Paths kept after each drawing would cost some ms of garbage collection
  * while a slider moves.
  */
-export const path: uPlot.Series.PathBuilder = (u, series, from, to) => (u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null);
+export const path: uPlot.Series.PathBuilder = (u, series, from, to) =>
+  u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null;
 
 /** Return the values of a curve and its scale in pixels of linear axes. */
 function placed(u: uPlot, series: number) {
   const { min: first, max: last } = u.scales["x"]!;
   const { min: least, max: most } = u.scales["y"]!;
   const [perX, perY] = [u.bbox.width / (last! - first!), u.bbox.height / (most! - least!)];
-  return { x: u.data[0], y: u.data[series] as ArrayLike<number | null | undefined>, ...u.bbox, first: first!, most: most!, perX, perY };
+  return {
+    x: u.data[0],
+    y: u.data[series] as ArrayLike<number | null | undefined>,
+    ...u.bbox,
+    first: first!,
+    most: most!,
+    perX,
+    perY,
+  };
 }
 
 export function curve(u: uPlot, series: number): void {
@@ -258,7 +267,8 @@ export function fill(u: uPlot, bands: Band[], size: number): void {
   u.ctx.clip();
   for (const one of bands) {
     u.ctx.beginPath();
-    const at = (i: number, values: ArrayLike<number>) => u.ctx.lineTo(u.valToPos(one.x[i]!, "x", true), u.valToPos(values[i]! / size, "y", true));
+    const at = (i: number, values: ArrayLike<number>) =>
+      u.ctx.lineTo(u.valToPos(one.x[i]!, "x", true), u.valToPos(values[i]! / size, "y", true));
     for (let i = 0; i < one.x.length; i++) at(i, one.high);
     for (let i = one.x.length - 1; i >= 0; i--) at(i, one.low);
     u.ctx.fillStyle = `${look(one.look).color}33`;
@@ -266,4 +276,3 @@ export function fill(u: uPlot, bands: Band[], size: number): void {
   }
   u.ctx.restore();
 }
-

@@ -1,7 +1,8 @@
 /** One plot over time: with `scatter.tsx` and `paint.ts` the only files that touch uPlot. */
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
+
 import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
+import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
@@ -9,7 +10,7 @@ import "./plot.css";
 import type { Numbers } from "../server/frame";
 import { digits, instant, isDark, look, pretty } from "./looks";
 import { curve, fill, flag, grid, ink, mark, path, shade, upright, within } from "./paint";
-import { saveCsv, savePng, saveSvg, type Saved } from "./saving";
+import { type Saved, saveCsv, savePng, saveSvg } from "./saving";
 
 export interface Curve {
   label: string;
@@ -106,7 +107,8 @@ function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
 }
 
 /** Return numbers of an axis as the page writes all others, independent of the browser's language. */
-export const written = (_: uPlot, splits: (number | null)[]): string[] => splits.map((one) => (one === null ? "" : digits(one, 12)));
+export const written = (_: uPlot, splits: (number | null)[]): string[] =>
+  splits.map((one) => (one === null ? "" : digits(one, 12)));
 
 /** Return the room for numbers of an axis, pixels. Numbers of a short span far from zero are long. */
 export function space(_: uPlot, _axis: number, low: number, high: number): number {
@@ -116,7 +118,8 @@ export function space(_: uPlot, _axis: number, low: number, high: number): numbe
 
 /** Return the values with null instead of NaN, because uPlot draws a line across NaN. */
 function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
-  for (let i = 0; i < values.length; i++) if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
+  for (let i = 0; i < values.length; i++)
+    if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
   return values;
 }
 
@@ -139,7 +142,10 @@ export function pixelsOfPlots(otherwise = 1000): number {
 
 /** Return whether the curves have the same numbers and names. Then nothing is drawn again. */
 function alike(some: Curve[], others: Curve[]): boolean {
-  return some.length === others.length && some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label);
+  return (
+    some.length === others.length &&
+    some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label)
+  );
 }
 
 /** Plots that show the same part of the time. */
@@ -162,14 +168,26 @@ const EDGE = 8; // above and below it
 
 /** Axes of a plot, in the colours of the paper. */
 export const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
-  const axis = { values: written, stroke: ink(), grid: { stroke: grid(), width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui", labelSize: 16 };
-  return [{ ...axis, space, ...x }, { ...axis, size: 62, ...y }];
+  const axis = {
+    values: written,
+    stroke: ink(),
+    grid: { stroke: grid(), width: 1 },
+    ticks: { show: false },
+    font: "12px system-ui",
+    labelFont: "12px system-ui",
+    labelSize: 16,
+  };
+  return [
+    { ...axis, space, ...x },
+    { ...axis, size: 62, ...y },
+  ];
 };
 
 const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight line
 
 /** The ends of an axis of values, with some room. */
-const reach = (low: number, high: number): [number, number] => (high - low < FLAT && Math.abs(high) < FLAT ? [-1, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]));
+const reach = (low: number, high: number): [number, number] =>
+  high - low < FLAT && Math.abs(high) < FLAT ? [-1, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
 
 export function Plot(props: PlotProps) {
   const place = useRef<HTMLDivElement>(null);
@@ -177,7 +195,8 @@ export function Plot(props: PlotProps) {
   const plot = useRef<uPlot | null>(null);
   const latest = useRef(props);
   latest.current = props;
-  const shape = props.curves.map((one) => one.label).join("|") + props.unit + Boolean(props.bare) + (isDark() ? "d" : "l");
+  const shape =
+    props.curves.map((one) => one.label).join("|") + props.unit + Boolean(props.bare) + (isDark() ? "d" : "l");
   const held = useRef({ curves: props.curves, size: 0, data: [[]] as uPlot.AlignedData });
   if (held.current.size !== props.size || !alike(held.current.curves, props.curves))
     held.current = { curves: props.curves, size: props.size, data: aligned(props.curves, props.size) };
@@ -196,8 +215,15 @@ export function Plot(props: PlotProps) {
         padding: [EDGE, 12, props.bare ? EDGE : 0, 0],
         cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
-          x: { time: false, ...(props.log ? { distr: 3 } : { range: (_: uPlot, low: number, high: number) => latest.current.range ?? [low, high] }) },
-          y: props.log ? { distr: 3 } : { range: (_, low, high) => (low === null ? [low, high] : reach(...within(latest.current, low, high))) },
+          x: {
+            time: false,
+            ...(props.log
+              ? { distr: 3 }
+              : { range: (_: uPlot, low: number, high: number) => latest.current.range ?? [low, high] }),
+          },
+          y: props.log
+            ? { distr: 3 }
+            : { range: (_, low, high) => (low === null ? [low, high] : reach(...within(latest.current, low, high))) },
         },
         legend: { show: false },
         axes: axes(props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` }),
@@ -205,14 +231,32 @@ export function Plot(props: PlotProps) {
           {},
           ...props.curves.map((one, index) => {
             const { color, dash } = look(one.look ?? index);
-            return { label: one.label, stroke: color, dash, width: 1.5, spanGaps: !props.gaps && props.curves.length > 1, points: { show: false }, paths: path };
+            return {
+              label: one.label,
+              stroke: color,
+              dash,
+              width: 1.5,
+              spanGaps: !props.gaps && props.curves.length > 1,
+              points: { show: false },
+              paths: path,
+            };
           }),
         ],
         hooks: {
           drawSeries: [curve],
-          draw: [(u) => mark(u, latest.current.marks ?? []), (u) => flag(u, latest.current.events ?? []), (u) => upright(u, latest.current.cursors ?? [])],
-          setCursor: [(u) => title.current && tell(u, title.current, latest.current), (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!)],
-          drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
+          draw: [
+            (u) => mark(u, latest.current.marks ?? []),
+            (u) => flag(u, latest.current.events ?? []),
+            (u) => upright(u, latest.current.cursors ?? []),
+          ],
+          setCursor: [
+            (u) => title.current && tell(u, title.current, latest.current),
+            (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!),
+          ],
+          drawClear: [
+            (u) => shade(u, latest.current.shades ?? []),
+            (u) => fill(u, latest.current.bands ?? [], latest.current.size),
+          ],
           setSelect: [
             (u) => {
               if (!latest.current.onZoom || u.select.width <= 2) return;
@@ -229,9 +273,14 @@ export function Plot(props: PlotProps) {
     plot.current = made;
     let pressed = 0;
     made.over.addEventListener("mousedown", (event) => (pressed = event.clientX));
-    made.over.addEventListener("click", (event) => Math.abs(event.clientX - pressed) < 3 && latest.current.onPick?.(made.posToVal(event.offsetX, "x")));
+    made.over.addEventListener(
+      "click",
+      (event) => Math.abs(event.clientX - pressed) < 3 && latest.current.onPick?.(made.posToVal(event.offsetX, "x")),
+    );
     made.over.addEventListener("dblclick", () => latest.current.onReset?.());
-    const seen = new ResizeObserver(() => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height }));
+    const seen = new ResizeObserver(
+      () => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height }),
+    );
     seen.observe(at);
     return () => {
       seen.disconnect();
@@ -245,15 +294,31 @@ export function Plot(props: PlotProps) {
   }, [data, props.shades, props.bands, props.marks, props.range?.join()]);
   useLayoutEffect(() => plot.current?.redraw(false, false), [props.cursors?.join(), props.events]);
 
-  const saved = (): Saved => ({ title: props.title, x: `${over}, ${xUnit}`, y: props.unit || "1", legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })), u: plot.current!, extreme: props.extreme });
+  const saved = (): Saved => ({
+    title: props.title,
+    x: `${over}, ${xUnit}`,
+    y: props.unit || "1",
+    legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })),
+    u: plot.current!,
+    extreme: props.extreme,
+  });
   return (
     <figure class="plot" data-plot={props.title}>
       <figcaption ref={title}>
         <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
         <span class="value" data-value="time" />
-        <Legend labels={props.curves.map(({ label, look: own }, k) => [label, own ?? k])} isOne={props.curves.length === 1} />
-        {props.onReset && <button type="button" class="link" onClick={props.onReset}>Reset zoom</button>}
-        <More title={props.title} saved={saved} extreme={props.extreme}><Values {...props} /></More>
+        <Legend
+          labels={props.curves.map(({ label, look: own }, k) => [label, own ?? k])}
+          isOne={props.curves.length === 1}
+        />
+        {props.onReset && (
+          <button type="button" class="link" onClick={props.onReset}>
+            Reset zoom
+          </button>
+        )}
+        <More title={props.title} saved={saved} extreme={props.extreme}>
+          <Values {...props} />
+        </More>
       </figcaption>
       <div ref={place} aria-hidden="true" />
     </figure>
@@ -266,7 +331,8 @@ export function Legend({ labels, isOne = false }: { labels: [string, number][]; 
     <ul class="legend">
       {labels.map(([label, index]) => (
         <li key={label}>
-          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(index) }} /> <span class={isOne ? "hidden" : "name"}>{label}</span> <span class="value" />
+          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(index) }} />{" "}
+          <span class={isOne ? "hidden" : "name"}>{label}</span> <span class="value" />
         </li>
       ))}
     </ul>
@@ -274,7 +340,17 @@ export function Legend({ labels, isOne = false }: { labels: [string, number][]; 
 }
 
 /** Menu of a plot: save it, or read its values. */
-export function More({ title, saved, extreme, children }: { title: string; saved: () => Saved; extreme?: boolean; children?: ComponentChildren }) {
+export function More({
+  title,
+  saved,
+  extreme,
+  children,
+}: {
+  title: string;
+  saved: () => Saved;
+  extreme?: boolean;
+  children?: ComponentChildren;
+}) {
   const [open, setOpen] = useState(false);
   return (
     <details class="more" onToggle={(event) => setOpen((event.currentTarget as HTMLDetailsElement).open)}>
@@ -283,8 +359,16 @@ export function More({ title, saved, extreme, children }: { title: string; saved
         <div class="menu">
           <p class="row">
             Save as{" "}
-            {([["PNG", savePng], ["SVG", saveSvg], ["CSV", saveCsv]] as const).map(([name, save]) => (
-              <button key={name} type="button" onClick={() => save(saved())}>{name === "CSV" && extreme ? "CSV of lowest and highest" : name}</button>
+            {(
+              [
+                ["PNG", savePng],
+                ["SVG", saveSvg],
+                ["CSV", saveCsv],
+              ] as const
+            ).map(([name, save]) => (
+              <button key={name} type="button" onClick={() => save(saved())}>
+                {name === "CSV" && extreme ? "CSV of lowest and highest" : name}
+              </button>
             ))}
           </p>
           {children}
@@ -311,11 +395,15 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
   const at = Array.from({ length: ROWS }, (_, row) => Math.round(((first.x.length - 1) * row) / (ROWS - 1)));
   return (
     <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${title}`}>
-      {extreme && <p class="note">Each value is the lowest or the highest of a pixel; a closer view has the samples.</p>}
+      {extreme && (
+        <p class="note">Each value is the lowest or the highest of a pixel; a closer view has the samples.</p>
+      )}
       <table>
         <thead>
           <tr>
-            <th scope="col">{xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`}</th>
+            <th scope="col">
+              {xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`}
+            </th>
             {curves.map((one) => (
               <th scope="col" key={one.label}>
                 {one.label}, {unit}
@@ -328,7 +416,9 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
             <tr key={index}>
               <th scope="row">{instant(first.x[index], stepOf(first.x))}</th>
               {curves.map((one) => (
-                <td key={one.label}>{digits((one.x === first.x ? (one.at ?? one.y)[index]! : valueAt(one, first.x[index]!)) / size, 6)}</td>
+                <td key={one.label}>
+                  {digits((one.x === first.x ? (one.at ?? one.y)[index]! : valueAt(one, first.x[index]!)) / size, 6)}
+                </td>
               ))}
             </tr>
           ))}
@@ -337,4 +427,3 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
     </div>
   );
 }
-

@@ -24,7 +24,11 @@ function download(name: string, blob: Blob): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-const fileOf = (title: string, ending: string): string => `${title.toLowerCase().replace(/[^\w]+/g, "-").replace(/^-|-$/g, "")}.${ending}`;
+const fileOf = (title: string, ending: string): string =>
+  `${title
+    .toLowerCase()
+    .replace(/[^\w]+/g, "-")
+    .replace(/^-|-$/g, "")}.${ending}`;
 const paper = (): string => token("surface");
 
 export function savePng(of: Saved): void {
@@ -60,14 +64,18 @@ type Attributes = Record<string, string | number>;
 
 function element(name: string, attributes: Attributes, text = ""): SVGElement {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, typeof value === "number" ? String(Number(value.toFixed(2))) : value);
+  for (const [key, value] of Object.entries(attributes))
+    made.setAttribute(key, typeof value === "number" ? String(Number(value.toFixed(2))) : value);
   if (text) made.textContent = text;
   return made;
 }
 
 /** The values of an axis that are labelled, with their labels. */
 const ticksOf = (u: uPlot, axis: number): [number, string][] => {
-  const { _splits: at, _values: words } = u.axes[axis] as unknown as { _splits: (number | null)[]; _values: (string | null)[] };
+  const { _splits: at, _values: words } = u.axes[axis] as unknown as {
+    _splits: (number | null)[];
+    _values: (string | null)[];
+  };
   return (at ?? []).flatMap((one, k) => (one === null || !words?.[k] ? [] : [[one, words[k]!] as [number, string]]));
 };
 
@@ -75,7 +83,13 @@ const ticksOf = (u: uPlot, axis: number): [number, string][] => {
 export function saveSvg(of: Saved): void {
   const { u } = of;
   const [left, top, wide, high] = [u.over.offsetLeft, u.over.offsetTop + LINE, u.over.clientWidth, u.over.clientHeight];
-  const svg = element("svg", { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${u.width} ${u.height + 2 * LINE}`, "font-family": "system-ui, sans-serif", "font-size": 12, fill: ink() });
+  const svg = element("svg", {
+    xmlns: "http://www.w3.org/2000/svg",
+    viewBox: `0 0 ${u.width} ${u.height + 2 * LINE}`,
+    "font-family": "system-ui, sans-serif",
+    "font-size": 12,
+    fill: ink(),
+  });
   const put = (name: string, attributes: Attributes, text = "") => svg.append(element(name, attributes, text));
   put("rect", { width: "100%", height: "100%", fill: paper() });
   put("text", { x: 8, y: 15, "font-weight": 600 }, `${of.title}, ${of.y}`);
@@ -94,7 +108,10 @@ export function saveSvg(of: Saved): void {
   const inside = element("g", { "clip-path": "url(#in)", fill: "none", "stroke-width": 1.4 });
   svg.append(clip, inside);
   u.series.slice(1).forEach((series, index) => {
-    const stroke = typeof series.stroke === "function" ? (series.stroke as (of: uPlot, at: number) => string)(u, index + 1) : series.stroke;
+    const stroke =
+      typeof series.stroke === "function"
+        ? (series.stroke as (of: uPlot, at: number) => string)(u, index + 1)
+        : series.stroke;
     if (!stroke || stroke === "transparent" || series.points?.show === true) return;
     let [path, isDown] = ["", false];
     const values = u.data[index + 1] as ArrayLike<number | null | undefined>;
@@ -104,16 +121,27 @@ export function saveSvg(of: Saved): void {
       if (value !== null) path += `${isDown ? "L" : "M"}${px(u.data[0][i]!).toFixed(1)} ${py(value).toFixed(1)}`;
       isDown = value !== null;
     }
-    inside.append(element("path", { d: path, stroke: String(stroke), "stroke-dasharray": (series.dash ?? []).join(" ") }));
+    inside.append(
+      element("path", { d: path, stroke: String(stroke), "stroke-dasharray": (series.dash ?? []).join(" ") }),
+    );
   });
   for (const { x, y, spread, look: shade } of of.points ?? []) {
     const { color } = look(shade);
-    if (spread !== null) inside.append(element("line", { x1: px(x), x2: px(x), y1: py(y - spread), y2: py(y + spread), stroke: color }));
+    if (spread !== null)
+      inside.append(element("line", { x1: px(x), x2: px(x), y1: py(y - spread), y2: py(y + spread), stroke: color }));
     inside.append(element("circle", { cx: px(x), cy: py(y), r: 3.5, fill: color }));
   }
   of.legend.forEach((one, k) => {
     const [x, y] = [left + (k * wide) / of.legend.length, top + high + 44];
-    put("line", { x1: x, x2: x + 28, y1: y - 4, y2: y - 4, stroke: look(one.look).color, "stroke-width": 2, "stroke-dasharray": look(one.look).dash.join(" ") });
+    put("line", {
+      x1: x,
+      x2: x + 28,
+      y1: y - 4,
+      y2: y - 4,
+      stroke: look(one.look).color,
+      "stroke-width": 2,
+      "stroke-dasharray": look(one.look).dash.join(" "),
+    });
     put("text", { x: x + 34, y }, one.label);
   });
   download(fileOf(of.title, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
@@ -128,14 +156,34 @@ function cell(given: string): string {
 /** The numbers that are drawn, one column for each curve. */
 export function saveCsv(of: Saved): void {
   const rows = of.points
-    ? [["curve", of.x, of.y, "U (k = 2)"], ...of.points.map((one) => [of.legend.find((each) => each.look === one.look)?.label ?? "", String(one.x), String(one.y), one.spread === null ? "" : digits(one.spread, 6)])]
-    : [[of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x, ...of.legend.map((one) => `${one.label}, ${of.y}`)], ...Array.from(of.u.data[0], (x, i) => [String(x), ...of.u.data.slice(1).map((column) => String(column[i] ?? ""))])];
+    ? [
+        ["curve", of.x, of.y, "U (k = 2)"],
+        ...of.points.map((one) => [
+          of.legend.find((each) => each.look === one.look)?.label ?? "",
+          String(one.x),
+          String(one.y),
+          one.spread === null ? "" : digits(one.spread, 6),
+        ]),
+      ]
+    : [
+        [
+          of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x,
+          ...of.legend.map((one) => `${one.label}, ${of.y}`),
+        ],
+        ...Array.from(of.u.data[0], (x, i) => [
+          String(x),
+          ...of.u.data.slice(1).map((column) => String(column[i] ?? "")),
+        ]),
+      ];
   saveRows(of.title, rows);
 }
 
 /** Save rows of texts as CSV. */
 export function saveRows(title: string, rows: string[][]): void {
-  download(fileOf(title, "csv"), new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }));
+  download(
+    fileOf(title, "csv"),
+    new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }),
+  );
 }
 
 /** Save the panels of a figure as one drawing, in the colours that are shown. */

@@ -34,7 +34,15 @@ export function isWide(groups: Group[]): boolean {
  * Friction over speed, with a marker for each measured point. Beyond the measured speeds, curves are dotted. Axes reach
  * over all groups of `among`, so that plots side by side have equal axes.
  */
-export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean; among?: Group[]; height?: number }) {
+export function Scatter(props: {
+  title: string;
+  x: string;
+  y: string;
+  groups: Group[];
+  log: boolean;
+  among?: Group[];
+  height?: number;
+}) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const near = useRef<HTMLSpanElement>(null);
@@ -50,7 +58,10 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
     props.groups.forEach((group, index) => {
       const { color, dash } = look(index);
       const quiet = { stroke: "transparent", width: 0, points: { show: false }, spanGaps: true } as const;
-      tables.push([[...new Set(group.points.map((one) => one.x))].sort((a, b) => a - b), []] as unknown as uPlot.AlignedData); // places of the axis; `points` draws
+      tables.push([
+        [...new Set(group.points.map((one) => one.x))].sort((a, b) => a - b),
+        [],
+      ] as unknown as uPlot.AlignedData); // places of the axis; `points` draws
       series.push({ ...quiet, label: group.label, points: { show: false } });
       if (!group.curve) return;
       const { x, y, low, high, measured } = group.curve;
@@ -69,14 +80,20 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
         padding: [8, 16, 0, 0],
         scales: {
           x: { time: false, distr: props.log ? 3 : 1, ...(shared && { range: () => shared[0]! }) },
-          y: { range: (_, low, high) => (shared ? reached(among, ...shared[1]!) : reached(latest.current.groups, low, high)) },
+          y: {
+            range: (_, low, high) =>
+              shared ? reached(among, ...shared[1]!) : reached(latest.current.groups, low, high),
+          },
         },
         cursor: { drag: { x: true, y: true }, points: { show: false } },
         legend: { show: false },
         axes: axes({ size: 22, label: props.x }, { label: props.y, labelSize: 18 }),
         series,
         bands,
-        hooks: { draw: [(u) => points(u, latest.current.groups)], setCursor: [(u) => near.current && name(u, near.current, latest.current)] },
+        hooks: {
+          draw: [(u) => points(u, latest.current.groups)],
+          setCursor: [(u) => near.current && name(u, near.current, latest.current)],
+        },
       },
       uPlot.join(tables),
       at,
@@ -91,16 +108,24 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
   }, [props.groups, props.log, isDark()]);
   const runs = runsOf(props.groups);
   const saved = () => ({
-    title: props.title, x: props.x, y: props.y, u: plot.current!,
+    title: props.title,
+    x: props.x,
+    y: props.y,
+    u: plot.current!,
     legend: props.groups.map(({ label }, k) => ({ label, look: k })),
     points: props.groups.flatMap((group, k) => group.points.map((one) => ({ ...one, look: k }))),
   });
   return (
-    <figure class="plot" data-plot={props.title} data-points={props.groups.reduce((sum, one) => sum + one.points.length, 0)}>
+    <figure
+      class="plot"
+      data-plot={props.title}
+      data-points={props.groups.reduce((sum, one) => sum + one.points.length, 0)}>
       <figcaption>
         <span class="title">{props.title}</span>
         <Legend labels={props.groups.map(({ label }, index) => [label, index])} />
-        {runs.length > 1 && runs.length <= SHAPES.length && <span class="note">{runs.map((run, k) => `${SIGNS[k]} ${run}`).join("  ")}</span>}
+        {runs.length > 1 && runs.length <= SHAPES.length && (
+          <span class="note">{runs.map((run, k) => `${SIGNS[k]} ${run}`).join("  ")}</span>
+        )}
         <span class="value" ref={near} />
         <More title={props.title} saved={saved} />
       </figcaption>
@@ -111,25 +136,34 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
 
 /** Lowest and highest value of all points and curves along an axis. */
 function spanOf(groups: Group[], axis: "x" | "y"): [number, number] {
-  const values = groups.flatMap((one) => [...one.points.map((point) => point[axis]), ...(one.curve?.[axis] ?? [])]).filter(Number.isFinite);
+  const values = groups
+    .flatMap((one) => [...one.points.map((point) => point[axis]), ...(one.curve?.[axis] ?? [])])
+    .filter(Number.isFinite);
   return [Math.min(...values), Math.max(...values)];
 }
 
 /** The ends of an axis that fits the bars, with some room. */
 export function reached(groups: Group[], low: number, high: number): [number, number] {
   let [least, most] = [low ?? Infinity, high ?? -Infinity];
-  for (const group of groups) for (const { y, spread } of group.points) [least, most] = [Math.min(least, y - (spread ?? 0)), Math.max(most, y + (spread ?? 0))];
+  for (const group of groups)
+    for (const { y, spread } of group.points)
+      [least, most] = [Math.min(least, y - (spread ?? 0)), Math.max(most, y + (spread ?? 0))];
   if (!(most >= least)) return [0, 1];
   const room = 0.08 * (most - least || Math.abs(most) || 1);
   return [least - room, most + room];
 }
 
 /** The runs of all points; each run has a marker shape. */
-const runsOf = (groups: Group[]): string[] => [...new Set(groups.flatMap((group) => group.points.flatMap((one) => one.run ?? [])))];
+const runsOf = (groups: Group[]): string[] => [
+  ...new Set(groups.flatMap((group) => group.points.flatMap((one) => one.run ?? []))),
+];
 
 type Shape = (at: CanvasRenderingContext2D, x: number, y: number, r: number) => void;
 
-const corners = (...ends: [number, number][]): Shape => (at, x, y, r) => ends.forEach(([dx, dy], k) => (k ? at.lineTo(x + dx * r, y + dy * r) : at.moveTo(x + dx * r, y + dy * r)));
+const corners =
+  (...ends: [number, number][]): Shape =>
+  (at, x, y, r) =>
+    ends.forEach(([dx, dy], k) => (k ? at.lineTo(x + dx * r, y + dy * r) : at.moveTo(x + dx * r, y + dy * r)));
 const SHAPES: Shape[] = [
   (at, x, y, r) => at.arc(x, y, r, 0, 2 * Math.PI),
   corners([-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]),
@@ -178,14 +212,22 @@ function points(u: uPlot, groups: Group[]): void {
 }
 
 /** Show the name of the measured point under the pointer. */
-function name(u: uPlot, place: HTMLElement, { groups, x: xName, y: yName }: { groups: Group[]; x: string; y: string }): void {
+function name(
+  u: uPlot,
+  place: HTMLElement,
+  { groups, x: xName, y: yName }: { groups: Group[]; x: string; y: string },
+): void {
   const { left = -1, top = -1 } = u.cursor;
   let [best, words] = [NEAR, ""];
   if (left >= 0)
     for (const { label, points: all } of groups)
       for (const { x, y, spread, run } of all) {
         const far = Math.hypot(u.valToPos(x, "x") - left, u.valToPos(y, "y") - top);
-        if (far < best) [best, words] = [far, `${label}${run ? `, ${run}` : ""}: ${digits(x, 3)} ${unitOf(xName)}, ${digits(y, 3)}${spread === null ? "" : ` ± ${digits(spread, 2)}`} ${unitOf(yName)}`];
+        if (far < best)
+          [best, words] = [
+            far,
+            `${label}${run ? `, ${run}` : ""}: ${digits(x, 3)} ${unitOf(xName)}, ${digits(y, 3)}${spread === null ? "" : ` ± ${digits(spread, 2)}`} ${unitOf(yName)}`,
+          ];
       }
   place.textContent = words;
 }

@@ -16,7 +16,8 @@ export function ticks(low: number, high: number, count = 5): number[] {
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough)!;
   const out = [];
-  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9 * step; value += step) out.push(Number(value.toPrecision(8)));
+  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9 * step; value += step)
+    out.push(Number(value.toPrecision(8)));
   return out;
 }
 
@@ -33,35 +34,65 @@ export function Strip({ title, x, y, curves }: { title: string; x: string; y: st
   const [x0, x1] = span(curves.map((one) => one.x));
   const [y0, y1] = span(curves.map((one) => one.y));
   const px = (at: number) => SIZE.left + ((at - x0) / (x1 - x0)) * (SIZE.width - SIZE.left - SIZE.right);
-  const py = (at: number) => SIZE.height - SIZE.bottom - ((at - y0) / (y1 - y0)) * (SIZE.height - SIZE.bottom - SIZE.top);
+  const py = (at: number) =>
+    SIZE.height - SIZE.bottom - ((at - y0) / (y1 - y0)) * (SIZE.height - SIZE.bottom - SIZE.top);
   const names = curves.map((one) => one.label).join(", ");
   return (
     <figure class="loops strip" data-loops={curves.length}>
       <figcaption>{title}</figcaption>
-      <svg viewBox={`0 0 ${SIZE.width} ${SIZE.height}`} role="img" aria-label={`${names}: ${x} from ${digits(x0)} to ${digits(x1)}, ${y} from ${digits(y0)} to ${digits(y1)}`}>
+      <svg
+        viewBox={`0 0 ${SIZE.width} ${SIZE.height}`}
+        role="img"
+        aria-label={`${names}: ${x} from ${digits(x0)} to ${digits(x1)}, ${y} from ${digits(y0)} to ${digits(y1)}`}>
         {ticks(x0, x1).map((one) => (
           <g key={one}>
             <line class="grid" x1={px(one)} x2={px(one)} y1={SIZE.top} y2={SIZE.height - SIZE.bottom} />
-            <text x={px(one)} y={SIZE.height - SIZE.bottom + 16} text-anchor="middle">{one}</text>
+            <text x={px(one)} y={SIZE.height - SIZE.bottom + 16} text-anchor="middle">
+              {one}
+            </text>
           </g>
         ))}
         {ticks(y0, y1).map((one) => (
           <g key={one}>
             <line class="grid" y1={py(one)} y2={py(one)} x1={SIZE.left} x2={SIZE.width - SIZE.right} />
-            <text x={SIZE.left - 6} y={py(one) + 4} text-anchor="end">{one}</text>
+            <text x={SIZE.left - 6} y={py(one) + 4} text-anchor="end">
+              {one}
+            </text>
           </g>
         ))}
-        <text x={(SIZE.left + SIZE.width) / 2} y={SIZE.height - 6} text-anchor="middle">{x}</text>
-        <text transform={`translate(14 ${SIZE.height / 2 - 10}) rotate(-90)`} text-anchor="middle">{y}</text>
+        <text x={(SIZE.left + SIZE.width) / 2} y={SIZE.height - 6} text-anchor="middle">
+          {x}
+        </text>
+        <text transform={`translate(14 ${SIZE.height / 2 - 10}) rotate(-90)`} text-anchor="middle">
+          {y}
+        </text>
         {curves.map((one, index) => (
-          <polyline key={one.label} data-loop={one.label} fill="none" stroke={look(index).color} stroke-width="1.4" stroke-dasharray={look(index).dash.join(" ")} points={one.x.map((at, i) => `${px(at).toFixed(2)},${py(one.y[i]!).toFixed(2)}`).join(" ")} />
+          <polyline
+            key={one.label}
+            data-loop={one.label}
+            fill="none"
+            stroke={look(index).color}
+            stroke-width="1.4"
+            stroke-dasharray={look(index).dash.join(" ")}
+            points={one.x.map((at, i) => `${px(at).toFixed(2)},${py(one.y[i]!).toFixed(2)}`).join(" ")}
+          />
         ))}
       </svg>
       {curves.length > 1 && (
         <ul class="legend">
           {curves.map((one, index) => (
             <li key={one.label}>
-              <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true"><line x1="0" y1="4" x2="34" y2="4" stroke={look(index).color} stroke-width="2" stroke-dasharray={look(index).dash.join(" ")} /></svg>{" "}
+              <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true">
+                <line
+                  x1="0"
+                  y1="4"
+                  x2="34"
+                  y2="4"
+                  stroke={look(index).color}
+                  stroke-width="2"
+                  stroke-dasharray={look(index).dash.join(" ")}
+                />
+              </svg>{" "}
               {one.label}
             </li>
           ))}
@@ -93,7 +124,9 @@ export function Behind({ title, x, y, curves }: { title: string; x: string; y: s
             <tbody>
               {curves.flatMap((one) => {
                 const rows = Math.min(ROWS, one.x.length);
-                const at = Array.from({ length: rows }, (_, row) => Math.round(((one.x.length - 1) * row) / Math.max(rows - 1, 1)));
+                const at = Array.from({ length: rows }, (_, row) =>
+                  Math.round(((one.x.length - 1) * row) / Math.max(rows - 1, 1)),
+                );
                 return at.map((index, row) => (
                   <tr key={`${one.label} ${row}`}>
                     <th scope="row">{one.label}</th>

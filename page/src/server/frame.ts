@@ -21,7 +21,8 @@ export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
   };
   const found = new Map<string, Numbers>();
   for (const [name, kind, at, length, middle] of arrays) {
-    const own = kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length);
+    const own =
+      kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length);
     found.set(name, middle === undefined ? own : about(own, middle));
   }
   return { head: head as Head, arrays: found };

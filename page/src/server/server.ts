@@ -1,7 +1,7 @@
 /** Traffic between the page and its server: token, requests, and the socket of the sliders. */
-import { effect, signal, type Signal } from "@preact/signals";
+import { effect, type Signal, signal } from "@preact/signals";
+import { type Frame, unpack } from "./frame";
 import type { Listed } from "./types";
-import { unpack, type Frame } from "./frame";
 
 export interface Problem {
   file?: string;
@@ -176,7 +176,8 @@ async function fetched(path: string, options: RequestInit = {}, waits = !options
   throw new Refused(answer.status, body.problems ?? [], body);
 }
 
-const answered = async <T>(path: string, options: RequestInit = {}): Promise<T> => (await fetched(path, options)).json();
+const answered = async <T>(path: string, options: RequestInit = {}): Promise<T> =>
+  (await fetched(path, options)).json();
 
 export function plain(what: string): Problem {
   return { line: null, key: null, what, value: null, rule: null, remedy: null };
@@ -186,7 +187,11 @@ export function plain(what: string): Problem {
 export function typed(name: string, text: string): number {
   const value = text.trim() === "" ? Number.NaN : Number(text);
   if (Number.isFinite(value)) return value;
-  throw new Refused(0, [{ ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }], {});
+  throw new Refused(
+    0,
+    [{ ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }],
+    {},
+  );
 }
 
 export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>
@@ -233,7 +238,10 @@ export class Live<Head extends { number: number }> {
   }
 
   private connect(): void {
-    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, ["pneudrive", `token.${token}`]);
+    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, [
+      "pneudrive",
+      `token.${token}`,
+    ]);
     socket.binaryType = "arraybuffer";
     let wasOpen = false;
     socket.onopen = () => {
@@ -304,7 +312,8 @@ export class Live<Head extends { number: number }> {
     this.closed = true;
     if (connection.value === "full") connection.value = "open";
     const socket = this.socket;
-    if (socket?.readyState === WebSocket.CONNECTING) socket.onopen = () => socket.close(); // the browser complains of it before
+    if (socket?.readyState === WebSocket.CONNECTING)
+      socket.onopen = () => socket.close(); // the browser complains of it before
     else socket?.close();
   }
 }

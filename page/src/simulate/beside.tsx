@@ -1,19 +1,31 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 import { computed, signal } from "@preact/signals";
-import { isPlaying, pointAt as showAt, timeAt, type MotionHead } from "../drive/moving";
-import type { Frame, Numbers } from "../server/frame";
+import { isPlaying, type MotionHead, pointAt as showAt, timeAt } from "../drive/moving";
+import { type Field, opened } from "../drive/opened";
 import { digits } from "../plots/looks";
-import { opened, type Field } from "../drive/opened";
-import { NumberField } from "../workspace/parts";
-import { curveOf, type Curve } from "../plots/plot";
+import { type Curve, curveOf } from "../plots/plot";
 import { Strip } from "../plots/strip";
+import type { Frame, Numbers } from "../server/frame";
+import { NumberField } from "../workspace/parts";
 import { studies } from "../workspace/studies";
 
 export interface BesideHead extends MotionHead {
   others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
   loops?: string[];
-  energy?: { accounts_j: Record<string, number>; open_share: number; lost_j: Record<string, number>; air_litres_anr: Record<string, number> };
-  band?: { members: number; failed: number; why: string; refused: boolean; share: [number, number]; ends: Record<string, [number, number]> };
+  energy?: {
+    accounts_j: Record<string, number>;
+    open_share: number;
+    lost_j: Record<string, number>;
+    air_litres_anr: Record<string, number>;
+  };
+  band?: {
+    members: number;
+    failed: number;
+    why: string;
+    refused: boolean;
+    share: [number, number];
+    ends: Record<string, [number, number]>;
+  };
 }
 
 const others = signal<string[]>([]);
@@ -24,7 +36,11 @@ const band = signal(false);
 const width = signal(10); // of the spreads, per cent
 
 /** Selected comparisons of the run. A spread is centred on each value that has a slider. */
-export function besides(fields: Map<string, Field>, sliders: string[], numbers: Record<string, number>): Record<string, unknown> {
+export function besides(
+  fields: Map<string, Field>,
+  sliders: string[],
+  numbers: Record<string, number>,
+): Record<string, unknown> {
   const spreads: [string, [number, number, string]][] = [];
   if (band.value)
     for (const key of sliders) {
@@ -33,7 +49,13 @@ export function besides(fields: Map<string, Field>, sliders: string[], numbers: 
       const half = (Math.abs(value) * width.value) / 100;
       if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
     }
-  return { others: others.value, loops: loops.value, motion: motion.value, energy: energy.value, spreads: Object.fromEntries(spreads) };
+  return {
+    others: others.value,
+    loops: loops.value,
+    motion: motion.value,
+    energy: energy.value,
+    spreads: Object.fromEntries(spreads),
+  };
 }
 
 /** A newly opened file starts without the comparisons of the previous file. */
@@ -45,7 +67,10 @@ export function forget(): void {
 
 const choices = computed(() => {
   const files = studies.value?.files.filter((one) => ["drive", "circuit", "recording"].includes(one.kind)) ?? [];
-  const all = [...files.filter((one) => one.kind !== "recording" || /\.(parquet|csv|nc)$/.test(one.path)), ...(studies.value?.catalogue ?? [])];
+  const all = [
+    ...files.filter((one) => one.kind !== "recording" || /\.(parquet|csv|nc)$/.test(one.path)),
+    ...(studies.value?.catalogue ?? []),
+  ];
   return all.map((one) => one.path).filter((path) => path !== opened.value?.path && !others.value.includes(path));
 });
 
@@ -63,27 +88,71 @@ export function BesideChoices() {
           onChange={(event) => {
             if (event.currentTarget.value) others.value = [...others.value, event.currentTarget.value];
             event.currentTarget.value = "";
-          }}
-        >
+          }}>
           <option value="">another drive or run</option>
-          {choices.value.map((one) => <option key={one}>{one}</option>)}
+          {choices.value.map((one) => (
+            <option key={one}>{one}</option>
+          ))}
         </select>
       </label>
       {others.value.map((one) => (
         <p class="row" key={one}>
-          {one} <button type="button" class="link" onClick={() => (others.value = others.value.filter((it) => it !== one))} aria-label={`Remove ${one}`}>remove</button>
+          {one}{" "}
+          <button
+            type="button"
+            class="link"
+            onClick={() => (others.value = others.value.filter((it) => it !== one))}
+            aria-label={`Remove ${one}`}>
+            remove
+          </button>
         </p>
       ))}
       <p class="row">
-        <label><input type="checkbox" checked={band.value} onChange={(event) => (band.value = event.currentTarget.checked)} /> band of 200 members</label>
         <label>
-          within ± <NumberField label="Half width of the spreads, per cent" low={0.1} high={90} value={width.value} put={(per) => (width.value = per)} /> % of each slider
+          <input
+            type="checkbox"
+            checked={band.value}
+            onChange={(event) => (band.value = event.currentTarget.checked)}
+          />{" "}
+          band of 200 members
+        </label>
+        <label>
+          within ±{" "}
+          <NumberField
+            label="Half width of the spreads, per cent"
+            low={0.1}
+            high={90}
+            value={width.value}
+            put={(per) => (width.value = per)}
+          />{" "}
+          % of each slider
         </label>
       </p>
       <p class="row">
-        <label><input type="checkbox" checked={loops.value} onChange={(event) => (loops.value = event.currentTarget.checked)} /> p-V loops</label>
-        <label><input type="checkbox" checked={motion.value} onChange={(event) => (motion.value = event.currentTarget.checked)} /> the piston as it moves</label>
-        <label><input type="checkbox" checked={energy.value} onChange={(event) => (energy.value = event.currentTarget.checked)} /> energy</label>
+        <label>
+          <input
+            type="checkbox"
+            checked={loops.value}
+            onChange={(event) => (loops.value = event.currentTarget.checked)}
+          />{" "}
+          p-V loops
+        </label>
+        <label>
+          <input
+            type="checkbox"
+            checked={motion.value}
+            onChange={(event) => (motion.value = event.currentTarget.checked)}
+          />{" "}
+          the piston as it moves
+        </label>
+        <label>
+          <input
+            type="checkbox"
+            checked={energy.value}
+            onChange={(event) => (energy.value = event.currentTarget.checked)}
+          />{" "}
+          energy
+        </label>
       </p>
     </fieldset>
   );
@@ -102,13 +171,17 @@ export function otherCurves(now: Frame<BesideHead>, column: string, label: strin
   const out: Curve[] = [];
   now.head.others?.forEach((one, index) => {
     const name = `${index + 1}/${column}`;
-    if (now.arrays.has(name)) out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${named(one.path)})`));
+    if (now.arrays.has(name))
+      out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${named(one.path)})`));
   });
   return out;
 }
 
 /** Return the band of the members for one column. */
-export function bandOf(now: Frame<BesideHead>, column: string): { x: Numbers; low: Numbers; high: Numbers } | undefined {
+export function bandOf(
+  now: Frame<BesideHead>,
+  column: string,
+): { x: Numbers; low: Numbers; high: Numbers } | undefined {
   const [x, low, high] = [`time_s`, `${column}/low`, `${column}/high`].map((name) => now.arrays.get(`band/${name}`));
   return x && low && high ? { x, low, high } : undefined;
 }
@@ -120,19 +193,34 @@ interface Panel {
 }
 
 /** Table of the last values of the other runs, their differences, and the ends of the band. */
-export function Differences({ head, panels, ends }: { head: BesideHead; panels: Panel[]; ends: Record<string, number> }) {
+export function Differences({
+  head,
+  panels,
+  ends,
+}: {
+  head: BesideHead;
+  panels: Panel[];
+  ends: Record<string, number>;
+}) {
   const compared = head.others ?? [];
   if (!compared.length && !head.band) return null;
   return (
     <section aria-label="Beside the run" class="differences">
       {head.band && (
         <p class="note">
-          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}.
+          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads
+          {head.band.failed > 0 &&
+            `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}
+          .
         </p>
       )}
-      {compared.filter((one) => !Object.keys(one.ends).length).map((one) => (
-        <p class="note" key={one.path}>{one.path} has none of these quantities under the same names.</p>
-      ))}
+      {compared
+        .filter((one) => !Object.keys(one.ends).length)
+        .map((one) => (
+          <p class="note" key={one.path}>
+            {one.path} has none of these quantities under the same names.
+          </p>
+        ))}
       <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
         <table>
           <thead>
@@ -140,21 +228,38 @@ export function Differences({ head, panels, ends }: { head: BesideHead; panels: 
               <th scope="col">At the end</th>
               <th scope="col">this run</th>
               {head.band && <th scope="col">5 to 95 % of the members</th>}
-              {compared.map((one) => <th scope="col" key={one.path}>{named(one.path)}</th>)}
-              {compared.map((one) => <th scope="col" key={one.path}>largest difference to {named(one.path)}</th>)}
+              {compared.map((one) => (
+                <th scope="col" key={one.path}>
+                  {named(one.path)}
+                </th>
+              ))}
+              {compared.map((one) => (
+                <th scope="col" key={one.path}>
+                  largest difference to {named(one.path)}
+                </th>
+              ))}
             </tr>
           </thead>
           <tbody>
             {panels.flatMap((panel) =>
               panel.curves.map(({ column, label }) => {
-                const of = (value: number | undefined) => (value === undefined ? "–" : `${digits(value / panel.size, 5)} ${panel.unit}`);
+                const of = (value: number | undefined) =>
+                  value === undefined ? "–" : `${digits(value / panel.size, 5)} ${panel.unit}`;
                 return (
                   <tr key={column}>
                     <th scope="row">{label}</th>
                     <td>{of(ends[column])}</td>
                     {head.band && <td data-band={column}>{head.band.ends[column]?.map(of).join(" … ")}</td>}
-                    {compared.map((one) => <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>{of(one.ends[column])}</td>)}
-                    {compared.map((one) => <td key={one.path} data-largest={`${one.path}/${column}`} data-si={one.largest[column]}>{of(one.largest[column])}</td>)}
+                    {compared.map((one) => (
+                      <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>
+                        {of(one.ends[column])}
+                      </td>
+                    ))}
+                    {compared.map((one) => (
+                      <td key={one.path} data-largest={`${one.path}/${column}`} data-si={one.largest[column]}>
+                        {of(one.largest[column])}
+                      </td>
+                    ))}
                   </tr>
                 );
               }),
@@ -172,10 +277,27 @@ const BAR = 1e5;
 /** Plot of pressure over volume for each chamber. */
 export function Loops({ now }: { now: Frame<BesideHead> }) {
   const names = now.head.loops ?? [];
-  if (!names.length) return <p class="note" data-without="loops">No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.</p>;
-  const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
-  const curves = names.map((name) => ({ label: name.replace(/\.([ab])$/, ", chamber $1"), x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
-  return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
+  if (!names.length)
+    return (
+      <p class="note" data-without="loops">
+        No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.
+      </p>
+    );
+  const of = (name: string, axis: string, unit: number) =>
+    Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
+  const curves = names.map((name) => ({
+    label: name.replace(/\.([ab])$/, ", chamber $1"),
+    x: of(name, "volume_m3", LITRE),
+    y: of(name, "pressure_pa", BAR),
+  }));
+  return (
+    <Strip
+      title="Pressure over volume of the chambers, bar absolute over l"
+      x="volume, l"
+      y="pressure, bar"
+      curves={curves}
+    />
+  );
 }
 
 /** Energy, lost exergy and air of the run. */
@@ -183,7 +305,11 @@ export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) 
   const lost = Object.entries(found.lost_j);
   const groups: [string, [string, number][], string][] = [
     ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],
-    ["Exergy lost: ambient temperature times entropy produced", [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]], "J"],
+    [
+      "Exergy lost: ambient temperature times entropy produced",
+      [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]],
+      "J",
+    ],
     ["Air given by", Object.entries(found.air_litres_anr), "l ANR"],
   ];
   return (
@@ -193,12 +319,16 @@ export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) 
         {groups.map(([title, rows, unit]) => (
           <tbody key={title}>
             <tr>
-              <th colspan={2} scope="rowgroup">{title}</th>
+              <th colspan={2} scope="rowgroup">
+                {title}
+              </th>
             </tr>
             {rows.map(([name, value]) => (
               <tr key={name} data-energy={`${title.split(" ")[0]}/${name}`} data-si={value}>
                 <th scope="row">{name}</th>
-                <td>{digits(value)} {unit}</td>
+                <td>
+                  {digits(value)} {unit}
+                </td>
               </tr>
             ))}
           </tbody>

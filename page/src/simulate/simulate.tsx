@@ -1,20 +1,33 @@
 /** Sliders on a running simulation. */
-import { bandOf, besides, BesideChoices, Differences, Energy, forget, Loops, otherCurves, pointAt, timeCursor, type BesideHead } from "./beside";
+
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { Choose } from "../workspace/choose";
-import type { Frame, Numbers } from "../server/frame";
 import { Circuit } from "../drive/circuit";
 import { MovingCircuit } from "../drive/moving";
-import { withFile } from "../workspace/command";
+import { type Field, opened, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { count, digits, isSevere, sentence } from "../plots/looks";
-import { opened, problems as textProblems, said, set, useDrawing, valid, type Field } from "../drive/opened";
-import { Leading, Copied, KINDS, Problems, SliderRow } from "../workspace/parts";
-import type { SentValue } from "../server/types";
-import { curveOf, Plot, zooming, type Curve } from "../plots/plot";
+import { type Curve, curveOf, Plot, zooming } from "../plots/plot";
 import { route } from "../routes";
-import { ask, Live, Refused, type Problem } from "../server/server";
+import type { Frame, Numbers } from "../server/frame";
+import { ask, Live, type Problem, Refused } from "../server/server";
+import type { SentValue } from "../server/types";
+import { Choose } from "../workspace/choose";
+import { withFile } from "../workspace/command";
+import { Copied, KINDS, Leading, Problems, SliderRow } from "../workspace/parts";
 import { studies } from "../workspace/studies";
+import {
+  BesideChoices,
+  type BesideHead,
+  bandOf,
+  besides,
+  Differences,
+  Energy,
+  forget,
+  Loops,
+  otherCurves,
+  pointAt,
+  timeCursor,
+} from "./beside";
 
 interface Panel {
   title: string;
@@ -51,7 +64,8 @@ const duration = signal("2 s");
 const initial = signal("");
 /** Values that have a slider. */
 export const pinned = signal<string[]>([]);
-export const pin = (key: string): void => void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
+export const pin = (key: string): void =>
+  void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
 const moved = signal<Record<string, number>>({}); // by `placeOf` a value
 const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
@@ -69,7 +83,13 @@ const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [
 const placeOf = ({ key, unit = "" }: Field): string => `${key} ${unit}`;
 
 /** Numbers of the sliders that were moved, by the keys of their values. */
-const numbers = computed(() => Object.fromEntries([...fields.value.values()].flatMap((one) => (placeOf(one) in moved.value ? [[one.key, moved.value[placeOf(one)]!]] : []))));
+const numbers = computed(() =>
+  Object.fromEntries(
+    [...fields.value.values()].flatMap((one) =>
+      placeOf(one) in moved.value ? [[one.key, moved.value[placeOf(one)]!]] : [],
+    ),
+  ),
+);
 
 const changes = computed(() => {
   const out: Record<string, string | number> = {};
@@ -112,7 +132,12 @@ effect(() => {
   frozen.value = [];
   forget();
   initial.value = "";
-  command.value = now.kind === "circuit" ? Object.entries(now.valves ?? {}).map(([one, lowest]) => `${one}: 0 s: 1, 1 s: ${lowest}`).join("\n") : "0 s: 1, 1 s: -1";
+  command.value =
+    now.kind === "circuit"
+      ? Object.entries(now.valves ?? {})
+          .map(([one, lowest]) => `${one}: 0 s: 1, 1 s: ${lowest}`)
+          .join("\n")
+      : "0 s: 1, 1 s: -1";
 });
 
 const copied = signal<{ command: string; python: string } | null>(null);
@@ -136,7 +161,10 @@ async function copy(): Promise<void> {
 function freeze(): void {
   const now = answer.value;
   if (!now) return;
-  const changed = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`).join(", ") || "as described";
+  const changed =
+    Object.entries(changes.value)
+      .map(([key, value]) => `${key} ${value}`)
+      .join(", ") || "as described";
   const run = `${changed}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
   const again = frozen.value.filter((one) => one.run === run).length;
   const label = again ? `${run}; ${again + 1}` : run;
@@ -146,7 +174,15 @@ function freeze(): void {
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
 export function SimulateView() {
   if (route.value.path) return <Simulated />;
-  return <Choose title="Simulate" hint="Open a drive or a circuit to run it. Each slider changes the run while you drag it." view="simulate" kinds={["drive", "circuit"]} catalogue />;
+  return (
+    <Choose
+      title="Simulate"
+      hint="Open a drive or a circuit to run it. Each slider changes the run while you drag it."
+      view="simulate"
+      kinds={["drive", "circuit"]}
+      catalogue
+    />
+  );
 }
 
 function Simulated() {
@@ -175,7 +211,11 @@ function Simulated() {
     <div class="simulate">
       <section class="controls" aria-label="What is simulated">
         <h2>{valid.value.name}</h2>
-        {said.value && <p class="note" role="status">{said.value}</p>}
+        {said.value && (
+          <p class="note" role="status">
+            {said.value}
+          </p>
+        )}
         <Sliders />
         <AddSlider />
         <Run />
@@ -198,9 +238,17 @@ function Buttons() {
   return (
     <>
       <p class="row">
-        <button type="button" onClick={freeze}>Freeze the curves</button>
-        {frozen.value.length > 0 && <button type="button" onClick={() => (frozen.value = [])}>Remove frozen curves</button>}
-        <button type="button" onClick={() => void copy()}>Copy as command or Python</button>
+        <button type="button" onClick={freeze}>
+          Freeze the curves
+        </button>
+        {frozen.value.length > 0 && (
+          <button type="button" onClick={() => (frozen.value = [])}>
+            Remove frozen curves
+          </button>
+        )}
+        <button type="button" onClick={() => void copy()}>
+          Copy as command or Python
+        </button>
       </p>
       {copied.value && <Copied {...copied.value} />}
     </>
@@ -225,7 +273,11 @@ function Answers() {
   return (
     <div class="panel answer-card">
       <Leading of={head.leading} />
-      {head.warnings?.filter(isSevere).map((one) => <p class="problem severe" role="alert" key={one}>{sentence(one)}</p>)}
+      {head.warnings?.filter(isSevere).map((one) => (
+        <p class="problem severe" role="alert" key={one}>
+          {sentence(one)}
+        </p>
+      ))}
     </div>
   );
 }
@@ -235,10 +287,16 @@ function Notes() {
   const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
   return (
     <>
-      {head?.assumed !== undefined && <p class="note">Simulated{head.assumed > 0 && `, with ${count(head.assumed, "assumed value")}: Drive lists them`}.</p>}
+      {head?.assumed !== undefined && (
+        <p class="note">
+          Simulated{head.assumed > 0 && `, with ${count(head.assumed, "assumed value")}: Drive lists them`}.
+        </p>
+      )}
       {notes.length > 0 && (
         <ul class="warnings">
-          {notes.map((one) => <li key={one}>{sentence(one)}</li>)}
+          {notes.map((one) => (
+            <li key={one}>{sentence(one)}</li>
+          ))}
         </ul>
       )}
       {head?.impacts && head.impacts.length > 0 && (
@@ -246,13 +304,23 @@ function Notes() {
           <summary>{count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops</summary>
           <ul>
             {head.impacts.map((one, index) => (
-              <li key={index}>{digits(one.time_s)} s, end of chamber {one.end}{one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J</li>
+              <li key={index}>
+                {digits(one.time_s)} s, end of chamber {one.end}
+                {one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
+              </li>
             ))}
             {Boolean(head.more_impacts) && <li>More impacts: {head.more_impacts}.</li>}
           </ul>
         </details>
       )}
-      {head?.panels?.map(({ title, curves, left_out: count }) => count > 0 && <p class="note" key={title}>{title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.</p>)}
+      {head?.panels?.map(
+        ({ title, curves, left_out: count }) =>
+          count > 0 && (
+            <p class="note" key={title}>
+              {title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.
+            </p>
+          ),
+      )}
     </>
   );
 }
@@ -261,7 +329,9 @@ function Plots() {
   const head = answer.value?.head;
   return (
     <section class="plots" aria-label="Curves" data-samples={head?.samples}>
-      {head?.panels?.map((panel, k, all) => <PanelPlot key={panel.title} panel={panel} isLast={k === all.length - 1} />)}
+      {head?.panels?.map((panel, k, all) => (
+        <PanelPlot key={panel.title} panel={panel} isLast={k === all.length - 1} />
+      ))}
     </section>
   );
 }
@@ -300,7 +370,11 @@ function Drawn() {
   const shapes = useDrawing();
   if (!shapes) return <div />;
   if (!isMoving.value) return <Circuit drawing={shapes} />;
-  return <MovingCircuit now={answer.value!} drawing={shapes}>{(motion) => <Circuit drawing={shapes} motion={motion} />}</MovingCircuit>;
+  return (
+    <MovingCircuit now={answer.value!} drawing={shapes}>
+      {(motion) => <Circuit drawing={shapes} motion={motion} />}
+    </MovingCircuit>
+  );
 }
 
 function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
@@ -309,13 +383,28 @@ function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
   const curves: Curve[] = panel.curves.map((one) => curveOf(now.arrays, time, one.column, one.label));
   for (const one of panel.curves) curves.push(...otherCurves(now, one.column, one.label));
   for (const trace of frozen.value)
-    for (const one of panel.curves) if (trace.columns.has(one.column)) curves.push(curveOf(trace.columns, trace.time, one.column, `${one.label} (${trace.label})`));
+    for (const one of panel.curves)
+      if (trace.columns.has(one.column))
+        curves.push(curveOf(trace.columns, trace.time, one.column, `${one.label} (${trace.label})`));
   const bands = panel.curves.flatMap((one, index) => {
     const band = bandOf(now, one.column);
     return band ? [{ ...band, look: index }] : [];
   });
   const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
-  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} events={events} bare={!isLast} {...zooming(zoom)} cursors={timeCursor.value} onHover={pointAt} />;
+  return (
+    <Plot
+      title={panel.title}
+      unit={panel.unit}
+      size={panel.size}
+      curves={curves}
+      bands={bands}
+      events={events}
+      bare={!isLast}
+      {...zooming(zoom)}
+      cursors={timeCursor.value}
+      onHover={pointAt}
+    />
+  );
 }
 
 const REST = 1e-4; // of a unit: rounding of the solver
@@ -368,8 +457,7 @@ function AddSlider() {
           onChange={(event) => {
             if (event.currentTarget.value) pinned.value = [...pinned.value, event.currentTarget.value];
             event.currentTarget.value = "";
-          }}
-        >
+          }}>
           <option value="">any value</option>
           {free.map((one) => (
             <option key={one.key} value={one.key}>
@@ -390,7 +478,17 @@ function Slider({ field }: { field: Field }) {
   const unit = field.unit ?? "";
   const kind = isChanged ? "changed" : field.kind;
   return (
-    <SliderRow id={`slider-${field.key}`} label={field.key.replace(/^components\./, "")} name={field.key} title={field.origin} value={value} ends={[low, high]} unit={unit} kind={kind} state={isChanged ? "changed" : KINDS[field.kind]!} put={put}>
+    <SliderRow
+      id={`slider-${field.key}`}
+      label={field.key.replace(/^components\./, "")}
+      name={field.key}
+      title={field.origin}
+      value={value}
+      ends={[low, high]}
+      unit={unit}
+      kind={kind}
+      state={isChanged ? "changed" : KINDS[field.kind]!}
+      put={put}>
       <button
         type="button"
         class="icon"
@@ -399,13 +497,14 @@ function Slider({ field }: { field: Field }) {
         onClick={() => {
           put(field.number!);
           pinned.value = pinned.value.filter((one) => one !== field.key);
-        }}
-      >
+        }}>
         ×
       </button>
       {isChanged && (
         <span class="row">
-          <button type="button" class="link" onClick={() => put(field.number!)}>back to {field.text}</button>
+          <button type="button" class="link" onClick={() => put(field.number!)}>
+            back to {field.text}
+          </button>
           <button type="button" class="link" onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}>
             put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
           </button>
@@ -427,10 +526,11 @@ function FileCommand({ valve }: { valve: string }) {
         onChange={(event) => {
           if (event.currentTarget.value) command.value = withFile(command.value, valve, event.currentTarget.value);
           event.currentTarget.value = "";
-        }}
-      >
+        }}>
         <option value="">choose</option>
-        {files.map((one) => <option key={one.path}>{one.path}</option>)}
+        {files.map((one) => (
+          <option key={one.path}>{one.path}</option>
+        ))}
       </select>
     </label>
   );
@@ -443,7 +543,8 @@ function Run() {
   return (
     <div class="run">
       <label>
-        Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}{oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
+        Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}
+        {oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
         {isCircuit ? (
           <textarea rows={3} value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         ) : (
@@ -453,16 +554,24 @@ function Run() {
       {isCircuit ? (
         <details>
           <summary>Commands from files</summary>
-          {Object.keys(valves).map((valve) => <FileCommand key={valve} valve={valve} />)}
+          {Object.keys(valves).map((valve) => (
+            <FileCommand key={valve} valve={valve} />
+          ))}
         </details>
-      ) : <FileCommand valve="" />}
+      ) : (
+        <FileCommand valve="" />
+      )}
       <label>
         Duration
         <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />
       </label>
       <label>
         Start
-        <input value={initial.value} placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} onInput={(event) => (initial.value = event.currentTarget.value)} />
+        <input
+          value={initial.value}
+          placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"}
+          onInput={(event) => (initial.value = event.currentTarget.value)}
+        />
       </label>
     </div>
   );

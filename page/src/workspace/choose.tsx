@@ -1,10 +1,10 @@
 /** Lists of the files that a view opens, and the three starting points. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { day, Problems } from "./parts";
-import { useHeadlines } from "./lineage";
 import { link } from "../routes";
-import { ask, attempting, Refused, write, type Problem } from "../server/server";
+import { ask, attempting, type Problem, Refused, write } from "../server/server";
+import { useHeadlines } from "./lineage";
+import { day, Problems } from "./parts";
 import { list, studies, take, taking } from "./studies";
 import { filesOf, PathName } from "./tree";
 
@@ -41,13 +41,22 @@ const openTask = () =>
 const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   <label class="button primary">
     {children}
-    <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
+    <input
+      type="file"
+      multiple
+      class="hidden"
+      onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))}
+    />
   </label>
 );
 
 /** Three starting points, each at most two clicks from its first curve. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
-  const examples = <button type="button" onClick={() => void openExample()}>Use example recordings</button>;
+  const examples = (
+    <button type="button" onClick={() => void openExample()}>
+      Use example recordings
+    </button>
+  );
   if (!isEmpty)
     return (
       <section class="starts" aria-label="Begin">
@@ -55,8 +64,12 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
         <p class="row">
           <OwnFiles>Add recordings</OwnFiles>
           {examples}
-          <a class="button" href={link("simulate", EXAMPLE)}>Open an example drive</a>
-          <button type="button" onClick={() => void openTask()}>Start with a task</button>
+          <a class="button" href={link("simulate", EXAMPLE)}>
+            Open an example drive
+          </a>
+          <button type="button" onClick={() => void openTask()}>
+            Start with a task
+          </button>
         </p>
       </section>
     );
@@ -68,17 +81,33 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
         <article class="panel">
           <h3>Simulate a drive</h3>
           <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>
-          <p class="row"><a class="button primary" href={link("simulate", EXAMPLE)}>Open an example drive</a></p>
+          <p class="row">
+            <a class="button primary" href={link("simulate", EXAMPLE)}>
+              Open an example drive
+            </a>
+          </p>
         </article>
         <article class="panel">
           <h3>Read recordings</h3>
-          <p>Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.</p>
-          <p class="row"><OwnFiles>Add recordings</OwnFiles> {examples}</p>
+          <p>
+            Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes
+            and friction.
+          </p>
+          <p class="row">
+            <OwnFiles>Add recordings</OwnFiles> {examples}
+          </p>
         </article>
         <article class="panel">
           <h3>Size a drive</h3>
-          <p>State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.</p>
-          <p class="row"><button type="button" class="primary" onClick={() => void openTask()}>Start with a task</button></p>
+          <p>
+            State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and
+            margin.
+          </p>
+          <p class="row">
+            <button type="button" class="primary" onClick={() => void openTask()}>
+              Start with a task
+            </button>
+          </p>
         </article>
       </div>
     </section>
@@ -86,7 +115,21 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
 }
 
 /** Files that a view opens; `example` comes first. */
-export function Choose({ title, hint, view, kinds, catalogue = false, recordings = false }: { title: string; hint: string; view: string; kinds: string[]; catalogue?: boolean; recordings?: boolean }) {
+export function Choose({
+  title,
+  hint,
+  view,
+  kinds,
+  catalogue = false,
+  recordings = false,
+}: {
+  title: string;
+  hint: string;
+  view: string;
+  kinds: string[];
+  catalogue?: boolean;
+  recordings?: boolean;
+}) {
   const files = filesOf(...kinds);
   const lines = useHeadlines();
   return (
@@ -95,9 +138,22 @@ export function Choose({ title, hint, view, kinds, catalogue = false, recordings
       <p class="lead">{hint}</p>
       <Problems of={wrong.value} />
       <p class="row">
-        {catalogue && <a class="button primary" href={link(view, EXAMPLE)}>Open an example drive</a>}
-        {recordings && <><OwnFiles>Add recordings</OwnFiles> <button type="button" onClick={() => void openExample()}>Use example recordings</button></>}
-        <span role="status" class="note">{taking.value}</span>
+        {catalogue && (
+          <a class="button primary" href={link(view, EXAMPLE)}>
+            Open an example drive
+          </a>
+        )}
+        {recordings && (
+          <>
+            <OwnFiles>Add recordings</OwnFiles>{" "}
+            <button type="button" onClick={() => void openExample()}>
+              Use example recordings
+            </button>
+          </>
+        )}
+        <span role="status" class="note">
+          {taking.value}
+        </span>
       </p>
       {files.length > 0 && (
         <>
@@ -106,7 +162,9 @@ export function Choose({ title, hint, view, kinds, catalogue = false, recordings
             {files.map((one) => (
               <li key={one.path}>
                 <a class="panel" href={link(view, one.path)}>
-                  <b><PathName path={one.path} /></b>
+                  <b>
+                    <PathName path={one.path} />
+                  </b>
                   <span class="note">{lines[one.path] ?? one.kind}</span>
                   <span class="note">{day(one.changed)}</span>
                 </a>
@@ -121,7 +179,10 @@ export function Choose({ title, hint, view, kinds, catalogue = false, recordings
           <ul class="cards">
             {studies.value?.catalogue.map((one) => (
               <li key={one.path}>
-                <a class="panel" href={link(view, one.path)}><b>{one.path.replace("catalogue:", "")}</b><span class="note">{one.title}</span></a>
+                <a class="panel" href={link(view, one.path)}>
+                  <b>{one.path.replace("catalogue:", "")}</b>
+                  <span class="note">{one.title}</span>
+                </a>
               </li>
             ))}
           </ul>

@@ -1,7 +1,9 @@
 /** Return the command with one valve's entry replaced by a file. */
 export function withFile(command: string, valve: string, path: string): string {
   if (!valve) return path;
-  const others = command.split("\n").filter((one) => one.trim() && !new RegExp(`^\\s*${valve}(\\.command)?\\s*:`).test(one));
+  const others = command
+    .split("\n")
+    .filter((one) => one.trim() && !new RegExp(`^\\s*${valve}(\\.command)?\\s*:`).test(one));
   return [...others, `${valve}: ${path}`].join("\n");
 }
 

@@ -2,7 +2,7 @@
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import { ask, attempting, read, type Problem } from "../server/server";
+import { ask, attempting, type Problem, read } from "../server/server";
 import type { CommandInput as Field } from "../server/types";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
@@ -17,14 +17,23 @@ const typed = signal<Record<string, Values>>({});
 const MOST_LISTED = 200; // recordings that can be ticked
 
 /** Files that a field offers, by its kind. */
-const KINDS: Record<string, string[]> = { drive: ["drive", "circuit"], model: ["drive", "fit"], map: ["friction map"], fit: ["fit"], task: ["task"] };
+const KINDS: Record<string, string[]> = {
+  drive: ["drive", "circuit"],
+  model: ["drive", "fit"],
+  map: ["friction map"],
+  fit: ["fit"],
+  task: ["task"],
+};
 
-const put = (kind: string, change: Values): void => void (typed.value = { ...typed.value, [kind]: { ...typed.value[kind], ...change } });
+const put = (kind: string, change: Values): void =>
+  void (typed.value = { ...typed.value, [kind]: { ...typed.value[kind], ...change } });
 
 /** Return the request of a form, with the values that the view gives. */
 export function requestOf(kind: string, given: Values = {}): Values {
   const own = typed.value[kind] ?? {};
-  const starts = Object.fromEntries((forms.value[kind]?.fields ?? []).filter((one) => one.start !== "").map((one) => [one.key, one.start]));
+  const starts = Object.fromEntries(
+    (forms.value[kind]?.fields ?? []).filter((one) => one.start !== "").map((one) => [one.key, one.start]),
+  );
   return { kind, ...starts, ...own, ...given };
 }
 
@@ -48,22 +57,38 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   const free = typeof start["name"] === "string" ? { ...start, name: freeName(start["name"]) } : start;
   useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(free)]);
   const request = requestOf(kind, given);
-  const needed = (form?.fields ?? []).find((one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key]);
+  const needed = (form?.fields ?? []).find(
+    (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key],
+  );
   const [copy, copied] = useCopied(form && isReady && !needed ? request : null, attempt);
   if (!form) return <Problems of={wrong.value} />;
-  const shown = form.fields.filter((one) => !(one.key in given) && (!one.only.length || request[one.only[0]!] === one.only[1]));
-  const run = () => attempt(async () => {
-    const job = await ask<{ number: number; out: string }>("/api/jobs", request);
-    void follow();
-    await after?.(job);
-  });
+  const shown = form.fields.filter(
+    (one) => !(one.key in given) && (!one.only.length || request[one.only[0]!] === one.only[1]),
+  );
+  const run = () =>
+    attempt(async () => {
+      const job = await ask<{ number: number; out: string }>("/api/jobs", request);
+      void follow();
+      await after?.(job);
+    });
   const drive = form.fields.find((one) => one.kind === "drive" || one.kind === "model");
   return (
     <div class="form" data-form={kind}>
-      <div class="fieldset">{shown.map((one) => <FormField key={one.key} field={one} value={request[one.key]} put={(value) => put(kind, { [one.key]: value })} />)}</div>
+      <div class="fieldset">
+        {shown.map((one) => (
+          <FormField
+            key={one.key}
+            field={one}
+            value={request[one.key]}
+            put={(value) => put(kind, { [one.key]: value })}
+          />
+        ))}
+      </div>
       {drive && <Unsaved path={String(request[drive.key] ?? "")} />}
       <p class="row">
-        <button type="button" class="primary" disabled={!isReady || needed !== undefined} onClick={() => void run()}>{form.title}</button>
+        <button type="button" class="primary" disabled={!isReady || needed !== undefined} onClick={() => void run()}>
+          {form.title}
+        </button>
         {copy}
         {children}
       </p>
@@ -74,11 +99,11 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   );
 }
 
-
-
 /** Return a name of a result that is not in use: the name itself, or with the next number. */
 function freeName(name: string): string {
-  const used = new Set((studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, "")));
+  const used = new Set(
+    (studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, "")),
+  );
   if (!used.has(name)) return name;
   const base = name.replace(/-\d+$/, "");
   for (let number = 2; ; number++) if (!used.has(`${base}-${number}`)) return `${base}-${number}`;
@@ -87,31 +112,68 @@ function freeName(name: string): string {
 function FormField({ field, value, put: change }: { field: Field; value: unknown; put: (value: unknown) => void }) {
   const { label, kind, suffix, hint } = field;
   const files = KINDS[kind];
-  if (kind === "recordings") return <Recordings label={label} paths={field.choices.map(([path]) => path)} chosen={(value as string[] | undefined) ?? []} put={change} />;
-  if (kind === "flag") return <label class="tick"><input type="checkbox" checked={value === true} onChange={(event) => change(event.currentTarget.checked)} /> {label}</label>;
+  if (kind === "recordings")
+    return (
+      <Recordings
+        label={label}
+        paths={field.choices.map(([path]) => path)}
+        chosen={(value as string[] | undefined) ?? []}
+        put={change}
+      />
+    );
+  if (kind === "flag")
+    return (
+      <label class="tick">
+        <input type="checkbox" checked={value === true} onChange={(event) => change(event.currentTarget.checked)} />{" "}
+        {label}
+      </label>
+    );
   if (files || kind === "choice") {
-    const paths = files ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? studies.value?.catalogue ?? [] : [])].map((one): [string, string] => [one.path, one.path]) : field.choices;
+    const paths = files
+      ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? (studies.value?.catalogue ?? []) : [])].map(
+          (one): [string, string] => [one.path, one.path],
+        )
+      : field.choices;
     return (
       <label class="choice">
         {label}{" "}
         <select value={String(value ?? "")} onChange={(event) => change(event.currentTarget.value)}>
           {files && <option value="">choose</option>}
-          {paths.map(([one, title]) => <option key={one} value={one}>{title}</option>)}
+          {paths.map(([one, title]) => (
+            <option key={one} value={one}>
+              {title}
+            </option>
+          ))}
         </select>
       </label>
     );
   }
   if (kind === "number" && field.start !== null)
-    return <label class="choice">{label} <NumberField low={1} high={field.most} whole value={value as number} put={change} /></label>;
+    return (
+      <label class="choice">
+        {label} <NumberField low={1} high={field.most} whole value={value as number} put={change} />
+      </label>
+    );
   return (
     <label class="choice">
-      {label}{suffix && ` (${suffix})`}{" "}
+      {label}
+      {suffix && ` (${suffix})`}{" "}
       <input value={String(value ?? "")} placeholder={hint} onInput={(event) => change(event.currentTarget.value)} />
     </label>
   );
 }
 
-function Recordings({ label, paths, chosen, put: change }: { label: string; paths: string[]; chosen: string[]; put: (value: string[]) => void }) {
+function Recordings({
+  label,
+  paths,
+  chosen,
+  put: change,
+}: {
+  label: string;
+  paths: string[];
+  chosen: string[];
+  put: (value: string[]) => void;
+}) {
   const offered = new Set([...paths, ...chosen]);
   const files = filesOf("recording").filter(({ path }) => offered.has(path));
   const others = filesOf("recording").length - files.length;
@@ -119,12 +181,27 @@ function Recordings({ label, paths, chosen, put: change }: { label: string; path
     <fieldset>
       <legend>{label}</legend>
       {!files.length && <p>There is no such recording in the folder.</p>}
-      {files.length > 1 && <button type="button" onClick={() => change(files.map(({ path }) => path))}>All {files.length}</button>}
+      {files.length > 1 && (
+        <button type="button" onClick={() => change(files.map(({ path }) => path))}>
+          All {files.length}
+        </button>
+      )}
       {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
-      {files.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {files.length}; the command takes any.</p>}
+      {files.length > MOST_LISTED && (
+        <p class="note">
+          The first {MOST_LISTED} of {files.length}; the command takes any.
+        </p>
+      )}
       {files.slice(0, MOST_LISTED).map(({ path }) => (
         <label key={path} class="tick">
-          <input type="checkbox" checked={chosen.includes(path)} onChange={(event) => change(event.currentTarget.checked ? [...chosen, path] : chosen.filter((one) => one !== path))} /> {path}
+          <input
+            type="checkbox"
+            checked={chosen.includes(path)}
+            onChange={(event) =>
+              change(event.currentTarget.checked ? [...chosen, path] : chosen.filter((one) => one !== path))
+            }
+          />{" "}
+          {path}
         </label>
       ))}
     </fieldset>

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { duration } from "../plots/looks";
 import { link } from "../routes";
-import { ask, read, Refused } from "../server/server";
+import { ask, Refused, read } from "../server/server";
 import { list } from "./studies";
 
 interface Job {
@@ -35,7 +35,8 @@ const RESULTS: Record<string, [string, string, string]> = {
 const WATCHED = ["control", "size"];
 
 const pause = () => new Promise((resolve) => setTimeout(resolve, LOOK_MS));
-const runs = (job?: number): boolean => jobs.value.some((one) => one.state === "running" && (job === undefined || one.number === job));
+const runs = (job?: number): boolean =>
+  jobs.value.some((one) => one.state === "running" && (job === undefined || one.number === job));
 
 async function look(): Promise<void> {
   try {
@@ -76,14 +77,20 @@ export function reached({ number, progress }: Pick<Job, "number" | "progress">):
   const first = begun.get(key) ?? { done, at: Date.now() };
   begun.set(key, first);
   const took = Date.now() - first.at;
-  const left = done > first.done && took > LEAST_MS ? `, about ${duration((1e-3 * took * (total - done)) / (done - first.done))} left in this step` : "";
+  const left =
+    done > first.done && took > LEAST_MS
+      ? `, about ${duration((1e-3 * took * (total - done)) / (done - first.done))} left in this step`
+      : "";
   return `${task}: ${done} of ${total}${left}`;
 }
 
 /** Cancel a job, which may finish its current run first. */
 export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
   return (
-    <button type="button" disabled={job.ends} onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
+    <button
+      type="button"
+      disabled={job.ends}
+      onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
       {job.ends ? "Ends after the current run ……" : children}
     </button>
   );
@@ -93,20 +100,38 @@ const isOpen = signal(false);
 
 /** Tray of the header: number of running jobs, and each job with its output. */
 export function Tray() {
-  const [running, failed] = ["running", "failed"].map((state) => jobs.value.filter((one) => one.state === state).length);
+  const [running, failed] = ["running", "failed"].map(
+    (state) => jobs.value.filter((one) => one.state === state).length,
+  );
   return (
-    <details class="tray" open={isOpen.value} onToggle={(event) => (isOpen.value = (event.currentTarget as HTMLDetailsElement).open)}>
+    <details
+      class="tray"
+      open={isOpen.value}
+      onToggle={(event) => (isOpen.value = (event.currentTarget as HTMLDetailsElement).open)}>
       <summary>
-        Jobs {running ? <b class="badge">{running} running</b> : failed ? <b class="badge missed">{failed} failed</b> : <b class="badge">{jobs.value.length}</b>}
+        Jobs{" "}
+        {running ? (
+          <b class="badge">{running} running</b>
+        ) : failed ? (
+          <b class="badge missed">{failed} failed</b>
+        ) : (
+          <b class="badge">{jobs.value.length}</b>
+        )}
       </summary>
-      {isOpen.value && <div class="panel">{jobs.value.length ? <JobList /> : <p class="note">No job was started since the server began.</p>}</div>}
+      {isOpen.value && (
+        <div class="panel">
+          {jobs.value.length ? <JobList /> : <p class="note">No job was started since the server began.</p>}
+        </div>
+      )}
     </details>
   );
 }
 
 /** List all jobs, jobs of some kinds, or jobs of one folder. With `output`, the view itself shows progress and cancels. */
 export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; output?: boolean }) {
-  const shown = jobs.value.filter((one) => (of === undefined || one.out === of) && (!kinds || kinds.includes(one.kind)));
+  const shown = jobs.value.filter(
+    (one) => (of === undefined || one.out === of) && (!kinds || kinds.includes(one.kind)),
+  );
   return (
     <>
       {shown
@@ -114,18 +139,32 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
         .map((one) => (
           <p key={one.number} class="row">
             {one.out} runs{one.progress && `, ${reached(one)}`}
-            {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
+            {one.progress && (
+              <progress
+                aria-label={`Progress of ${one.out}`}
+                value={one.progress.done}
+                max={Math.max(one.progress.total, one.progress.done, 1)}
+              />
+            )}
             <Cancel job={one}>Cancel {one.out}</Cancel>
           </p>
         ))}
-      <p class="hidden" role="status">{shown.map((one) => `${one.out}: ${one.state}`).join("; ")}</p>
+      <p class="hidden" role="status">
+        {shown.map((one) => `${one.out}: ${one.state}`).join("; ")}
+      </p>
       {shown.map((one) => (
         <details key={one.number} class="job" data-state={one.state} open={one.state === "failed"}>
           <summary>
             <b>{one.out}</b>: {one.state}
           </summary>
-          <pre tabIndex={0} aria-label={`Command of ${one.out}`}>{one.command}</pre>
-          {one.tail && <pre tabIndex={0} aria-label={`Output of ${one.out}`}>{one.tail}</pre>}
+          <pre tabIndex={0} aria-label={`Command of ${one.out}`}>
+            {one.command}
+          </pre>
+          {one.tail && (
+            <pre tabIndex={0} aria-label={`Output of ${one.out}`}>
+              {one.tail}
+            </pre>
+          )}
         </details>
       ))}
       {of === undefined &&
@@ -137,10 +176,14 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
             </p>
           ))}
       {shown
-        .filter((one) => one.state === "done" && RESULTS[one.kind] && (one.kind !== "export" || one.out.endsWith(".fmu"))) // a library for C has no view
+        .filter(
+          (one) => one.state === "done" && RESULTS[one.kind] && (one.kind !== "export" || one.out.endsWith(".fmu")),
+        ) // a library for C has no view
         .map((one) => (
           <p key={one.number}>
-            <a href={link(RESULTS[one.kind]![0], `${one.out}${RESULTS[one.kind]![1]}`)}>{RESULTS[one.kind]![2]} {one.out}</a>
+            <a href={link(RESULTS[one.kind]![0], `${one.out}${RESULTS[one.kind]![1]}`)}>
+              {RESULTS[one.kind]![2]} {one.out}
+            </a>
           </p>
         ))}
     </>

@@ -1,11 +1,11 @@
 /** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { link, route } from "../routes";
+import { ask, attempting, type Listed, type Problem, Refused, read } from "../server/server";
+import { viewOf } from "../views";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
-import { link, route } from "../routes";
-import { viewOf } from "../views";
-import { ask, attempting, read, Refused, type Listed, type Problem } from "../server/server";
 import { list, studies } from "./studies";
 
 interface Made {
@@ -131,22 +131,35 @@ export function Chain({ files }: { files: Listed[] }) {
       {now && (
         <>
           <h2>Where {now.path} comes from</h2>
-          {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.</p>}
+          {now.stale.length > 0 && (
+            <p class="banner" role="status">
+              Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.
+            </p>
+          )}
           {!now.inputs.length && <p>It does not list any input.</p>}
           <Inputs of={now.inputs} files={files} />
           {now.made.length > 0 && <h3>Made from it</h3>}
-          <ul class="lineage">{now.made.map((one) => <li key={one} data-made={one}>{where(files, one)}</li>)}</ul>
+          <ul class="lineage">
+            {now.made.map((one) => (
+              <li key={one} data-made={one}>
+                {where(files, one)}
+              </li>
+            ))}
+          </ul>
           <p class="row">
             {now.again && (
               <>
-                <button type="button" onClick={() => void attempt(again)}>Make it again under a new name</button>
+                <button type="button" onClick={() => void attempt(again)}>
+                  Make it again under a new name
+                </button>
                 {copy}
               </>
             )}
-            <button type="button" onClick={() => (shown.value = null)}>Close</button>
+            <button type="button" onClick={() => (shown.value = null)}>
+              Close
+            </button>
           </p>
           {now.again && copied}
-          
         </>
       )}
     </section>

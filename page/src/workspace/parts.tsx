@@ -4,8 +4,8 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
+import { ask, type attempting, connection, type Listed, type Problem, Refused, read } from "../server/server";
 import type { SentValue } from "../server/types";
-import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "../server/server";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -67,12 +67,25 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
   return (
     <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
-        In the folder of the workspace. {command && <button type="button" onClick={() => copy("command", command)}>Copy the command</button>}{" "}
-        <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}
+        In the folder of the workspace.{" "}
+        {command && (
+          <button type="button" onClick={() => copy("command", command)}>
+            Copy the command
+          </button>
+        )}{" "}
+        <button type="button" onClick={() => copy("Python", python)}>
+          Copy the Python
+        </button>{" "}
         <span role="status">{done}</span>
       </p>
-      {command && <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>}
-      <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
+      {command && (
+        <pre data-copy="command" tabIndex={0} aria-label="Command">
+          {command}
+        </pre>
+      )}
+      <pre data-copy="python" tabIndex={0} aria-label="Python">
+        {python}
+      </pre>
     </section>
   );
 }
@@ -81,21 +94,37 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
 export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "") {
   const [held, hold] = useState({ asked: "", command: "", python: "" });
   const asked = JSON.stringify(job);
-  const copy = () => attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>("/api/work", job)) }));
-  const button = <button type="button" disabled={!job} onClick={() => void copy()}>Copy as command or Python</button>;
+  const copy = () =>
+    attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>("/api/work", job)) }));
+  const button = (
+    <button type="button" disabled={!job} onClick={() => void copy()}>
+      Copy as command or Python
+    </button>
+  );
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
 /** Button that saves a text. It is never disabled in HTML, because a disabled button loses the focus. */
 export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Promise<void> }) {
-  return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
+  return (
+    <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>
+      Save
+    </button>
+  );
 }
 
 /** Field of a text. An answer that arrives during typing does not replace the typed text. */
 export function TextField({ label, value, put }: { label: string; value: string; put: (value: string) => void }) {
   const [typed, type] = useState<string | null>(null);
   useEffect(() => type(null), [value]);
-  return <input aria-label={label} value={typed ?? value} onInput={(event) => type(event.currentTarget.value)} onChange={(event) => put(event.currentTarget.value)} />;
+  return (
+    <input
+      aria-label={label}
+      value={typed ?? value}
+      onInput={(event) => type(event.currentTarget.value)}
+      onChange={(event) => put(event.currentTarget.value)}
+    />
+  );
 }
 
 interface NumberProps {
@@ -119,12 +148,26 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
     const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
     if (isRight) put(given);
     const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
-    setWrong(isRight ? "" : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`);
+    setWrong(
+      isRight
+        ? ""
+        : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`,
+    );
   };
   return (
     <>
-      <input class="number" inputMode="decimal" aria-label={label} value={value} onChange={(event) => change(event.currentTarget.value)} />
-      {wrong && <span class="missed" role="alert">{wrong}</span>}
+      <input
+        class="number"
+        inputMode="decimal"
+        aria-label={label}
+        value={value}
+        onChange={(event) => change(event.currentTarget.value)}
+      />
+      {wrong && (
+        <span class="missed" role="alert">
+          {wrong}
+        </span>
+      )}
     </>
   );
 }
@@ -147,10 +190,30 @@ interface SliderProps {
 }
 
 /** A value with its slider, its field and its unit. */
-export function SliderRow({ id, label, title, value, shown = value, ends: [low, high], unit = "", name, kind, state, put, children }: SliderProps) {
+export function SliderRow({
+  id,
+  label,
+  title,
+  value,
+  shown = value,
+  ends: [low, high],
+  unit = "",
+  name,
+  kind,
+  state,
+  put,
+  children,
+}: SliderProps) {
   return (
     <div class="slider">
-      <label for={id}>{label.split(/(?<=\.)/).map((part) => <>{part}<wbr /></>)}</label>
+      <label for={id}>
+        {label.split(/(?<=\.)/).map((part) => (
+          <>
+            {part}
+            <wbr />
+          </>
+        ))}
+      </label>
       <input
         id={id}
         type="range"
@@ -159,11 +222,15 @@ export function SliderRow({ id, label, title, value, shown = value, ends: [low, 
         step={1}
         value={Math.round((STEPS * (value - low)) / (high - low))}
         aria-valuetext={`${digits(value)} ${unit}`}
-        onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
+        onInput={(event) =>
+          put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))
+        }
       />
       <NumberField label={`${name}, ${unit || "number"}`} value={shown} put={put} />
       <span class="unit">{unit}</span>
-      <span class={`kind ${kind}`} title={title}>{state}</span>
+      <span class={`kind ${kind}`} title={title}>
+        {state}
+      </span>
       {children}
     </div>
   );
@@ -180,18 +247,44 @@ export const KINDS: Record<string, string> = {
 type Cells = ComponentChildren[];
 
 /** Table with a name in the first cell of each row. `data` is carried by the row. Texts have units as people write them. */
-export function Table({ heads, rows, label }: { heads: string[]; rows: (Cells | { cells: Cells; data: Record<string, unknown> })[]; label: string }) {
+export function Table({
+  heads,
+  rows,
+  label,
+}: {
+  heads: string[];
+  rows: (Cells | { cells: Cells; data: Record<string, unknown> })[];
+  label: string;
+}) {
   return (
     <div class="scroll" tabIndex={0} role="region" aria-label={label}>
       <table>
         <thead>
-          <tr>{heads.map((one, index) => <th scope="col" key={index}>{one || <span class="hidden">value</span>}</th>)}</tr>
+          <tr>
+            {heads.map((one, index) => (
+              <th scope="col" key={index}>
+                {one || <span class="hidden">value</span>}
+              </th>
+            ))}
+          </tr>
         </thead>
         <tbody>
           {rows.map((row, index) => {
             const [cells, data] = Array.isArray(row) ? [row, {}] : [row.cells, row.data];
             const shown = cells.map((one) => (typeof one === "string" ? pretty(one) : one));
-            return <tr key={index} {...data}>{shown.map((one, place) => (place ? <td key={place}>{one}</td> : <th scope="row" key={place}>{cells[0]}</th>))}</tr>;
+            return (
+              <tr key={index} {...data}>
+                {shown.map((one, place) =>
+                  place ? (
+                    <td key={place}>{one}</td>
+                  ) : (
+                    <th scope="row" key={place}>
+                      {cells[0]}
+                    </th>
+                  ),
+                )}
+              </tr>
+            );
           })}
         </tbody>
       </table>
@@ -210,7 +303,11 @@ export function Leading({ of }: { of: SentValue[] }) {
         <div key={one.key} class={one.state} data-leading={one.key}>
           <dt>{one.quantity}</dt>
           <dd class={typeof one.value === "string" ? "words" : "number"}>{pretty(`${one.text || "–"} ${one.unit}`)}</dd>
-          {one.limit && <dd>limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{KEPT[one.state]}</span></dd>}
+          {one.limit && (
+            <dd>
+              limit {pretty(one.limit)} <span class={`pill ${one.state}`}>{KEPT[one.state]}</span>
+            </dd>
+          )}
         </div>
       ))}
     </dl>
@@ -218,13 +315,28 @@ export function Leading({ of }: { of: SentValue[] }) {
 }
 
 /** Numbers that one looks at first, side by side. */
-export function Tiles({ of, label }: { of: { key: string; title: string; text: string; note?: string | undefined; missed?: boolean; data?: Record<string, unknown> }[]; label: string }) {
+export function Tiles({
+  of,
+  label,
+}: {
+  of: {
+    key: string;
+    title: string;
+    text: string;
+    note?: string | undefined;
+    missed?: boolean;
+    data?: Record<string, unknown>;
+  }[];
+  label: string;
+}) {
   return (
     <dl class="tiles" aria-label={label}>
       {of.map((one) => (
         <div key={one.key}>
           <dt>{one.title}</dt>
-          <dd class={one.missed ? "missed" : ""} {...one.data}>{pretty(one.text)}</dd>
+          <dd class={one.missed ? "missed" : ""} {...one.data}>
+            {pretty(one.text)}
+          </dd>
           {one.note && <dd class="note">{one.note}</dd>}
         </div>
       ))}
@@ -282,8 +394,12 @@ export function ReportOf({ folder, changed }: { folder: string; changed?: unknow
   if (!address) return null;
   return (
     <p class="row">
-      <a href={address} target="_blank" rel="noopener">Open the report</a>
-      <a href={address} download={`${folder.slice(folder.lastIndexOf("/") + 1)}-report.html`}>Save the report</a>
+      <a href={address} target="_blank" rel="noopener">
+        Open the report
+      </a>
+      <a href={address} download={`${folder.slice(folder.lastIndexOf("/") + 1)}-report.html`}>
+        Save the report
+      </a>
     </p>
   );
 }

@@ -2,12 +2,12 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import { isWide, Scatter, type Group } from "../plots/scatter";
-import { route } from "../routes";
-import { attempting, read, Refused, type Problem } from "../server/server";
-import type { Finding, SentCurve, SentView } from "../server/types";
 import { FigureView } from "../plots/figure";
 import { pretty } from "../plots/looks";
+import { type Group, isWide, Scatter } from "../plots/scatter";
+import { route } from "../routes";
+import { attempting, type Problem, Refused, read } from "../server/server";
+import type { Finding, SentCurve, SentView } from "../server/types";
 import { Leading, Problems, Table } from "./parts";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
@@ -21,7 +21,13 @@ export function ShownTable({ view }: { view: SentView }) {
     <div class="wide" tabIndex={0} role="region" aria-label={`Values: ${view.title}`}>
       <table class="cards-on-phone">
         <thead>
-          <tr>{view.head.map((one, index) => <th scope="col" key={index}>{one || <span class="hidden">Name</span>}</th>)}</tr>
+          <tr>
+            {view.head.map((one, index) => (
+              <th scope="col" key={index}>
+                {one || <span class="hidden">Name</span>}
+              </th>
+            ))}
+          </tr>
         </thead>
         <tbody>
           {labels.map((label, y) => (
@@ -29,7 +35,15 @@ export function ShownTable({ view }: { view: SentView }) {
               <th scope="row">{label}</th>
               {quantities.map((quantity, x) => {
                 const one = view.rows.find((row) => row.label === label && row.quantity === quantity);
-                return <td key={quantity} data-head={view.head[x + 1]} data-value={one?.key} data-si={typeof one?.value === "number" ? one.value : undefined}>{view.table[y]?.[x + 1]}</td>;
+                return (
+                  <td
+                    key={quantity}
+                    data-head={view.head[x + 1]}
+                    data-value={one?.key}
+                    data-si={typeof one?.value === "number" ? one.value : undefined}>
+                    {view.table[y]?.[x + 1]}
+                  </td>
+                );
               })}
             </tr>
           ))}
@@ -47,7 +61,16 @@ export function ShownCurves({ curves }: { curves: SentCurve[] }) {
       {axes.map((pair) => {
         const [x, y] = pair.split("\n") as [string, string];
         const groups = curves.filter((one) => `${one.x_title}\n${one.y_title}` === pair).map(drawn);
-        return <Scatter key={pair} title={`${y.split(",")[0]} over ${x.split(",")[0]}`} x={x} y={y} groups={groups} log={isWide(groups)} />;
+        return (
+          <Scatter
+            key={pair}
+            title={`${y.split(",")[0]} over ${x.split(",")[0]}`}
+            x={x}
+            y={y}
+            groups={groups}
+            log={isWide(groups)}
+          />
+        );
       })}
     </>
   );
@@ -62,27 +85,57 @@ function drawn(one: SentCurve): Group {
   });
   if (points.length === one.x.length) return { label: one.label, points }; // measured points alone have no curve between them
   const xs = points.map((point) => point.x);
-  const [x, y, low, high] = [one.x, one.y, one.low, one.high].map((values) => values.map((value) => value ?? Number.NaN)) as [number[], number[], number[], number[]];
+  const [x, y, low, high] = [one.x, one.y, one.low, one.high].map((values) =>
+    values.map((value) => value ?? Number.NaN),
+  ) as [number[], number[], number[], number[]];
   return { label: one.label, points, curve: { x, y, low, high, measured: [Math.min(...xs), Math.max(...xs)] } };
 }
 
 export function Notes({ of }: { of: string[] }) {
-  return of.length ? <ul class="said">{of.map((one) => <li key={one}>{one}</li>)}</ul> : null;
+  return of.length ? (
+    <ul class="said">
+      {of.map((one) => (
+        <li key={one}>{one}</li>
+      ))}
+    </ul>
+  ) : null;
 }
 
 const STATES = { good: "in order", open: "open", bad: "needs you" };
 
 /** Headline with its state, at most five numbers with their limits, and the findings, the worst first, with buttons for their remedies. */
-export function Answer({ view, withFindings = true, remedy }: { view: SentView; withFindings?: boolean; remedy?: (of: Finding) => ComponentChildren }) {
-  const isJudged = view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
+export function Answer({
+  view,
+  withFindings = true,
+  remedy,
+}: {
+  view: SentView;
+  withFindings?: boolean;
+  remedy?: (of: Finding) => ComponentChildren;
+}) {
+  const isJudged =
+    view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
   const findings = withFindings ? view.findings : [];
   return (
     <div class="panel answer-card" data-state={view.state}>
-      <h2>{isJudged && <><span class={`pill ${view.state}`}>{STATES[view.state]}</span> </>}{view.title}</h2>
+      <h2>
+        {isJudged && (
+          <>
+            <span class={`pill ${view.state}`}>{STATES[view.state]}</span>{" "}
+          </>
+        )}
+        {view.title}
+      </h2>
       <Leading of={view.leading} />
       {findings.length > 0 && (
         <ul class="findings">
-          {findings.map((one) => <li key={one.text} class={one.state}><b>{pretty(one.text)}</b>{one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}{remedy?.(one)}</li>)}
+          {findings.map((one) => (
+            <li key={one.text} class={one.state}>
+              <b>{pretty(one.text)}</b>
+              {one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}
+              {remedy?.(one)}
+            </li>
+          ))}
         </ul>
       )}
     </div>
@@ -90,7 +143,15 @@ export function Answer({ view, withFindings = true, remedy }: { view: SentView; 
 }
 
 /** Answer of a result above its special view. `changed` asks for it again; a result that cannot be read yet has none. */
-export function AnswerOf({ path, changed, withFindings = true }: { path: string; changed?: unknown; withFindings?: boolean }) {
+export function AnswerOf({
+  path,
+  changed,
+  withFindings = true,
+}: {
+  path: string;
+  changed?: unknown;
+  withFindings?: boolean;
+}) {
   const view = useSignal<SentView | null>(null);
   useEffect(() => {
     let gone = false;
@@ -109,22 +170,44 @@ export function AnswerOf({ path, changed, withFindings = true }: { path: string;
 
 /** Figures of a view, or its curves. */
 export function Figures({ view }: { view: SentView }) {
-  if (view.figures.length) return <>{view.figures.map((one) => <div class="panel" key={one.name}><FigureView shown={one} /></div>)}</>;
-  return view.curves.length ? <div class="panel"><ShownCurves curves={view.curves} /></div> : null;
+  if (view.figures.length)
+    return (
+      <>
+        {view.figures.map((one) => (
+          <div class="panel" key={one.name}>
+            <FigureView shown={one} />
+          </div>
+        ))}
+      </>
+    );
+  return view.curves.length ? (
+    <div class="panel">
+      <ShownCurves curves={view.curves} />
+    </div>
+  ) : null;
 }
 
 /** Values and tables of a view. */
 export function Values({ view }: { view: SentView }) {
   return (
     <>
-      {view.rows.length > 0 && <div class="panel"><ShownTable view={view} /></div>}
+      {view.rows.length > 0 && (
+        <div class="panel">
+          <ShownTable view={view} />
+        </div>
+      )}
       {view.tables.map((one) => (
         <div class="panel" key={one.caption}>
           <h3>{one.caption}</h3>
           <Table label={one.caption} heads={[...one.head]} rows={one.rows.map((row) => [...row])} />
         </div>
       ))}
-      {view.notes.length > 0 && <div class="panel"><h3>Notes</h3><Notes of={view.notes} /></div>}
+      {view.notes.length > 0 && (
+        <div class="panel">
+          <h3>Notes</h3>
+          <Notes of={view.notes} />
+        </div>
+      )}
     </>
   );
 }
@@ -138,11 +221,18 @@ export function Shown({ view, label }: { view: SentView; label: string }) {
       <Answer view={view} />
       {hasFigure && isNarrow ? (
         <div class="result">
-          <div class="result-figures"><Figures view={view} /></div>
-          <aside><Values view={view} /></aside>
+          <div class="result-figures">
+            <Figures view={view} />
+          </div>
+          <aside>
+            <Values view={view} />
+          </aside>
         </div>
       ) : (
-        <div class="result-figures"><Figures view={view} /><Values view={view} /></div>
+        <div class="result-figures">
+          <Figures view={view} />
+          <Values view={view} />
+        </div>
       )}
     </section>
   );

@@ -1,15 +1,15 @@
 /** Start page: ways to begin, files by kind, origin of results. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Starts } from "./choose";
-import type { Compared } from "../measured/differences";
-import { Chain, lookForStale, stale, trace, useHeadlines } from "./lineage";
-import { count, pretty } from "../plots/looks";
 import { isUnsaved } from "../drive/opened";
-import { Copied, day, folderOf, Problems } from "./parts";
-import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "../server/server";
+import type { Compared } from "../measured/differences";
+import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
+import { ask, connection, drop, type Listed, type Problem, Refused, read, type Studies } from "../server/server";
 import { viewOf } from "../views";
+import { Starts } from "./choose";
+import { Chain, lookForStale, stale, trace, useHeadlines } from "./lineage";
+import { Copied, day, folderOf, Problems } from "./parts";
 import { GROUPS, nameOf, PathName } from "./tree";
 
 declare const __BUILD__: string;
@@ -63,7 +63,8 @@ async function copyIn(files: File[]): Promise<void> {
   taking.value = "";
   await list();
   const own = studies.value?.files.find((one) => one.path === files[0]!.name);
-  if (files.length === 1 && own?.kind === "recording" && !refused.value.length) location.hash = link("recording", own.path);
+  if (files.length === 1 && own?.kind === "recording" && !refused.value.length)
+    location.hash = link("recording", own.path);
   else location.hash = link("studies");
 }
 
@@ -80,7 +81,8 @@ export function takeDrops(): void {
 
 const MOST = 200; // rows of a group on the page; the search of the tree finds the others
 
-const size = (bytes: number): string => (bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`);
+const size = (bytes: number): string =>
+  bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`;
 
 export function StudiesView() {
   useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
@@ -93,18 +95,34 @@ export function StudiesView() {
       <Starts isEmpty={!found.files.length} />
       <Compare />
       <Chain files={found.files} />
-      {stale.value.unchecked > 0 && <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>}
+      {stale.value.unchecked > 0 && (
+        <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>
+      )}
       <Chosen files={found.files} />
       {GROUPS.map(({ title, view, kinds }) => {
         const files = found.files.filter((one) => kinds.includes(one.kind));
-        return view === "recording" ? <Recordings key={title} title={title} files={files} /> : <Files key={title} title={title} view={view} files={files} />;
+        return view === "recording" ? (
+          <Recordings key={title} title={title} files={files} />
+        ) : (
+          <Files key={title} title={title} view={view} files={files} />
+        );
       })}
     </>
   );
 }
 
 /** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
-const ALIKE = ["drive", "circuit", "fit", "friction map", "recording", "validation", "comparison", "sizing", "campaign"];
+const ALIKE = [
+  "drive",
+  "circuit",
+  "fit",
+  "friction map",
+  "recording",
+  "validation",
+  "comparison",
+  "sizing",
+  "campaign",
+];
 const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
 const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
@@ -142,9 +160,15 @@ function Compare() {
   const Differences = differences.value?.Differences;
   return (
     <section class="panel" aria-label="Compare two">
-      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another of its kind: tick its box` : pair.value.join(" and ")}</h2>
+      <h2>
+        {pair.value.length < 2
+          ? `Compare ${pair.value[0]} with another of its kind: tick its box`
+          : pair.value.join(" and ")}
+      </h2>
       <Problems of={apart.value} />
-      {compared.value && Differences && <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />}
+      {compared.value && Differences && (
+        <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />
+      )}
       {compared.value && <Copied {...compared.value} />}
     </section>
   );
@@ -168,10 +192,24 @@ async function rename(): Promise<void> {
 
 function Rename({ path }: { path: string }) {
   const now = renaming.value;
-  if (now.path !== path) return <button type="button" class="link" aria-label={`Rename ${path}`} disabled={isUnsaved(path)} onClick={() => (renaming.value = { path, to: path })}>rename</button>;
+  if (now.path !== path)
+    return (
+      <button
+        type="button"
+        class="link"
+        aria-label={`Rename ${path}`}
+        disabled={isUnsaved(path)}
+        onClick={() => (renaming.value = { path, to: path })}>
+        rename
+      </button>
+    );
   return (
     <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
-      <input aria-label={`New name of ${path}`} value={now.to} onInput={(event) => (renaming.value = { path, to: event.currentTarget.value })} />
+      <input
+        aria-label={`New name of ${path}`}
+        value={now.to}
+        onInput={(event) => (renaming.value = { path, to: event.currentTarget.value })}
+      />
       <button type="submit">Rename</button>
     </form>
   );
@@ -200,11 +238,19 @@ function Chosen({ files }: { files: Listed[] }) {
     <section class="panel chosen" aria-label="Chosen recordings">
       <p class="row">
         <b>{paths.length} chosen</b>
-        <button type="button" class="primary" onClick={() => void open("characterise")}>{paths.length > 1 ? `Characterise ${paths.length} together` : "Characterise"}</button>
-        <button type="button" onClick={() => void open("validate")}>Validate a drive on {paths.length}</button>
-        <button type="button" onClick={() => [chosen.value, verb.value] = [[], ""]}>Clear</button>
+        <button type="button" class="primary" onClick={() => void open("characterise")}>
+          {paths.length > 1 ? `Characterise ${paths.length} together` : "Characterise"}
+        </button>
+        <button type="button" onClick={() => void open("validate")}>
+          Validate a drive on {paths.length}
+        </button>
+        <button type="button" onClick={() => ([chosen.value, verb.value] = [[], ""])}>
+          Clear
+        </button>
       </p>
-      {verb.value && JobForm && <JobForm key={verb.value} kind={verb.value} given={{ recordings: paths }} start={{ name }} />}
+      {verb.value && JobForm && (
+        <JobForm key={verb.value} kind={verb.value} given={{ recordings: paths }} start={{ name }} />
+      )}
     </section>
   );
 }
@@ -215,24 +261,53 @@ function Recordings({ title, files }: { title: string; files: Listed[] }) {
   const folders = [...new Set(files.map((one) => folderOf(one.path)))];
   return (
     <section class="group">
-      <h3><a href={link("recording")}>{title}</a></h3>
+      <h3>
+        <a href={link("recording")}>{title}</a>
+      </h3>
       {folders.map((folder) => {
         const own = files.filter((one) => folderOf(one.path) === folder);
         const paths = own.map((one) => one.path);
         return (
           <div class="panel" key={folder}>
             <label class="folder-head">
-              <input type="checkbox" aria-label={`Choose all of ${folder || "the folder"}`} checked={paths.every((path) => chosen.value.includes(path))} onChange={(event) => choose(paths, event.currentTarget.checked)} /> <b>{folder || "Recordings here"}</b> <span class="note">{count(own.length, "recording")}, {size(own.reduce((sum, one) => sum + one.size, 0))}</span>
+              <input
+                type="checkbox"
+                aria-label={`Choose all of ${folder || "the folder"}`}
+                checked={paths.every((path) => chosen.value.includes(path))}
+                onChange={(event) => choose(paths, event.currentTarget.checked)}
+              />{" "}
+              <b>{folder || "Recordings here"}</b>{" "}
+              <span class="note">
+                {count(own.length, "recording")}, {size(own.reduce((sum, one) => sum + one.size, 0))}
+              </span>
             </label>
             <ul class="files chips">
               {own.slice(0, MOST).map(({ path, size: bytes, changed }) => (
                 <li key={path}>
-                  <input type="checkbox" aria-label={`Choose ${path}`} checked={chosen.value.includes(path)} onChange={(event) => choose([path], event.currentTarget.checked)} />
-                  <a href={link("recording", path)} title={`${path}, ${size(bytes)}, ${day(changed)}`}>{nameOf(path)}</a>
-                  {stale.value.stale[path] && <b class="missed" data-stale={path}>out of date</b>}
+                  <input
+                    type="checkbox"
+                    aria-label={`Choose ${path}`}
+                    checked={chosen.value.includes(path)}
+                    onChange={(event) => choose([path], event.currentTarget.checked)}
+                  />
+                  <a href={link("recording", path)} title={`${path}, ${size(bytes)}, ${day(changed)}`}>
+                    {nameOf(path)}
+                  </a>
+                  {stale.value.stale[path] && (
+                    <b class="missed" data-stale={path}>
+                      out of date
+                    </b>
+                  )}
                   <details class="chip-menu">
                     <summary aria-label={`More of ${path}`}>⋯</summary>
-                    <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>made from</button> <Rename path={path} />
+                    <button
+                      type="button"
+                      class="link"
+                      aria-label={`Made from: ${path}`}
+                      onClick={() => void trace(path)}>
+                      made from
+                    </button>{" "}
+                    <Rename path={path} />
                   </details>
                 </li>
               ))}
@@ -254,19 +329,46 @@ function Files({ title, view, files }: { title: string; view: string; files: Lis
       <ul class="files listed">
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
-            {viewOf(one.kind) ? <a href={link(viewOf(one.kind)!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
+            {viewOf(one.kind) ? (
+              <a href={link(viewOf(one.kind)!, one.path)}>
+                <PathName path={one.path} />
+              </a>
+            ) : (
+              <span>
+                <PathName path={one.path} />
+              </span>
+            )}
             <span class="holds">{pretty(lines[one.path] ?? "")}</span>
             <span class="note">
               {one.kind}, {day(one.changed)}
-              {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}
+              {stale.value.stale[one.path] && (
+                <b class="missed" data-stale={one.path}>
+                  {" "}
+                  out of date: made from another {stale.value.stale[one.path]!.join(", ")}
+                </b>
+              )}
             </span>
             <span class="row">
               {ALIKE.includes(one.kind) && (
                 <label>
-                  <input type="checkbox" aria-label={`Compare ${one.path}`} checked={pair.value.includes(one.path)} onChange={() => tick(one.path)} /> compare
+                  <input
+                    type="checkbox"
+                    aria-label={`Compare ${one.path}`}
+                    checked={pair.value.includes(one.path)}
+                    onChange={() => tick(one.path)}
+                  />{" "}
+                  compare
                 </label>
               )}
-              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Made from: ${one.path}`} onClick={() => void trace(one.path)}>made from</button>}
+              {TRACED.includes(one.kind) && (
+                <button
+                  type="button"
+                  class="link"
+                  aria-label={`Made from: ${one.path}`}
+                  onClick={() => void trace(one.path)}>
+                  made from
+                </button>
+              )}
               {!FOLDERS.includes(one.kind) && !inCatalogue(one.path) && <Rename path={one.path} />}
             </span>
           </li>

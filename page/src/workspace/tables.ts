@@ -10,13 +10,15 @@ export function pads(texts: string[]): string[] {
   return wide.map((one) => (one && most > one ? FIGURE_SPACE.repeat(most - one) : ""));
 }
 
-const set = (cell: HTMLElement, name: string, value: string): void => void ((cell.dataset[name] ?? "") !== value && (cell.dataset[name] = value));
+const set = (cell: HTMLElement, name: string, value: string): void =>
+  void ((cell.dataset[name] ?? "") !== value && (cell.dataset[name] = value));
 
 function arrange(table: HTMLTableElement, isNarrow: boolean): void {
   const heads = [...(table.tHead?.rows[0]?.cells ?? [])].map((one) => one.textContent.trim());
   for (const body of table.tBodies) {
     const rows = [...body.rows].slice(0, MOST_ROWS).map((row) => [...row.cells]);
-    if (isNarrow) for (const row of rows) row.forEach((cell, k) => cell.scope !== "row" && heads[k] && set(cell, "head", heads[k]));
+    if (isNarrow)
+      for (const row of rows) row.forEach((cell, k) => cell.scope !== "row" && heads[k] && set(cell, "head", heads[k]));
     else if (!table.classList.contains("fields"))
       for (let k = 0; k < (rows[0]?.length ?? 0); k++) {
         const cells = rows.flatMap((row) => row[k] ?? []);

@@ -1,8 +1,8 @@
 /** The folder as a tree: files by kind, the catalogue, and starting points. */
 import { signal } from "@preact/signals";
 import { inCatalogue, link, route } from "../routes";
-import { viewOf } from "../views";
 import type { Listed } from "../server/server";
+import { viewOf } from "../views";
 import { list, studies, take, taking } from "./studies";
 
 interface Kinds {
@@ -31,10 +31,12 @@ export const isOverMain = (): boolean => typeof matchMedia !== "undefined" && !m
 export const isShown = signal(!isOverMain());
 
 /** Files of some kinds in the folder. */
-export const filesOf = (...kinds: string[]): Listed[] => (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
+export const filesOf = (...kinds: string[]): Listed[] =>
+  (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
 
 /** Return the kind of an object. Empty while the folder is not read, or for a missing file. */
-export const kindOf = (path: string): string => (inCatalogue(path) ? "drive" : (studies.value?.files.find((one) => one.path === path)?.kind ?? ""));
+export const kindOf = (path: string): string =>
+  inCatalogue(path) ? "drive" : (studies.value?.files.find((one) => one.path === path)?.kind ?? "");
 
 /** The name of a file in its folder. */
 export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
@@ -42,27 +44,66 @@ export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/")
 /** A path, with its folders in a paler colour. */
 export function PathName({ path }: { path: string }) {
   const name = nameOf(path);
-  return <>{path.length > name.length && <span class="dir">{path.slice(0, -name.length)}</span>}{name}</>;
+  return (
+    <>
+      {path.length > name.length && <span class="dir">{path.slice(0, -name.length)}</span>}
+      {name}
+    </>
+  );
 }
 
 function Row({ path, view, title = "" }: { path: string; view: string | undefined; title?: string }) {
   const isHere = route.value.path === path;
-  return <li>{view ? <a href={link(view, path)} aria-current={isHere ? "page" : undefined} title={title || path}><PathName path={path} /></a> : <span title={path}><PathName path={path} /></span>}</li>;
+  return (
+    <li>
+      {view ? (
+        <a href={link(view, path)} aria-current={isHere ? "page" : undefined} title={title || path}>
+          <PathName path={path} />
+        </a>
+      ) : (
+        <span title={path}>
+          <PathName path={path} />
+        </span>
+      )}
+    </li>
+  );
 }
 
-function Group({ title, view, rows }: { title: string; view: string; rows: { path: string; view: string | undefined; title?: string }[] }) {
+function Group({
+  title,
+  view,
+  rows,
+}: {
+  title: string;
+  view: string;
+  rows: { path: string; view: string | undefined; title?: string }[];
+}) {
   const isOpen = Boolean(search.value) || !closed.value.includes(title);
   const toggle = () => (closed.value = isOpen ? [...closed.value, title] : closed.value.filter((one) => one !== title));
   return (
     <li class="group">
       <div class="head">
-        {rows.length ? <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>{isOpen ? "▾" : "▸"}</button> : <span class="fold" />}
-        {view ? <a href={link(view)} aria-current={route.value.view === view && !route.value.path ? "page" : undefined}>{title}</a> : <span>{title}</span>}
+        {rows.length ? (
+          <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>
+            {isOpen ? "▾" : "▸"}
+          </button>
+        ) : (
+          <span class="fold" />
+        )}
+        {view ? (
+          <a href={link(view)} aria-current={route.value.view === view && !route.value.path ? "page" : undefined}>
+            {title}
+          </a>
+        ) : (
+          <span>{title}</span>
+        )}
         <span class="count">{rows.length || ""}</span>
       </div>
       {isOpen && rows.length > 0 && (
         <ul class={title === "Catalogue" ? "" : "files"}>
-          {rows.slice(0, MOST).map((one) => <Row key={one.path} {...one} />)}
+          {rows.slice(0, MOST).map((one) => (
+            <Row key={one.path} {...one} />
+          ))}
           {rows.length > MOST && <li class="note">{rows.length - MOST} more: search for them.</li>}
         </ul>
       )}
@@ -78,23 +119,56 @@ export function Tree() {
   return (
     <nav class="tree" aria-label="Folder">
       <p class="top">
-        <a class="home" href={link("studies")} aria-current={route.value.view === "studies" ? "page" : undefined}>Overview</a>
-        <button type="button" class="icon" title="Read the folder again" onClick={() => void list()}><span aria-hidden="true">↻</span><span class="hidden">Read the folder again</span></button>
+        <a class="home" href={link("studies")} aria-current={route.value.view === "studies" ? "page" : undefined}>
+          Overview
+        </a>
+        <button type="button" class="icon" title="Read the folder again" onClick={() => void list()}>
+          <span aria-hidden="true">↻</span>
+          <span class="hidden">Read the folder again</span>
+        </button>
       </p>
-      <input type="search" aria-label="Search files" placeholder="Search" value={search.value} onInput={(event) => (search.value = event.currentTarget.value)} />
+      <input
+        type="search"
+        aria-label="Search files"
+        placeholder="Search"
+        value={search.value}
+        onInput={(event) => (search.value = event.currentTarget.value)}
+      />
       <ul>
         {GROUPS.map(({ title, view, kinds }) => {
-          const rows = filesOf(...kinds).filter((one) => isIn(one.path)).map(({ path, kind }) => ({ path, view: viewOf(kind) }));
+          const rows = filesOf(...kinds)
+            .filter((one) => isIn(one.path))
+            .map(({ path, kind }) => ({ path, view: viewOf(kind) }));
           return (rows.length > 0 || (view && !word)) && <Group key={title} title={title} view={view} rows={rows} />;
         })}
-        {found && <Group title="Catalogue" view="" rows={found.catalogue.filter((one) => isIn(one.path, one.title)).map((one) => ({ ...one, view: "simulate" }))} />}
+        {found && (
+          <Group
+            title="Catalogue"
+            view=""
+            rows={found.catalogue
+              .filter((one) => isIn(one.path, one.title))
+              .map((one) => ({ ...one, view: "simulate" }))}
+          />
+        )}
       </ul>
       <label class="drop">
         <span class="button">Add own data</span> or drop it anywhere
-        <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
+        <input
+          type="file"
+          multiple
+          class="hidden"
+          onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))}
+        />
       </label>
-      <p class="note" role="status">{taking.value}</p>
-      {found && <p class="note">{found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are not UTF-8 and are left out`}{found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}</p>}
+      <p class="note" role="status">
+        {taking.value}
+      </p>
+      {found && (
+        <p class="note">
+          {found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are not UTF-8 and are left out`}
+          {found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}
+        </p>
+      )}
     </nav>
   );
 }
