@@ -88,8 +88,9 @@ wheel: setup  ## a wheel with core and page in it, into out/wheels
 test-wheel: wheel  ## the wheel in an empty environment, without Rust and node: the demo, the page, an FMU
 	$(PY) tools/wheel.py try
 
-fmt: setup  ## format Rust and Python, apply what ruff can repair
+fmt: setup  ## format Rust, Python and the page, apply what ruff and biome can repair
 	cargo fmt --all
+	$(PY) tools/page.py format
 	$(BIN)/ruff check --fix --quiet . || true
 	$(BIN)/ruff format .
 

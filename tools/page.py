@@ -1,8 +1,9 @@
 """The page of `pneudrive web`: build, check, and the browser for its tests.
 
     python tools/page.py build     page/ -> python/pneudrive/web/built/
-    python tools/page.py types     the types of the server's answers -> page/src/server/types.ts
-    python tools/page.py check     types, unit tests, locks without addresses, the same bytes from a second build
+    python tools/page.py types     the types of the server's answers -> page/src/server/generated.ts
+    python tools/page.py format    format the page, apply what biome can repair
+    python tools/page.py check     types, format, lint, unit tests, locks without addresses, equal bytes of two builds
     python tools/page.py axe       axe-core of page/browser's lock, for a machine that has a browser; prints where it is
     python tools/page.py browser   the browser of page/browser's lock, unpacked; prints where it is
 
@@ -30,7 +31,7 @@ if sys.platform != "win32":
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "page"
 BROWSER = PAGE / "browser"
-TYPES = PAGE / "src" / "server" / "types.ts"
+TYPES = PAGE / "src" / "server" / "generated.ts"
 BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
 #: Here the browser lies, once unpacked; the package unpacks into the folder for temporary files.
 UNPACKED = BROWSER / "unpacked"
@@ -189,6 +190,9 @@ def main() -> int:
             build()
         case ["types"]:
             TYPES.write_text(types(), encoding="utf-8")
+        case ["format"]:
+            install(PAGE)
+            run_npm(PAGE, "run", "format")
         case ["check"]:
             wrong = check()
             for message in wrong:

@@ -166,6 +166,7 @@ function Page() {
   const Shown = loaded.value[shown.value.name];
   return (
     <>
+      {/* biome-ignore lint/a11y/useValidAnchor: the browser may open it; only its default is replaced */}
       <a class="skip" href="#main" onClick={toContent}>
         Skip to the content
       </a>

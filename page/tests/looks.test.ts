@@ -67,11 +67,9 @@ test.each(["light", "dark"] as const)("curves on %s paper are seen and told apar
   }
   for (const matrix of Object.values(SIGHTS)) {
     const seen = colours.map((one) => lab(times(matrix, linear(one))));
-    seen.forEach((one, k) =>
-      seen
-        .slice(k + 1)
-        .forEach((other) => expect(Math.hypot(...one.map((value, axis) => value - other[axis]!))).toBeGreaterThan(20)),
-    );
+    for (const [k, one] of seen.entries())
+      for (const other of seen.slice(k + 1))
+        expect(Math.hypot(...one.map((value, axis) => value - other[axis]!))).toBeGreaterThan(20);
   }
 });
 

@@ -118,7 +118,7 @@ describe("a time", () => {
       const times = Array.from({ length: 50 }, (_, k) => begin + k * step);
       const told = times.map((time) => instant(time, step));
       expect(new Set(told).size).toBe(50);
-      told.forEach((one, k) => expect(Math.abs(Number(one) - times[k]!)).toBeLessThan(0.01 * step));
+      told.forEach((one, k) => void expect(Math.abs(Number(one) - times[k]!)).toBeLessThan(0.01 * step));
     }
     expect(instant(0.09, 0.03)).toBe("0.09");
     expect(instant(1772000000.123, 0.001)).toBe("1772000000.123");

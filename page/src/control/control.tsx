@@ -139,9 +139,9 @@ function Start({ path }: { path: string }) {
       }
       isRunning.value = live.isRunning;
       const page = document.documentElement.dataset;
-      page["sent"] = String(live.sent + Number(live.isWaiting)); // the test waits for the newest
-      page["drawn"] = String(frame.head.number);
-      page["mostOnTheWay"] = String(live.mostOnTheWay);
+      page.sent = String(live.sent + Number(live.isWaiting)); // the test waits for the newest
+      page.drawn = String(frame.head.number);
+      page.mostOnTheWay = String(live.mostOnTheWay);
     });
     const end = effect(() => {
       const asked = request();

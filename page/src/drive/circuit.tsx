@@ -1,7 +1,7 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
 import { useRef, useState } from "preact/hooks";
-import type { PistonShapes, Shape } from "../server/types";
+import type { PistonShapes, Shape } from "../server/generated";
 
 export type { PistonShapes, Shape };
 

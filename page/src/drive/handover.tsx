@@ -95,7 +95,7 @@ function Seen({ now }: { now: Fmu }) {
       </p>
       <p class="note">Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.</p>
       <h2>Three lines run it in FMPy</h2>
-      <pre data-copy="fmpy" tabIndex={0} aria-label="Python with FMPy, in the folder of the workspace">
+      <pre data-copy="fmpy" tabIndex={0} role="group" aria-label="Python with FMPy, in the folder of the workspace">
         {now.fmpy}
       </pre>
       {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (

@@ -5,7 +5,7 @@ import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentPlatform } from "../server/types";
+import type { SentPlatform } from "../server/generated";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
 import type { PlatformAt } from "./platform";
 
@@ -44,12 +44,12 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
   const own = arrays.get("motion/time_s");
   const at = own ? indexAt(own, time[row]!) : 0;
   const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
-  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
+  const valueAt = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
   const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
   const pistons: Motion["pistons"] = {};
   for (const one of now.head.cylinders ?? []) {
-    const position = valueOf(one.position);
-    const values = one.pressures.map(valueOf) as [number, number];
+    const position = valueAt(one.position);
+    const values = one.pressures.map(valueAt) as [number, number];
     const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
     const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
     const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
@@ -154,8 +154,8 @@ export function MovingCircuit({
         </label>
         <output>
           {instant(time[row], end / time.length)} s
-          {cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)};
-          pressures absolute
+          {cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)}
+          {"; pressures absolute"}
         </output>
       </p>
       {View &&

@@ -2,7 +2,7 @@
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { digits, isDark } from "../plots/looks";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentPlatform } from "../server/types";
+import type { SentPlatform } from "../server/generated";
 import type { MotionHead } from "./moving";
 
 const FONT = "11px system-ui, sans-serif";

@@ -4,8 +4,8 @@ import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { count, digits, fitting, isSevere } from "../plots/looks";
 import { ticks } from "../plots/strip";
 import { isToml, link, route } from "../routes";
+import type { MachineCheck } from "../server/generated";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
-import type { MachineCheck } from "../server/types";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
@@ -605,8 +605,8 @@ function bestOfEach(every: Candidate[]): Candidate[] {
   const ranked = every.filter((one) => one.place !== null).sort((a, b) => a.place! - b.place!);
   if (!ranked.length) return [...every];
   const first = new Map<string, Candidate>();
-  for (const one of ranked) if (!first.has(one.parts["cylinder"]!)) first.set(one.parts["cylinder"]!, one);
-  return every.filter((one) => pinned.value.includes(one.name) || first.get(one.parts["cylinder"]!) === one);
+  for (const one of ranked) if (!first.has(one.parts.cylinder!)) first.set(one.parts.cylinder!, one);
+  return every.filter((one) => pinned.value.includes(one.name) || first.get(one.parts.cylinder!) === one);
 }
 
 /** Candidates in the order of a column, pinned ones first. Values that miss their limit are marked. */
@@ -721,7 +721,7 @@ function Chosen({ now }: { now: Sizing }) {
                 [
                   "load ratio",
                   marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1),
-                  range(one.intervals["load_ratio"], "%"),
+                  range(one.intervals.load_ratio, "%"),
                   `${FULL} %`,
                   `${digits(PERCENT * (1 - one.load_ratio), 3)} %`,
                 ],

@@ -218,7 +218,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
         </p>
       ))}
       <h2>Journal, newest first</h2>
-      <pre class="journal" tabIndex={0} aria-label="Journal">
+      <pre class="journal" tabIndex={0} role="group" aria-label="Journal">
         {now.log.map(dated).reverse().join("\n")}
       </pre>
     </>
@@ -349,7 +349,7 @@ function Start() {
       </p>
       {plan.value && (
         <section aria-label="Plan" data-plan={plan.value.cycles} data-si={plan.value.time_s}>
-          <pre tabIndex={0} aria-label="Plan and pre-flight check">
+          <pre tabIndex={0} role="group" aria-label="Plan and pre-flight check">
             {plan.value.text}
           </pre>
           <Copied command={plan.value.command} python={plan.value.python} />

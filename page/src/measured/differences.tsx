@@ -1,7 +1,7 @@
 /** Differences between two drives, or between two fits of one kind. */
 import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
-import type { ShownFigure } from "../server/types";
+import type { ShownFigure } from "../server/generated";
 import { Table } from "../workspace/parts";
 
 export interface Compared {
@@ -46,7 +46,7 @@ export function Differences({
         }))}
       />
       {lines.length > 0 && (
-        <pre tabIndex={0} aria-label="Lines that differ">
+        <pre tabIndex={0} role="group" aria-label="Lines that differ">
           {lines.join("\n")}
         </pre>
       )}

@@ -6,8 +6,8 @@ import { Heat } from "../plots/heat";
 import { digits } from "../plots/looks";
 import { type Group, isWide, Scatter } from "../plots/scatter";
 import { isToml, kept, link, route } from "../routes";
+import type { SentView } from "../server/generated";
 import { attempting, type Problem, Refused, read } from "../server/server";
-import type { SentView } from "../server/types";
 import { Choose } from "../workspace/choose";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
@@ -178,13 +178,13 @@ export function FrictionView() {
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
       {map.value ? (
-        <Map path={path} found={map.value}>
+        <FrictionMapView path={path} found={map.value}>
           {fit.value && (
             <section class="result-figures" aria-label="Fit">
               <Values view={fit.value} />
             </section>
           )}
-        </Map>
+        </FrictionMapView>
       ) : (
         fit.value && <Shown view={fit.value} label="Fit" />
       )}
@@ -366,7 +366,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   );
 }
 
-function Map({ path, found, children }: { path: string; found: FrictionMap; children: ComponentChildren }) {
+function FrictionMapView({ path, found, children }: { path: string; found: FrictionMap; children: ComponentChildren }) {
   const { names, now } = chosenSeal(found);
   const own = found.groups.filter((one) => now === ALL || one.assembly === now);
   const groups = drawnGroups(

@@ -327,55 +327,53 @@ function MeasuredTable({
   if (!found) return null;
   const unit = isTimed ? "s" : "samples";
   return (
-    <>
-      <table class="measured" data-is-current={found.of === wanted}>
-        <thead>
-          <tr>
-            <th scope="col">Nearest samples</th>
-            <th scope="col">cursor 1</th>
-            <th scope="col">cursor 2</th>
-            <th scope="col">difference</th>
-            <th scope="col">slope</th>
-          </tr>
-        </thead>
-        <tbody>
-          {found.rows.map((one, index) => {
-            const isFirst = found.rows[index - 1]?.recording !== one.recording;
-            const name = one.recording === path ? "" : ` (${one.recording})`;
-            return (
-              <>
-                {isFirst && (
-                  <tr key={`time ${one.recording}`}>
-                    <th scope="row">time{name}</th>
-                    <td>
-                      {told(one.time_s[0], span)} {unit}
-                    </td>
-                    <td>
-                      {told(one.time_s[1], span)} {unit}
-                    </td>
-                    <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
-                    <td />
-                  </tr>
-                )}
-                <tr
-                  key={one.label + one.recording}
-                  data-measured={`${one.recording}/${one.label}`}
-                  data-difference={one.difference}
-                  data-slope={one.slope}>
-                  <th scope="row">
-                    {one.label}
-                    {name}
-                  </th>
-                  <td>{of(one.values[0], one.unit)}</td>
-                  <td>{of(one.values[1], one.unit)}</td>
-                  <td>{of(one.difference, step(one.unit))}</td>
-                  <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
+    <table class="measured" data-is-current={found.of === wanted}>
+      <thead>
+        <tr>
+          <th scope="col">Nearest samples</th>
+          <th scope="col">cursor 1</th>
+          <th scope="col">cursor 2</th>
+          <th scope="col">difference</th>
+          <th scope="col">slope</th>
+        </tr>
+      </thead>
+      <tbody>
+        {found.rows.map((one, index) => {
+          const isFirst = found.rows[index - 1]?.recording !== one.recording;
+          const name = one.recording === path ? "" : ` (${one.recording})`;
+          return (
+            <>
+              {isFirst && (
+                <tr key={`time ${one.recording}`}>
+                  <th scope="row">time{name}</th>
+                  <td>
+                    {told(one.time_s[0], span)} {unit}
+                  </td>
+                  <td>
+                    {told(one.time_s[1], span)} {unit}
+                  </td>
+                  <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
+                  <td />
                 </tr>
-              </>
-            );
-          })}
-        </tbody>
-      </table>
-    </>
+              )}
+              <tr
+                key={one.label + one.recording}
+                data-measured={`${one.recording}/${one.label}`}
+                data-difference={one.difference}
+                data-slope={one.slope}>
+                <th scope="row">
+                  {one.label}
+                  {name}
+                </th>
+                <td>{of(one.values[0], one.unit)}</td>
+                <td>{of(one.values[1], one.unit)}</td>
+                <td>{of(one.difference, step(one.unit))}</td>
+                <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
+              </tr>
+            </>
+          );
+        })}
+      </tbody>
+    </table>
   );
 }

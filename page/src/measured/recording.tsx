@@ -228,7 +228,7 @@ function take({ head, arrays }: Frame<Head>): void {
     const time = arrays.get("time")!;
     arrays.delete("time");
     views.value = { head, time, channels: arrays };
-    document.documentElement.dataset["points"] = String(time.length);
+    document.documentElement.dataset.points = String(time.length);
     requestAnimationFrame(() => (pixels.value = pixelsOfPlots(pixels.value))); // the first view comes before its plots
   }
 }

@@ -139,13 +139,13 @@ export function ValidationView() {
   useEffect(() => {
     void follow();
     const page = document.documentElement.dataset;
-    const count = () => (page["sent"] = String(live.sent + Number(live.isWaiting)));
+    const count = () => (page.sent = String(live.sent + Number(live.isWaiting)));
     const live = new Live<Head>((answer) => {
       wrong.value = answer.head.problems ?? [];
       if (!answer.head.problems) frame.value = answer;
       count();
-      page["drawn"] = String(answer.head.number);
-      page["mostOnTheWay"] = String(live.mostOnTheWay);
+      page.drawn = String(answer.head.number);
+      page.mostOnTheWay = String(live.mostOnTheWay);
     });
     const end = effect(() => {
       const now = found.value;

@@ -1,7 +1,7 @@
 /** Drawing of the figures of a view: marks in panels on axes with units. Lengths are pixels, colours are tokens. */
 import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
-import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/types";
+import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
 import { digits, pretty } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
 import { ticks } from "./strip";
@@ -179,7 +179,8 @@ function pathOf(x: Numbers, y: Numbers, { px, py }: Place, steps = false): strin
   let [path, isDown, before] = ["", false, ""];
   x.forEach((value, k) => {
     const other = y[k];
-    if (!isNumber(value) || !isNumber(other)) return void (isDown = false);
+    isDown &&= isNumber(value) && isNumber(other);
+    if (!isNumber(value) || !isNumber(other)) return;
     const [ax, ay] = [px(value).toFixed(1), py(other).toFixed(1)];
     path += isDown ? `${steps ? `L${ax} ${before}` : ""}L${ax} ${ay}` : `M${ax} ${ay}`;
     [isDown, before] = [true, ay];

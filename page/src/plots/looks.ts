@@ -1,7 +1,7 @@
 /** Looks of curves: colour and line style differ, as in the figures of pneudrive's reports. */
 
 import { signal } from "@preact/signals";
-import { SEVERE } from "../server/types";
+import { SEVERE } from "../server/generated";
 
 /** Line styles of eight curves. Their colours are the tokens `--look-1` to `--look-8`; `page/tests/looks.test.ts` measures them. */
 const DASHES: number[][] = [[], [8, 4], [8, 3, 2, 3], [2, 3], [10, 2], [2, 2], [6, 2, 2, 2, 2, 2], [14, 4]];

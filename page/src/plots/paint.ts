@@ -13,7 +13,7 @@ export const grid = (): string => token("grid");
  * is smoother but slow.
  */
 function isDense(u: uPlot, series: number): boolean {
-  const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
+  const [from, to] = [u.valToIdx(u.scales.x!.min!), u.valToIdx(u.scales.x!.max!)];
   if (to - from < u.bbox.width) return false;
   const y = u.data[series] as ArrayLike<number | null | undefined>;
   let [turns, before, last] = [0, 0, y[from]];
@@ -39,12 +39,12 @@ export function isInDash(column: number, dash: number[]): boolean {
  * while a slider moves.
  */
 export const path: uPlot.Series.PathBuilder = (u, series, from, to) =>
-  u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null;
+  u.scales.x!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null;
 
 /** Return the values of a curve and its scale in pixels of linear axes. */
 function placed(u: uPlot, series: number) {
-  const { min: first, max: last } = u.scales["x"]!;
-  const { min: least, max: most } = u.scales["y"]!;
+  const { min: first, max: last } = u.scales.x!;
+  const { min: least, max: most } = u.scales.y!;
   const [perX, perY] = [u.bbox.width / (last! - first!), u.bbox.height / (most! - least!)];
   return {
     x: u.data[0],
@@ -58,7 +58,7 @@ function placed(u: uPlot, series: number) {
 }
 
 export function curve(u: uPlot, series: number): void {
-  if (u.scales["x"]!.distr === 3) return;
+  if (u.scales.x!.distr === 3) return;
   if (isDense(u, series)) columns(u, series);
   else lines(u, series);
 }
@@ -71,7 +71,7 @@ export function lines(u: uPlot, series: number): void {
   const { ctx } = u;
   const own = u.series[series]!;
   const within = u.series[0]!.idxs;
-  if (!within || perX !== perX || perY !== perY) return;
+  if (!within || Number.isNaN(perX) || Number.isNaN(perY)) return;
   let [from, to] = within;
   do from -= 1;
   while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
@@ -146,9 +146,9 @@ function columns(u: uPlot, series: number): void {
   for (let i = 0; i < x.length; i++) {
     if (y[i] === undefined) continue; // a time of another curve
     const [next, to] = [Math.floor((x[i]! - first) * perX), (most - (y[i] ?? Number.NaN)) * perY];
-    if (to === to) put(next, to);
+    if (!Number.isNaN(to)) put(next, to);
     /* Half of the line from the previous value belongs to the previous column, half to this column. */
-    if (to === to && at === at && next !== column) {
+    if (!Number.isNaN(to) && !Number.isNaN(at) && next !== column) {
       const step = (to - at) / (next - column);
       for (let k = Math.max(column, -1); k < Math.min(next, width); k++) {
         const middle = at + step * (k + 0.5 - column);
@@ -172,7 +172,7 @@ function columns(u: uPlot, series: number): void {
 /** Shade the time spans below the curves. If they are many and too thin to see, draw no shading. */
 export function shade(u: uPlot, parts: Shade[]): void {
   const { left, top, width, height } = u.bbox;
-  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const [low, high] = [u.scales.x!.min!, u.scales.x!.max!];
   const seen = parts.filter((one) => one.to >= low && one.from <= high);
   if (seen.length > width / 4) return;
   u.ctx.save();
@@ -188,7 +188,7 @@ export function shade(u: uPlot, parts: Shade[]): void {
 /** Mark places by a bar at the foot of the plot, at least three pixels wide. */
 export function mark(u: uPlot, places: Mark[]): void {
   const { left, top, width, height } = u.bbox;
-  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const [low, high] = [u.scales.x!.min!, u.scales.x!.max!];
   const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
   u.ctx.save();
   u.ctx.fillStyle = token("mark");

@@ -182,7 +182,7 @@ export function saveCsv(of: Saved): void {
 export function saveRows(title: string, rows: string[][]): void {
   download(
     fileOf(title, "csv"),
-    new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }),
+    new Blob([`${rows.map((row) => row.map(cell).join(",")).join("\n")}\n`], { type: "text/csv" }),
   );
 }
 

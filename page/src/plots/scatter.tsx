@@ -163,7 +163,7 @@ type Shape = (at: CanvasRenderingContext2D, x: number, y: number, r: number) => 
 const corners =
   (...ends: [number, number][]): Shape =>
   (at, x, y, r) =>
-    ends.forEach(([dx, dy], k) => (k ? at.lineTo(x + dx * r, y + dy * r) : at.moveTo(x + dx * r, y + dy * r)));
+    ends.forEach(([dx, dy], k) => void at[k ? "lineTo" : "moveTo"](x + dx * r, y + dy * r));
 const SHAPES: Shape[] = [
   (at, x, y, r) => at.arc(x, y, r, 0, 2 * Math.PI),
   corners([-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]),

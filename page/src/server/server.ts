@@ -1,7 +1,7 @@
 /** Traffic between the page and its server: token, requests, and the socket of the sliders. */
 import { effect, type Signal, signal } from "@preact/signals";
 import { type Frame, unpack } from "./frame";
-import type { Listed } from "./types";
+import type { Listed } from "./generated";
 
 export interface Problem {
   file?: string;
@@ -258,7 +258,7 @@ export class Live<Head extends { number: number }> {
       if (isOfAnother) return; // its curves would appear under the name of the file that is now shown
       if (frame.head.number <= this.newest) return;
       this.newest = frame.head.number;
-      document.documentElement.dataset["answered"] = String(this.newest);
+      document.documentElement.dataset.answered = String(this.newest);
       const isLate = performance.now() - Number(document.timeline.currentTime) > ROOM_MS;
       if (isLate && this.toDraw === null) requestAnimationFrame(() => this.drawNewest());
       this.toDraw = frame;

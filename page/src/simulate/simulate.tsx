@@ -9,8 +9,8 @@ import { count, digits, isSevere, sentence } from "../plots/looks";
 import { type Curve, curveOf, Plot, zooming } from "../plots/plot";
 import { route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
+import type { SentValue } from "../server/generated";
 import { ask, Live, type Problem, Refused } from "../server/server";
-import type { SentValue } from "../server/types";
 import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
 import { Copied, KINDS, Leading, Problems, SliderRow } from "../workspace/parts";
@@ -192,9 +192,9 @@ function Simulated() {
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) answer.value = frame;
       const page = document.documentElement.dataset;
-      page["sent"] = String(live.sent);
-      page["drawn"] = String(frame.head.number);
-      page["mostOnTheWay"] = String(live.mostOnTheWay);
+      page.sent = String(live.sent);
+      page.drawn = String(frame.head.number);
+      page.mostOnTheWay = String(live.mostOnTheWay);
     });
     const end = effect(() => {
       const asked = request();
@@ -542,13 +542,18 @@ function Run() {
   const oneWay = Object.keys(valves).filter((one) => valves[one] === 0);
   return (
     <div class="run">
-      <label>
+      <label for="command">
         Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}
         {oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
         {isCircuit ? (
-          <textarea rows={3} value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
+          <textarea
+            id="command"
+            rows={3}
+            value={command.value}
+            onInput={(event) => (command.value = event.currentTarget.value)}
+          />
         ) : (
-          <input value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
+          <input id="command" value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         )}
       </label>
       {isCircuit ? (

@@ -2,8 +2,8 @@
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
+import type { CommandInput as Field } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
-import type { CommandInput as Field } from "../server/types";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
 import { studies } from "./studies";
@@ -54,7 +54,7 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   useEffect(() => void follow(), []);
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
-  const free = typeof start["name"] === "string" ? { ...start, name: freeName(start["name"]) } : start;
+  const free = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
   useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(free)]);
   const request = requestOf(kind, given);
   const needed = (form?.fields ?? []).find(

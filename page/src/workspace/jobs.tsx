@@ -157,11 +157,11 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
           <summary>
             <b>{one.out}</b>: {one.state}
           </summary>
-          <pre tabIndex={0} aria-label={`Command of ${one.out}`}>
+          <pre tabIndex={0} role="group" aria-label={`Command of ${one.out}`}>
             {one.command}
           </pre>
           {one.tail && (
-            <pre tabIndex={0} aria-label={`Output of ${one.out}`}>
+            <pre tabIndex={0} role="group" aria-label={`Output of ${one.out}`}>
               {one.tail}
             </pre>
           )}

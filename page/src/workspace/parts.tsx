@@ -4,8 +4,8 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
+import type { SentValue } from "../server/generated";
 import { ask, type attempting, connection, type Listed, type Problem, Refused, read } from "../server/server";
-import type { SentValue } from "../server/types";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -79,11 +79,11 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
         <span role="status">{done}</span>
       </p>
       {command && (
-        <pre data-copy="command" tabIndex={0} aria-label="Command">
+        <pre data-copy="command" tabIndex={0} role="group" aria-label="Command">
           {command}
         </pre>
       )}
-      <pre data-copy="python" tabIndex={0} aria-label="Python">
+      <pre data-copy="python" tabIndex={0} role="group" aria-label="Python">
         {python}
       </pre>
     </section>

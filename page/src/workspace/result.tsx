@@ -6,8 +6,8 @@ import { FigureView } from "../plots/figure";
 import { pretty } from "../plots/looks";
 import { type Group, isWide, Scatter } from "../plots/scatter";
 import { route } from "../routes";
+import type { Finding, SentCurve, SentView } from "../server/generated";
 import { attempting, type Problem, Refused, read } from "../server/server";
-import type { Finding, SentCurve, SentView } from "../server/types";
 import { Leading, Problems, Table } from "./parts";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure

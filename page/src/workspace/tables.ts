@@ -18,11 +18,14 @@ function arrange(table: HTMLTableElement, isNarrow: boolean): void {
   for (const body of table.tBodies) {
     const rows = [...body.rows].slice(0, MOST_ROWS).map((row) => [...row.cells]);
     if (isNarrow)
-      for (const row of rows) row.forEach((cell, k) => cell.scope !== "row" && heads[k] && set(cell, "head", heads[k]));
+      for (const row of rows)
+        row.forEach((cell, k) => void (cell.scope !== "row" && heads[k] && set(cell, "head", heads[k])));
     else if (!table.classList.contains("fields"))
       for (let k = 0; k < (rows[0]?.length ?? 0); k++) {
         const cells = rows.flatMap((row) => row[k] ?? []);
-        pads(cells.map((cell) => cell.textContent.trimStart())).forEach((pad, row) => set(cells[row]!, "pad", pad));
+        pads(cells.map((cell) => cell.textContent.trimStart())).forEach(
+          (pad, row) => void set(cells[row]!, "pad", pad),
+        );
       }
   }
 }
