@@ -5,11 +5,11 @@ import { open } from "./drive/opened";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { VIEWS, type View, viewOf } from "./views";
+import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
 import { Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
-import { isOld, list, studies, takeDrops } from "./workspace/studies";
 import { arrangeTables } from "./workspace/tables";
-import { isOverMain, isShown, kindOf, nameOf, PathName, Tree } from "./workspace/tree";
+import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
 import "./tokens.css";
 import "./style.css";
 
@@ -212,12 +212,14 @@ function Page() {
 async function start(): Promise<void> {
   arrangeTables();
   if (await unlock()) {
-    void list(); // the view that is asked for does not wait for the folder
+    void list().then(watchFolder); // the view that is asked for does not wait for the folder
     takeDrops();
     addEventListener("hashchange", follow);
     follow();
+    const changes = computed(() => changesOf(route.value.path));
     effect(() => {
       const { view, path } = route.value;
+      void changes.value; // a file that another program wrote is read again
       if (path && OF_A_DESCRIPTION.includes(view)) untracked(() => void open(path));
       document.title = [path, shown.value.title, "pneudrive"].filter(Boolean).join(" · ");
       untracked(() => keepTab(route.value));

@@ -1,6 +1,5 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
 import type { ComponentType } from "preact";
-import { StudiesView } from "./workspace/studies";
 
 export interface View {
   name: string;
@@ -11,7 +10,12 @@ export interface View {
 }
 
 export const VIEWS: View[] = [
-  { name: "studies", title: "Overview", load: async () => StudiesView, opens: [] },
+  {
+    name: "studies",
+    title: "Overview",
+    load: async () => (await import("./workspace/studies")).StudiesView,
+    opens: [],
+  },
   {
     name: "drive",
     title: "Drive",

@@ -12,6 +12,7 @@ import polars as pl
 import pneudrive as pn
 from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, settled
+from page.test_nothing_lost import go
 from pneudrive.characterise import write_map
 from web.maps import WIDE, friction_map, stribeck
 
@@ -181,18 +182,46 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     pl.DataFrame({"time": span, "level": span}).write_csv(server.folder / "log.csv")
     page.wait_for_selector("[role=status][data-to='2.999'] >> text=3,000 of 3,000 samples")
     assert page.locator(".problem").count() == 0
-    # Two files that are compared are those of the folder as it was read last.
+    # Two files that are compared are those of the folder as it is.
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
     page.click(".home")
     for name in ("axis.toml", "other.toml"):
         page.check(f"input[aria-label='Compare {name}']")
     page.wait_for_selector("[data-differs='friction.coulomb'] >> text=20 N")
     page.wait_for_selector("section[aria-label=Differences] th >> text=other")
-    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "21 N"))
-    page.click("text=Read the folder again")
+    (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "21 N"))  # the folder is watched
     page.wait_for_selector("[data-differs='friction.coulomb'] >> text=21 N")
     # An address that was cut within a letter is one without such a file.
     page.evaluate("location.hash = '#/simulate/100%'")
     page.wait_for_selector(".problem")
     tab.complaints.clear()  # what was refused
     tab.check()
+
+
+def test_files_of_another_program_appear_without_a_click(server: Server, open_tab: Open) -> None:
+    """Within about 3 s on an idle machine, in both tabs; one that is open in the page shows its new text."""
+    tab, other = open_tab(server.address), open_tab(server.address)
+    page = tab.page
+    go(other.page, "drive", "axis.toml")
+    other.page.wait_for_selector(".cm-content >> text=28 N")
+    page.wait_for_selector("main ul.files >> text=axis.toml")
+    sent: list[int] = []
+    page.on("response", lambda one: sent.append(len(one.body())) if "/api/studies" in one.url else None)
+    page.wait_for_function("() => performance.getEntriesByType('resource').filter((r) => /state=./.test(r.name))[1]")
+    assert max(sent) < 100, sent  # a folder without a change is not sent
+    (server.folder / "new.toml").write_text(DRIVE)
+    (server.folder / "axis.toml").write_text(DRIVE.replace("28 N", "33 N"))
+    page.wait_for_selector("main ul.files >> text=new.toml")
+    other.page.wait_for_selector(".tree >> text=new.toml")
+    other.page.wait_for_selector(".cm-content >> text=33 N")
+    # A text with changes that are not saved is kept, and the other one is told.
+    other.page.fill("input[aria-label='friction.coulomb']", "31 N")
+    other.page.keyboard.press("Tab")
+    other.page.wait_for_selector(".cm-content >> text=31 N")
+    (server.folder / "axis.toml").write_text(DRIVE.replace("28 N", "35 N"))
+    other.page.wait_for_selector("text=Drop these changes and show the file")
+    other.page.wait_for_selector(".cm-content >> text=31 N")
+    (server.folder / "new.toml").unlink()
+    page.wait_for_selector("main ul.files >> text=new.toml", state="detached")
+    for one in (tab, other):
+        one.check()

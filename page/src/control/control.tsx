@@ -1,4 +1,5 @@
 /** View of the controllers: a run with sliders for the gains, a new benchmark, and the benchmarks of the folder. */
+
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
@@ -7,9 +8,9 @@ import { curveOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { inCatalogue, isToml, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, Live, type Problem, read } from "../server/server";
+import { studies } from "../workspace/files";
 import { follow, JobList } from "../workspace/jobs";
 import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
-import { studies } from "../workspace/studies";
 import { Gains, ScoreCard } from "./score";
 
 interface Gain {

@@ -1,10 +1,11 @@
 /** The data sheet of a drive: written as a job, opened as a page. */
+
 import { signal } from "@preact/signals";
 import { route } from "../routes";
+import { folderOf, nameOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { jobs } from "../workspace/jobs";
-import { folderOf, ReportOf } from "../workspace/parts";
-import { nameOf } from "../workspace/tree";
+import { ReportOf } from "../workspace/parts";
 
 const out = signal(""); // of the job that was started here
 

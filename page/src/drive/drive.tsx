@@ -1,4 +1,5 @@
 /** View of a description: circuit, fields and text side by side. The text is the truth. */
+
 import { effect, signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { route } from "../routes";
@@ -6,8 +7,8 @@ import type { Frame } from "../server/frame";
 import { Live, type Problem } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { Choose } from "../workspace/choose";
+import { list } from "../workspace/files";
 import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
-import { list } from "../workspace/studies";
 import { notesOf, whole, ZoomedCircuit } from "./circuit";
 import type { Editor } from "./editor";
 import { endsOf, type MotionHead, MovingCircuit } from "./moving";

@@ -1,13 +1,13 @@
 /** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
+
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
 import { link, route } from "../routes";
 import { attempting, type Problem, read } from "../server/server";
+import { filesOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { InFolder, Problems, Table } from "../workspace/parts";
-import { studies } from "../workspace/studies";
-import { filesOf } from "../workspace/tree";
 
 interface Variable {
   name: string;

@@ -100,6 +100,7 @@ export async function open(path: string): Promise<void> {
   try {
     const found = await read<Found>("/api/file", { path, checked: "1" });
     if (mine !== asked) return;
+    if (isOpen && opened.value?.sha256 !== before.sha256) return; // it was saved meanwhile
     const own = draft && (isSaved(draft) ? null : draft);
     if (isOpen && (found.sha256 ?? "") === before.sha256) {
       if (said.value !== wasSaved(path)) said.value = ""; // it may have been away

@@ -3,12 +3,11 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { digits, isDark } from "../plots/looks";
 import type { Frame, Numbers } from "../server/frame";
 import type { SentPlatform } from "../server/generated";
-import type { MotionHead } from "./moving";
 
 const FONT = "11px system-ui, sans-serif";
 
 interface Shown {
-  now: Frame<MotionHead>;
+  now: Frame<object>;
   platform: SentPlatform;
   sample: number; // of the arrays of motion
 }

@@ -1,4 +1,5 @@
 /** View of sizing: text and check of the task, the search as a job, and candidates over time and air. */
+
 import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { count, digits, fitting, isSevere } from "../plots/looks";
@@ -6,10 +7,10 @@ import { ticks } from "../plots/strip";
 import { isToml, link, route } from "../routes";
 import type { MachineCheck } from "../server/generated";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
+import { list, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
-import { list, studies } from "../workspace/studies";
 import type { Editor } from "./editor";
 import { wasSaved } from "./opened";
 

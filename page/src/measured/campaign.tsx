@@ -1,4 +1,5 @@
 /** View of a running campaign: state, cycles, map so far, journal, and requests if the server allows them. */
+
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { duration } from "../plots/looks";
@@ -7,12 +8,11 @@ import { Behind, Strip } from "../plots/strip";
 import { link, route } from "../routes";
 import { ask, attempting, frame, type Problem, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
+import { kindOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { AnswerOf } from "../workspace/result";
-import { list, studies } from "../workspace/studies";
-import { kindOf, nameOf } from "../workspace/tree";
 
 interface Campaign {
   name: string;

@@ -1,4 +1,5 @@
 /** View of friction maps with the curves of their fit, and of fits of every kind. */
+
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
@@ -9,11 +10,11 @@ import { isToml, kept, link, route } from "../routes";
 import type { SentView } from "../server/generated";
 import { attempting, type Problem, Refused, read } from "../server/server";
 import { Choose } from "../workspace/choose";
+import { folderOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
-import { Copied, folderOf, Problems, ReportOf, Table } from "../workspace/parts";
+import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
 import { Answer, AnswerOf, Shown, Values } from "../workspace/result";
-import { studies } from "../workspace/studies";
 import { isOverMain } from "../workspace/tree";
 import { Behind, forget, showBehind } from "./fit";
 

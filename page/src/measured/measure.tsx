@@ -1,11 +1,12 @@
 /** Measuring tools of a recording: two cursors, another recording aligned on a stroke, and the faults. */
+
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
-import type { Mark } from "../plots/plot";
+import type { Mark } from "../plots/paint";
 import { ask, newest, type Problem, Refused, read } from "../server/server";
+import { studies } from "../workspace/files";
 import { NumberField, Problems } from "../workspace/parts";
-import { studies } from "../workspace/studies";
 
 export interface Stroke {
   from: number;

@@ -1,16 +1,17 @@
 /** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
+
 import { batch, computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
-import { type Curve, Plot, pixelsOfPlots, type Shade } from "../plots/plot";
+import type { Shade } from "../plots/paint";
+import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import { ask, attempting, frame, Live, type Problem, Refused, read, write } from "../server/server";
 import { Choose } from "../workspace/choose";
+import { folderOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
-import { folderOf, Problems, Table } from "../workspace/parts";
-import { list, studies } from "../workspace/studies";
-import { nameOf } from "../workspace/tree";
+import { Problems, Table } from "../workspace/parts";
 import {
   BesideRecording,
   beside,

@@ -2,6 +2,7 @@
  * View that checks a drive against its recordings: free runs, verdicts, causes of the difference, and origin of
  * each value.
  */
+
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { type Field, open as openDrive, valid } from "../drive/opened";
@@ -10,12 +11,11 @@ import { curveOf, Plot } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, Live, type Problem, Refused, read } from "../server/server";
+import { filesOf, folderOf, kindOf, list, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
+import { InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
 import { AnswerOf } from "../workspace/result";
-import { list, studies } from "../workspace/studies";
-import { filesOf, kindOf } from "../workspace/tree";
 import { type Compared, Differences } from "./differences";
 
 interface Metrics {

@@ -2,9 +2,35 @@
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import { look, token } from "./looks";
-import type { Band, Event, Mark, PlotProps, Shade } from "./plot";
 
 /** Colours of axes and grid. */
+/** Shaded time span: a stroke. */
+export interface Shade {
+  from: number;
+  to: number;
+  strong: boolean;
+}
+
+/** Marked place below the curves: a fault of a recording. */
+export interface Mark {
+  from: number;
+  to: number;
+}
+
+/** A marked moment above the curves, with its event. */
+export interface Event {
+  at: number;
+  what: string;
+}
+
+/** Band of many runs, shaded behind the curves. */
+export interface Band {
+  x: ArrayLike<number>;
+  low: ArrayLike<number>;
+  high: ArrayLike<number>;
+  look: number;
+}
+
 export const ink = (): string => token("axis");
 export const grid = (): string => token("grid");
 
@@ -222,7 +248,7 @@ export function upright(u: uPlot, times: number[]): void {
 }
 
 /** Return the limits of the values and bands. */
-export function within({ bands, size }: PlotProps, low: number, high: number): [number, number] {
+export function within({ bands, size }: { bands?: Band[]; size: number }, low: number, high: number): [number, number] {
   let [least, most] = [low, high];
   for (const one of bands ?? [])
     for (let i = 0; i < one.x.length; i++) {

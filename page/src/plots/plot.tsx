@@ -9,7 +9,22 @@ import "uplot/dist/uPlot.min.css";
 import "./plot.css";
 import type { Numbers } from "../server/frame";
 import { digits, instant, isDark, look, pretty } from "./looks";
-import { curve, fill, flag, grid, ink, mark, path, shade, upright, within } from "./paint";
+import {
+  type Band,
+  curve,
+  type Event,
+  fill,
+  flag,
+  grid,
+  ink,
+  type Mark,
+  mark,
+  path,
+  type Shade,
+  shade,
+  upright,
+  within,
+} from "./paint";
 import { type Saved, saveCsv, savePng, saveSvg } from "./saving";
 
 export interface Curve {
@@ -47,25 +62,6 @@ export function valueAt({ x, y, at = y }: Curve, time: number): number {
 /** Return the mean time between two samples of a curve. */
 const stepOf = (x: ArrayLike<number> | undefined): number => (x ? (x[x.length - 1]! - x[0]!) / (x.length - 1) : 0);
 
-/** Shaded time span: a stroke. */
-export interface Shade {
-  from: number;
-  to: number;
-  strong: boolean;
-}
-
-/** Marked place below the curves: a fault of a recording. */
-export interface Mark {
-  from: number;
-  to: number;
-}
-
-/** A marked moment above the curves, with its event. */
-export interface Event {
-  at: number;
-  what: string;
-}
-
 export interface PlotProps {
   title: string;
   unit: string;
@@ -87,14 +83,6 @@ export interface PlotProps {
   onPick?: (time: number) => void; // a click that is no drag
   log?: boolean; // both axes logarithmic: a spectrum
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
-}
-
-/** Band of many runs, shaded behind the curves. */
-export interface Band {
-  x: ArrayLike<number>;
-  low: ArrayLike<number>;
-  high: ArrayLike<number>;
-  look: number;
 }
 
 const ROWS = 11;

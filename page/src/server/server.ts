@@ -16,6 +16,7 @@ export interface Problem {
 export type { Listed };
 
 export interface Studies {
+  state: string; // of the folder; an answer to a request with this state has nothing else
   folder: string;
   version: string;
   platform: string; // of the server

@@ -1,4 +1,5 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
+
 import { computed, signal } from "@preact/signals";
 import { isPlaying, type MotionHead, pointAt as showAt, timeAt } from "../drive/moving";
 import { type Field, opened } from "../drive/opened";
@@ -6,8 +7,8 @@ import { digits } from "../plots/looks";
 import { type Curve, curveOf } from "../plots/plot";
 import { Strip } from "../plots/strip";
 import type { Frame, Numbers } from "../server/frame";
+import { studies } from "../workspace/files";
 import { NumberField } from "../workspace/parts";
-import { studies } from "../workspace/studies";
 
 export interface BesideHead extends MotionHead {
   others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];

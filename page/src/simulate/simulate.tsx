@@ -13,8 +13,8 @@ import type { SentValue } from "../server/generated";
 import { ask, Live, type Problem, Refused } from "../server/server";
 import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
+import { studies } from "../workspace/files";
 import { Copied, KINDS, Leading, Problems, SliderRow } from "../workspace/parts";
-import { studies } from "../workspace/studies";
 import {
   BesideChoices,
   type BesideHead,

@@ -1,12 +1,13 @@
 /** Lists of the files that a view opens, and the three starting points. */
+
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
 import { ask, attempting, type Problem, Refused, write } from "../server/server";
+import { filesOf, list, studies, take, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
-import { list, studies, take, taking } from "./studies";
-import { filesOf, PathName } from "./tree";
+import { PathName } from "./tree";
 
 const EXAMPLE = "catalogue:reference";
 const wrong = signal<Problem[]>([]);

@@ -1,13 +1,13 @@
 /** Form of a command, from the server's table of signatures: its fields, its button, the copied lines and its jobs. */
+
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import type { CommandInput as Field } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
+import { filesOf, studies } from "./files";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
-import { studies } from "./studies";
-import { filesOf } from "./tree";
 
 type Values = Record<string, unknown>;
 

@@ -1,10 +1,11 @@
 /** Jobs of the server: their state, their output, and a cancel button. */
+
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { duration } from "../plots/looks";
 import { link } from "../routes";
 import { ask, Refused, read } from "../server/server";
-import { list } from "./studies";
+import { list } from "./files";
 
 interface Job {
   number: number;

@@ -1,12 +1,13 @@
 /** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
-import { signal } from "@preact/signals";
+
+import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link, route } from "../routes";
 import { ask, attempting, type Listed, type Problem, Refused, read } from "../server/server";
 import { viewOf } from "../views";
+import { list, studies } from "./files";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
-import { list, studies } from "./studies";
 
 interface Made {
   kind: string;
@@ -68,10 +69,11 @@ const QUIET_MS = 1000; // after the list: what is opened at once does not wait f
 let waiting = 0;
 
 /** Check, while the list is shown, which results are older than their inputs. */
-export function lookForStale(): void {
+effect(() => {
+  if (!studies.value) return;
   clearTimeout(waiting);
-  waiting = setTimeout(() => void (route.value.view === "studies" && checkAll()), QUIET_MS);
-}
+  waiting = setTimeout(() => void (route.peek().view === "studies" && checkAll()), QUIET_MS);
+});
 
 async function checkAll(): Promise<void> {
   try {

@@ -374,8 +374,6 @@ export function InFolder({ files, title, view }: { files: Listed[]; title: strin
   );
 }
 
-export const folderOf = (path: string): string => path.slice(0, Math.max(path.lastIndexOf("/"), 0));
-
 /** Links that open or save the report of a folder. Nothing is shown without a folder. */
 export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
   const [address, setAddress] = useState("");

@@ -8,6 +8,7 @@ import { type Group, isWide, Scatter } from "../plots/scatter";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView } from "../server/generated";
 import { attempting, type Problem, Refused, read } from "../server/server";
+import { changesOf } from "./files";
 import { Leading, Problems, Table } from "./parts";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
@@ -164,7 +165,7 @@ export function AnswerOf({
         },
       );
     return () => void (gone = true);
-  }, [path, changed]);
+  }, [path, changed, changesOf(path)]);
   return view.value && <Answer view={view.value} withFindings={withFindings} />;
 }
 
@@ -246,7 +247,7 @@ export function ResultView() {
   useEffect(() => {
     [view.value, wrong.value] = [null, []];
     if (path) void attempting(wrong)(async () => void (view.value = await read<SentView>("/api/view", { path })));
-  }, [path]);
+  }, [path, changesOf(path)]);
   return (
     <>
       {!path && <p>Open a result of the folder on the left.</p>}

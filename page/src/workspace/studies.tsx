@@ -1,91 +1,23 @@
 /** Start page: ways to begin, files by kind, origin of results. */
-import { signal } from "@preact/signals";
+
+import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import type { Compared } from "../measured/differences";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
-import { ask, connection, drop, type Listed, type Problem, Refused, read, type Studies } from "../server/server";
+import { ask, connection, type Listed, type Problem, Refused } from "../server/server";
 import { viewOf } from "../views";
 import { Starts } from "./choose";
-import { Chain, lookForStale, stale, trace, useHeadlines } from "./lineage";
-import { Copied, day, folderOf, Problems } from "./parts";
-import { GROUPS, nameOf, PathName } from "./tree";
-
-declare const __BUILD__: string;
-
-export const studies = signal<Studies | null>(null);
-export const isOld = signal(false);
-
-let listing: Promise<void> | null = null;
-
-/** Read the folder. */
-export function list(): Promise<void> {
-  const mine = readFolder().finally(() => (listing = listing === mine ? null : listing));
-  return (listing = mine);
-}
-
-async function readFolder(): Promise<void> {
-  try {
-    studies.value = await read<Studies>("/api/studies");
-    isOld.value = studies.value.build !== __BUILD__;
-    lookForStale();
-    compare();
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    if (error.status) refused.value = error.problems; // a server that is gone has a line of its own
-  }
-}
-
-export const taking = signal("");
-export const refused = signal<Problem[]>([]);
-
-let copying = Promise.resolve();
-
-/** Copy files into the folder one after the other, including files that arrive meanwhile. */
-export function take(files: File[]): Promise<void> {
-  if (!taking.value) refused.value = [];
-  return (copying = copying.then(() => copyIn(files)));
-}
-
-/** Copy files into the folder. A single recording is opened. */
-async function copyIn(files: File[]): Promise<void> {
-  if (!files.length) return;
-  for (const [index, file] of files.entries()) {
-    taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
-    try {
-      await drop(file);
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      refused.value = [...refused.value, ...error.problems];
-    }
-  }
-  taking.value = "";
-  await list();
-  const own = studies.value?.files.find((one) => one.path === files[0]!.name);
-  if (files.length === 1 && own?.kind === "recording" && !refused.value.length)
-    location.hash = link("recording", own.path);
-  else location.hash = link("studies");
-}
-
-/** Accept files that are dropped anywhere on the page. */
-export function takeDrops(): void {
-  const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
-  addEventListener("dragover", (event) => isFiles(event) && event.preventDefault());
-  addEventListener("drop", (event) => {
-    if (!isFiles(event)) return;
-    event.preventDefault();
-    void take([...event.dataTransfer!.files]);
-  });
-}
+import { folderOf, GROUPS, list, listed, nameOf, refused, size, studies } from "./files";
+import { Chain, stale, trace, useHeadlines } from "./lineage";
+import { Copied, day, Problems } from "./parts";
+import { PathName } from "./tree";
 
 const MOST = 200; // rows of a group on the page; the search of the tree finds the others
 
-const size = (bytes: number): string =>
-  bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`;
-
 export function StudiesView() {
-  useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
+  useEffect(() => void listed(), [connection.value === "open"]); // what the page reads as it begins is read once
   const found = studies.value;
   if (!found) return refused.value.length ? <Problems of={refused.value} /> : <p>Reading the folder.</p>;
   return (
@@ -154,6 +86,10 @@ function compare(): void {
     },
   );
 }
+
+effect(() => {
+  if (studies.value) untracked(compare); // the files may be others by now
+});
 
 function Compare() {
   if (!pair.value.length) return null;

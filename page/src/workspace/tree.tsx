@@ -1,27 +1,10 @@
 /** The folder as a tree: files by kind, the catalogue, and starting points. */
+
 import { signal } from "@preact/signals";
-import { inCatalogue, link, route } from "../routes";
-import type { Listed } from "../server/server";
+import { link, route } from "../routes";
 import { viewOf } from "../views";
-import { list, studies, take, taking } from "./studies";
+import { filesOf, GROUPS, list, nameOf, studies, take, taking } from "./files";
 
-interface Kinds {
-  title: string;
-  view: string; // that lists them
-  kinds: string[];
-}
-
-export const GROUPS: Kinds[] = [
-  { title: "Drives", view: "drive", kinds: ["drive", "circuit"] },
-  { title: "Recordings", view: "recording", kinds: ["recording"] },
-  { title: "Friction", view: "friction", kinds: ["friction map", "fit"] },
-  { title: "Validations", view: "validation", kinds: ["validation"] },
-  { title: "Sizings", view: "sizing", kinds: ["task", "sizing"] },
-  { title: "Campaigns", view: "campaign", kinds: ["campaign", "protocol"] },
-  { title: "Controllers", view: "control", kinds: ["comparison", "controller", "setup"] },
-  { title: "Exports", view: "handover", kinds: ["fmu"] },
-  { title: "Other files", view: "", kinds: ["layout", "rig", "formula", "tank", "regulator", "other", "unreadable"] },
-];
 const MOST = 200; // rows of a group; the search finds the others
 
 const search = signal("");
@@ -29,17 +12,6 @@ const closed = signal<string[]>(["Catalogue"]);
 /** Whether the tree lies above the view, not beside it. */
 export const isOverMain = (): boolean => typeof matchMedia !== "undefined" && !matchMedia("(min-width: 60rem)").matches;
 export const isShown = signal(!isOverMain());
-
-/** Files of some kinds in the folder. */
-export const filesOf = (...kinds: string[]): Listed[] =>
-  (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
-
-/** Return the kind of an object. Empty while the folder is not read, or for a missing file. */
-export const kindOf = (path: string): string =>
-  inCatalogue(path) ? "drive" : (studies.value?.files.find((one) => one.path === path)?.kind ?? "");
-
-/** The name of a file in its folder. */
-export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
 
 /** A path, with its folders in a paler colour. */
 export function PathName({ path }: { path: string }) {

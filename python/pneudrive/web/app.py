@@ -224,12 +224,16 @@ def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:
     return JSONResponse({"problems": problems_of(error)}, status_code=status)
 
 
-def studies(workspace: Workspace, control: bool, build: str) -> dict[str, Any]:
-    """List the workspace and the drives of the catalogue."""
+def studies(workspace: Workspace, control: bool, build: str, state: str) -> dict[str, Any]:
+    """List the workspace and the drives of the catalogue. A folder in a known state is not listed again."""
     from pneudrive.describe.files.catalogue import PREFIX, entries
 
     files, left_out = workspace.listed()
+    new = f"{hash((build, left_out, *files)):x}"  # of this server: another one lists anew
+    if new == state:
+        return {"state": state}
     return {
+        "state": new,
         "folder": workspace.root.name or str(workspace.root),
         "version": __version__,
         "platform": PLATFORM,
