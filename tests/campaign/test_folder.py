@@ -43,7 +43,7 @@ def folder(tmp_path):
     """Write a campaign of three cycles."""
     campaign = create(tmp_path / "c", protocol().text, FakeRig().identity(), {"name": "three"})
     for index in (1, 2, 3):
-        cycle = Cycle.from_dict({**CYCLE.to_dict(), "key": f"b1/sweep/v{index}/r1"})
+        cycle = replace(CYCLE, key=f"b1/sweep/v{index}/r1")
         write_cycle(campaign.path, Head(index, cycle, memory={"clock_s": 0.1 + index}), some_samples())
     return campaign.path
 
@@ -117,8 +117,8 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
         ({"pressure_a_pa": None}, "cycle.pressure_a_pa is missing"),
         ({"pressure_b_pa": -1.0}, "positive"),
         ({"speed_m_s": "50 mm/s"}, "the value is a number"),
-        ({"steps": [{"to": 1.0}]}, "is invalid"),
-        ({"steps": [{"to_m": "far", "speed_m_s": 0.1}]}, "cycle.steps.to_m = 'far'"),
+        ({"steps": [{"to": 1.0}]}, "a step has to_m and speed_m_s, or duration_s"),
+        ({"steps": [{"to_m": "far", "speed_m_s": 0.1}]}, "cycle.steps.0.to_m = 'far'"),
     ],
 )
 def test_a_wrong_head_says_what_is_wrong(folder, change, what):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, StrictBool, StrictInt
 
 from pneudrive.errors import CampaignError, nearest
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Sampling, Step, plain, read_fields
+from pneudrive.rig.interface import Number, Positive, Sampling, Texts, WrittenStep, holds, plain, present, read_table
 
 #: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
 KINDS = {
@@ -60,57 +61,23 @@ class Cycle:
 
     key: str
     kind: str
-    steps: tuple[Step, ...]
-    sampling: Sampling
-    pressure_a_pa: float
-    pressure_b_pa: float
-    block: int = 1
-    repeat: int = 1
-    speed_m_s: float | None = None
-    stop_s: float | None = None
-    released: bool = False
-    levels: dict[str, str] = field(default_factory=dict)
+    steps: tuple[WrittenStep, ...]
+    sampling: Annotated[Sampling, BeforeValidator(present)]
+    pressure_a_pa: Positive
+    pressure_b_pa: Positive
+    block: StrictInt = 1
+    repeat: StrictInt = 1
+    speed_m_s: Positive | None = None
+    stop_s: Number | None = None
+    released: StrictBool = False
+    levels: Texts = field(default_factory=dict)
     text: str = ""
-    start_m: float | None = None
-    weight_kg: float | None = None
+    start_m: Number | None = None
+    weight_kg: Number | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; the keys of a step show its kind."""
         return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any], where: str | None = None) -> Cycle:
-        """Make a cycle from the data of `to_dict`.
-
-        Parameters
-        ----------
-        data : dict
-            Steps and sampling may be absent.
-        where : str, optional
-            File, for messages.
-
-        Raises
-        ------
-        CampaignError
-            If a key is missing or unknown.
-        """
-
-        def made(kind: type, table: Any, name: str) -> Any:  # noqa: ANN401 - JSON; a step or a sampling
-            known, unknown = read_fields(table, kind, where or "", CampaignError, f"cycle.{name}.")
-            if unknown:
-                raise TypeError(unknown[0].replace("is ignored, as it is not", "is not"))
-            return kind(**known)
-
-        try:
-            steps = tuple(made(Move if "to_m" in step else Hold, step, "steps") for step in data.get("steps", ()))
-            return cls(**{**data, "steps": steps, "sampling": made(Sampling, data.get("sampling", {}), "sampling")})
-        except TypeError as error:
-            raise CampaignError(
-                "cycle.steps or cycle.sampling is invalid",
-                where=where,
-                value=str(error),
-                rule="a step has to_m and speed_m_s, or duration_s",
-            ) from None
 
 
 SCHEMA = 1
@@ -143,30 +110,24 @@ class Head:
         Hash of the columns, see `pneudrive.campaign.storage.folder.digest`. Empty if the file does not contain one.
     """
 
-    index: int
+    index: Annotated[StrictInt, holds("cycles are counted from 1", lambda index: index >= 1)]
     cycle: Cycle
-    began_s: float = 0.0
+    began_s: Number = 0.0
     started: str = ""
-    flags: dict[str, int] = field(default_factory=dict)
+    flags: dict[str, StrictInt] = field(default_factory=dict)
     memory: dict[str, Any] = field(default_factory=dict)
-    confirmed: dict[str, str] = field(default_factory=dict)
-    attempts: int = 1
+    confirmed: Texts = field(default_factory=dict)
+    attempts: StrictInt = 1
     reason: str = ""
     sha256: str = ""
 
     def to_json(self) -> str:
         """Return the header as JSON."""
-        return json.dumps({"schema": SCHEMA, **vars(self), "cycle": self.cycle.to_dict()}, default=plain)
+        return json.dumps({"schema": SCHEMA, **asdict(self)}, default=plain)
 
 
-#: Required keys of `cycle`, and those that a kind requires.
-REQUIRED = ("kind", "pressure_a_pa", "pressure_b_pa")
-REQUIRED_FOR = {
-    "sweep": ("speed_m_s",),
-    "sentinel": ("speed_m_s",),
-    "stop": ("speed_m_s", "stop_s"),
-}
-POSITIVE = ("pressure_a_pa", "pressure_b_pa", "speed_m_s")
+#: Keys that a kind of cycle requires.
+REQUIRED_FOR = {"sweep": ("speed_m_s",), "sentinel": ("speed_m_s",), "stop": ("speed_m_s", "stop_s")}
 
 
 def read_head(text: str, where: str, *, index: int | None = None, key: str = "") -> tuple[Head, list[str]]:
@@ -191,25 +152,22 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
     CampaignError
         If a key is missing or its value is invalid.
     """
-    data = parse_json(text, where, CampaignError)
+    data = present(parse_json(text, where, CampaignError))
     if isinstance(data, dict):
         check_schema(data.pop("schema", None), where)
-    head, notes = read_fields(data, Head, where, CampaignError)
-    cycle, inner_notes = read_fields(head.get("cycle", {}), Cycle, where, CampaignError, "cycle.")
-    head, cycle = {"index": index, **head}, {"key": key, **cycle}
-    for name in ("key", *REQUIRED, *REQUIRED_FOR.get(cycle.get("kind", ""), ())):
-        if cycle.get(name) in (None, ""):
-            raise CampaignError(f"cycle.{name} is missing", where=where, rule="each cycle must state it")
-    if cycle["kind"] not in KINDS:
-        remedy = nearest(cycle["kind"], KINDS)
-        raise CampaignError(f"cycle.kind = {cycle['kind']!r} is not known", where=where, remedy=remedy)
-    for name in POSITIVE:
-        if name in cycle and not 0.0 < cycle[name] < math.inf:
-            rule = "must be positive; pressures are absolute"
-            raise CampaignError(f"cycle.{name} = {cycle[name]:g}", where=where, rule=rule)
-    if head["index"] is None or head["index"] < 1:
-        raise CampaignError(f"index = {head['index']}", where=where, rule="cycles are counted from 1")
-    return Head(**{**head, "cycle": Cycle.from_dict(cycle, where)}), notes + inner_notes
+        usual = {"key": key, "steps": (), "sampling": Sampling()}
+        data["cycle"], notes = read_table(data.get("cycle", {}), Cycle, where, CampaignError, "cycle.", **usual)
+        cycle: Cycle = data["cycle"]
+        for name in ("key", *REQUIRED_FOR.get(cycle.kind, ())):
+            if getattr(cycle, name) in (None, ""):
+                raise CampaignError(f"cycle.{name} is missing", where=where, rule="each cycle must state it")
+        if cycle.kind not in KINDS:
+            remedy = nearest(cycle.kind, KINDS)
+            raise CampaignError(f"cycle.kind = {cycle.kind!r} is not known", where=where, remedy=remedy)
+    else:
+        notes = []
+    head, head_notes = read_table(data, Head, where, CampaignError, index=index)
+    return head, head_notes + notes
 
 
 def check_schema(version: object, where: str) -> None:

@@ -521,12 +521,12 @@ def design(
         longest_s = quantity("--time", time, "s") if time else None
         options = {"criterion": criterion, "noise_n": quantity("--noise", noise, "N") if noise else None}
         proposal = pn.next_measurements(found, limits, points=points or None, seconds=longest_s, **options)
-        text = next_points.protocol_of(proposal, identity, envelope)
+        text = proposal.protocol()
         for _ in range(FITS):  # a cycle takes longer than its strokes
             if longest_s is None or (ratio := seconds_of(text) / longest_s) <= 1.0:
                 break
             proposal = pn.next_measurements(found, limits, seconds=FIT_FRACTION * proposal.seconds / ratio, **options)
-            text = next_points.protocol_of(proposal, identity, envelope)
+            text = proposal.protocol()
         terminal.show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
     typer.echo(f'the protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
     if out is None:

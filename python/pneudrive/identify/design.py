@@ -222,8 +222,7 @@ class Design(Viewed):
     def protocol(self, name: str = "Next points") -> str:
         """Return a protocol for ``pneudrive campaign plan``: every proposed speed at every proposed pressure.
 
-        All cells have the same number of repeats, the mean of the points. ``pneudrive design`` adds the table
-        ``[fraction]``, which leaves out cells without a proposed point.
+        All points have the same number of repeats, the mean of those of the design.
         """
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})

@@ -11,9 +11,22 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    PlainValidator,
+    Strict,
+    StrictBool,
+    StrictInt,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+)
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest
@@ -29,6 +42,40 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+
+def present(data: Any) -> Any:  # noqa: ANN401 - JSON
+    """Return a table without its null values, which count as absent."""
+    return {name: value for name, value in data.items() if value is not None} if isinstance(data, dict) else data
+
+
+def holds(rule: str, check: Callable[[Any], bool]) -> AfterValidator:
+    """Return the check of a value that comes from JSON; its rule goes into the message."""
+
+    def checked(value: T) -> T:
+        if check(value):
+            return value
+        raise ValueError(rule)
+
+    return AfterValidator(checked)
+
+
+#: Number, not NaN. Infinity is valid for a rigid rig or a sensor without limits.
+Number = Annotated[
+    float, Strict(), holds("the value is a number", lambda value: abs(value) <= LARGEST or abs(value) == math.inf)
+]
+Positive = Annotated[Number, holds("must be positive; pressures are absolute", lambda value: 0.0 < value < math.inf)]
+NotNegative = Annotated[Number, holds("a number, not negative", lambda value: value >= 0.0)]
+Area = Annotated[Number, holds("an area is positive", lambda value: 0.0 < value < math.inf)]
+Frequency = Annotated[Number, holds("a frequency is positive", lambda value: 0.0 < value < math.inf)]
+Span = tuple[Number, Number]
+Limits = Annotated[Span, holds("[lowest, highest]", lambda value: value[0] < value[1])]
+#: Texts by name; a number is its text.
+Texts = Annotated[
+    dict[str, str],
+    BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
+]
+
+ONLY_KNOWN = ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
 SHARED = ("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad")
 #: Channels that every rig delivers, in the order of the files; SI. Channels that a rig does not measure are constant.
@@ -47,8 +94,9 @@ class Move:
         Speed between the ramps, > 0.
     """
 
-    to_m: float
-    speed_m_s: float
+    __pydantic_config__: ClassVar = ONLY_KNOWN
+    to_m: Number
+    speed_m_s: Number
 
 
 @dataclass(frozen=True)
@@ -67,13 +115,21 @@ class Hold:
         Known weight in +x that the operator put on the force sensor, with the drive uncoupled; 0: none.
     """
 
-    duration_s: float
-    released: bool = False
-    shut: bool = False
-    weight_n: float = 0.0
+    __pydantic_config__: ClassVar = ONLY_KNOWN
+    duration_s: Number
+    released: StrictBool = False
+    shut: StrictBool = False
+    weight_n: Number = 0.0
 
 
 Step = Move | Hold
+#: Kinds of steps in JSON: a move has a target.
+TAGS = ("move", "hold")
+WrittenStep = Annotated[
+    Annotated[Move, Tag("move")] | Annotated[Hold, Tag("hold")],
+    Discriminator(lambda step: TAGS[not (isinstance(step, Move) or (isinstance(step, dict) and "to_m" in step))]),
+    BeforeValidator(present),
+]
 
 
 @dataclass(frozen=True)
@@ -96,11 +152,12 @@ class Sampling:
     pneudrive.rig.motion.schedule : times and number of the samples.
     """
 
-    samples_per_stroke: int = 5000
-    burst_rate_hz: float = 5000.0
-    burst_before_s: float = 0.05
-    burst_after_s: float = 0.2
-    hold_rate_hz: float = 20.0
+    __pydantic_config__: ClassVar = ONLY_KNOWN
+    samples_per_stroke: StrictInt = 5000
+    burst_rate_hz: Number = 5000.0
+    burst_before_s: Number = 0.05
+    burst_after_s: Number = 0.2
+    hold_rate_hz: Number = 20.0
 
 
 @dataclass(frozen=True, eq=False)  # with arrays: equal only to itself
@@ -229,17 +286,17 @@ class Envelope:
         Home position of the axis.
     """
 
-    position_m: tuple[float, float]
-    speed_m_s: float
-    acceleration_m_s2: float
-    jerk_m_s3: float
-    force_n: float
-    pressure_pa: tuple[float, float]
-    separate_pressures: bool
-    temperature_k: tuple[float, float]
-    supply_pressure_pa: float = 0.0
-    expected_friction_n: float = 0.0
-    home_m: float = 0.0
+    position_m: Span
+    speed_m_s: Number
+    acceleration_m_s2: Number
+    jerk_m_s3: Number
+    force_n: Number
+    pressure_pa: Span
+    separate_pressures: StrictBool
+    temperature_k: Span
+    supply_pressure_pa: Number = 0.0
+    expected_friction_n: Number = 0.0
+    home_m: Number = 0.0
 
 
 @dataclass(frozen=True)
@@ -282,22 +339,22 @@ class Identity:
     """
 
     name: str
-    area_a_m2: float
-    area_b_m2: float
-    ambient_pressure_pa: float = STANDARD_ATMOSPHERE_PA
-    mass_beyond_sensor_kg: float = 0.0
-    incline_rad: float = 0.0
-    stiffness_n_m: float | None = None
-    accuracy: dict[str, float] = field(default_factory=dict)
-    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
-    resolution: dict[str, float] = field(default_factory=dict)
-    calibration: dict[str, str] = field(default_factory=dict)
-    labels: dict[str, str] = field(default_factory=dict)
+    area_a_m2: Area
+    area_b_m2: Area
+    ambient_pressure_pa: Number = STANDARD_ATMOSPHERE_PA
+    mass_beyond_sensor_kg: Number = 0.0
+    incline_rad: Number = 0.0
+    stiffness_n_m: Number | None = None
+    accuracy: dict[str, NotNegative] = field(default_factory=dict)
+    limits: dict[str, Limits] = field(default_factory=dict)
+    resolution: dict[str, NotNegative] = field(default_factory=dict)
+    calibration: Texts = field(default_factory=dict)
+    labels: Texts = field(default_factory=dict)
     chambers: str = "held"
     pressure_measured_at: str = "chamber"
-    synthetic: bool = False
-    bandwidth_hz: dict[str, float] = field(default_factory=dict)
-    force_calibration: ForceCalibration | None = None
+    synthetic: StrictBool = False
+    bandwidth_hz: dict[str, Frequency] = field(default_factory=dict)
+    force_calibration: Annotated[ForceCalibration | None, PlainValidator(of_json)] = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -389,135 +446,83 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
     raise TypeError(f"{type(value).__name__} is not plain data")
 
 
-def is_number(value: object) -> bool:
-    """Return whether a value is a number but not NaN. Infinity is valid for a rigid rig or a sensor without limits."""
-    return type(value) in (int, float) and (abs(value) <= LARGEST or abs(value) == math.inf)  # type: ignore[arg-type]
+# --- Identities, envelopes and cycles from JSON of any program.
 
 
-def _is_pair(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(map(is_number, value))
-
-
-#: Annotation of a field -> rule of its JSON value in words, and its check; others are tables.
-_RULES: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "float": ("a number", is_number),
-    "int": ("a whole number", lambda value: type(value) is int),
-    "str": ("text", lambda value: type(value) is str),
-    "bool": ("true or false", lambda value: type(value) is bool),
-    "tuple[float, float]": ("a list of two numbers", _is_pair),
-    "tuple": ("a list", lambda value: type(value) is list),
-    "list": ("a list", lambda value: type(value) is list),
-}
-_TABLE = ("a table", lambda value: type(value) is dict)
-
-
-@cache
-def _rules(cls: type) -> dict[str, tuple[str, Callable[[Any], bool]]]:
-    """Return the rule of each field of a dataclass from its annotation."""
-    kinds = {field.name: str(field.type).partition(" |")[0] for field in fields(cls)}
-    return {name: _RULES.get(kind) or _RULES.get(kind.partition("[")[0], _TABLE) for name, kind in kinds.items()}
-
-
-def read_fields(
+def read_table(
     data: Any,  # noqa: ANN401 - JSON
-    cls: type,
+    cls: type[T],
     where: str,
-    kind: type[PneudriveError],
+    kind: type[PneudriveError] = RigError,
     path: str = "",
-) -> tuple[dict[str, Any], list[str]]:
-    """Check a table against the fields of its class.
+    **usual: Any,  # noqa: ANN401 - values of absent keys
+) -> tuple[T, list[str]]:
+    """Make an object of a class from a table; its annotations check the values.
 
     Parameters
     ----------
     data : dict
         Data from JSON; null counts as absent.
     cls : type
-        Dataclass with annotations as texts.
     where : str
         File, for messages.
     kind : type of PneudriveError
     path : str
         Prefix of names in messages.
+    **usual
+        Values of absent keys.
 
     Returns
     -------
-    dict, list of str
-        The known fields that are not null, and notes on unknown keys, which are ignored.
+    object, list of str
+        The object, and notes on unknown keys, which are ignored.
 
     Raises
     ------
     PneudriveError
-        The data are not a table, or a value is of another type.
+        The data are not a table, a key is missing, or its value is invalid.
     """
     if not isinstance(data, dict):
         raise kind("this is not a JSON object", where=where)
-    rules, known, notes = _rules(cls), dict[str, Any](), []
-    for name, value in data.items():
-        if name not in rules:
-            notes.append(f"{path}{name} is ignored, as it is not a known key. {nearest(name, rules)}")
-        elif value is not None:
-            words, holds = rules[name]
-            if not holds(value):
-                raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"the value is {words}")
-            known[name] = value
-    return known, notes
+    names = [field.name for field in fields(cls)]  # type: ignore[arg-type] - a dataclass
+    notes = [f"{path}{n} is ignored, as it is not a known key. {nearest(n, names)}" for n in data if n not in names]
+    try:
+        return _adapter(cls).validate_python(usual | {n: v for n, v in present(data).items() if n in names}), notes
+    except ValidationError as error:
+        first = error.errors()[0]
+    key, why = path + ".".join(str(part) for part in first["loc"] if part not in TAGS), first["type"]
+    if why in _FAULTS:
+        rule = (
+            "a step has to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else f"keys: {', '.join(names)}"
+        )
+        raise kind(f"{key} {_FAULTS[why]}", where=where, rule=rule)
+    words = str(first.get("ctx", {}).get("error", "")) or f"the value is {_RULES.get(why, 'of another type')}"
+    raise kind(f"{key} = {first['input']!r:.80}", where=where, rule=words)
+
+
+#: Errors of pydantic -> the fault of a key; and the rule of its value.
+_FAULTS = {"missing": "is missing", "unexpected_keyword_argument": "is not a known key"}
+_RULES = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "dict_type": "a table",
+    "dataclass_type": "a table",
+    "tuple_type": "a list",
+    "too_long": "a list of two numbers",
+}
+_adapter = cache(TypeAdapter)
 
 
 def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
-    """Return the identity of a rig from plain data.
-
-    Returns
-    -------
-    Identity, list of str
-        Identity, and notes as from `read_fields`.
-
-    Raises
-    ------
-    PneudriveError
-        A key is missing or its value is not valid.
-    """
-    known, notes = read_fields(data, Identity, where, kind)
-    known = {"name": "unnamed rig", **known}
-    for name in ("area_a_m2", "area_b_m2"):
-        if name not in known:
-            raise kind(f"{name} is missing", where=where, rule="the pistons' areas must be known")
-        if not 0.0 < known[name] < math.inf:
-            raise kind(f"{name} = {known[name]:g}", where=where, rule="an area is positive")
-    for name, (rule, holds) in _CHANNELS.items():
-        for channel, value in known.get(name, {}).items():
-            if not holds(value):
-                raise kind(f"{name}.{channel} = {value}", where=where, rule=rule)
-    known["limits"] = {channel: (float(low), float(high)) for channel, (low, high) in known.get("limits", {}).items()}
+    """Return the identity of a rig from plain data, and notes on unknown keys; errors as of `read_table`."""
     try:
-        curve = known.get("force_calibration")
-        known["force_calibration"] = None if curve is None else of_json(curve)
-    except DescriptionError as error:
+        return read_table(data, Identity, where, kind, name="unnamed rig")
+    except DescriptionError as error:  # of the calibration curve
         raise kind(error.what, where=where, rule=error.rule, remedy=error.remedy) from None
-    return Identity(**known), notes
-
-
-#: Tables of an identity by channel: rule of their values, and its check.
-_CHANNELS: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "limits": ("[lowest, highest]", lambda value: _is_pair(value) and value[0] < value[1]),
-    "accuracy": ("a number, not negative", lambda value: is_number(value) and value >= 0.0),
-    "resolution": ("a number, not negative", lambda value: is_number(value) and value >= 0.0),
-    "bandwidth_hz": ("a frequency is positive", lambda value: is_number(value) and 0.0 < value < math.inf),
-}
 
 
 def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> Envelope:  # noqa: ANN401 - JSON
-    """Return the envelope of a rig from plain data.
-
-    Raises
-    ------
-    PneudriveError
-        The data are not an envelope.
-    """
-    if not isinstance(data, dict):
-        raise kind("the rig's envelope is not valid", where=where, value=data, rule="a table")
-    known, _ = read_fields(data, Envelope, where, kind)
-    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in known.items()}
-    try:
-        return Envelope(**values)
-    except TypeError as error:
-        raise kind("the rig's envelope is not valid", where=where, value=str(error)) from None
+    """Return the envelope of a rig from plain data; errors as of `read_table`."""
+    return read_table(data, Envelope, where, kind)[0]

@@ -1,17 +1,13 @@
-"""Next points of a fit on a rig: the points that the rig can hold, and the protocol that measures them."""
+"""Next points of a fit on a rig: the speeds and pressures that the rig can hold."""
 
 from __future__ import annotations
 
-from math import isclose
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.planning.plan import cell_name, lay_out
 from pneudrive.campaign.planning.protocol import parse_protocol
-from pneudrive.describe.files.toml import value_text
 from pneudrive.identify.design import Limits
 
 if TYPE_CHECKING:
-    from pneudrive.identify.design import Design
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
 
@@ -44,31 +40,6 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
     slowest = min(SLOWEST_M_S, fastest / 10.0)
     settling = parse_protocol(ANY_PROTOCOL).pressure.settling_s
     return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes, settling)
-
-
-def protocol_of(plan: Design, identity: Identity, envelope: Envelope) -> str:
-    """Return the protocol of a design, with only the proposed cells of the crossed table.
-
-    Parameters
-    ----------
-    plan : Design
-    identity, envelope : Identity, Envelope
-        Limits of the rig.
-    """
-    text = plan.protocol()
-    wanted = [(p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa) for p in plan.points]
-    cells: dict[str, bool] = {}
-    for one in lay_out(parse_protocol(text), identity, envelope).planned:
-        if one.cell is not None and one.cell.speed_m_s is not None:
-            pair = one.cell.pressures
-            at = (one.cell.speed_m_s, pair.a.value_pa, pair.b.value_pa)
-            near = any(isclose(at[0], v, rel_tol=1e-4) and abs(at[1] - a) + abs(at[2] - b) < 1.0 for v, a, b in wanted)
-            cells[cell_name(one.cycle.levels, one.cell)] = near
-    chosen = [name for name, near in cells.items() if near]
-    if len(chosen) == len(cells):
-        return text
-    listed = "".join(f"    {value_text(name)},\n" for name in sorted(chosen))
-    return f"{text.rstrip()}\n\n[fraction]  # proposed points\ncells = [\n{listed}]\n"
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:

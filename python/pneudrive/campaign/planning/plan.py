@@ -17,7 +17,6 @@ from pneudrive.campaign.planning.points import (
     Planned,
     Way,
     axis_use,
-    cells_of,
     cycle_count,
     ordered_blocks,
     ordered_cells,
@@ -27,7 +26,7 @@ from pneudrive.campaign.planning.preflight import check, check_range, margins
 from pneudrive.campaign.planning.protocol import VENTED, Pair
 from pneudrive.campaign.running.live import duration
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
-from pneudrive.errors import ProtocolError, nearest
+from pneudrive.errors import ProtocolError
 from pneudrive.files.bounds import within
 from pneudrive.repr_tables import aligned
 from pneudrive.rig.interface import Hold, Move, Sampling, identity_of, plain
@@ -89,12 +88,6 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     return Plan(protocol, identity, envelope, tuple(planned))
 
 
-def cell_name(levels: dict[str, str], cell: Cell) -> str:
-    """Return the name of a cell within the campaign: ``mounting = foot: stop/t15/...``."""
-    hard = ", ".join(f"{name} = {level}" for name, level in levels.items())
-    return f"{hard}: {cell.name}" if hard else cell.name
-
-
 class _Layout:
     """Cycles of one protocol on one rig, block by block, in the order in which they run."""
 
@@ -109,33 +102,11 @@ class _Layout:
 
     def run(self) -> list[Planned]:
         """Return the cycles of all blocks."""
-        chosen = self._fraction()
-        for index, levels in enumerate(ordered_blocks(self.protocol), start=1):
-            cells = ordered_cells(self.protocol, index)
-            if chosen is not None:
-                cells = [(cell, repeat) for cell, repeat in cells if cell_name(levels, cell) in chosen]
-            if cells:
-                before, self.levels = self.levels, levels
-                self.block += 1
-                self._block(before, cells)
+        for levels in ordered_blocks(self.protocol):
+            before, self.levels = self.levels, levels
+            self.block += 1
+            self._block(before, ordered_cells(self.protocol, self.block))
         return self.planned
-
-    def _fraction(self) -> set[str] | None:
-        fraction = self.protocol.fraction
-        if fraction is None:
-            return None
-        cells = [cell for family in cells_of(self.protocol) for cell in family]
-        known = {cell_name(levels, cell) for levels in ordered_blocks(self.protocol) for cell in cells}
-        for name in fraction.cells:
-            if name not in known:
-                remedy = nearest(name, known) if len(known) < 20 else nearest(name, known).partition(" Known")[0]
-                raise self.protocol.fail(
-                    "fraction.cells",
-                    f"fraction.cells: there is no cell {name!r}",
-                    rule="a cell combines levels of the protocol",
-                    remedy=remedy if remedy.startswith("Did") else "`pneudrive design` writes them.",
-                )
-        return set(fraction.cells)
 
     def _block(self, before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
         p, levels, blank_m_s = self.protocol, self.levels, self.protocol.before_block.blank_stroke_m_s

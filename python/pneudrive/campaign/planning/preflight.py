@@ -355,6 +355,6 @@ def _of_design(plan: Plan) -> Iterator[Caution]:
         yield "supply", {"least": least / 1e5, "highest": highest / 1e5}
     if plan.time_s > protocol.limits.time_s:
         yield "time", {"hours": plan.time_s / 3600, "limit": protocol.limits.time_s / 3600}
-    for table in ("adaptive", "design"):
+    for table in ("adaptive", "design", "fraction"):
         if getattr(protocol, table) is not None:
             yield "unused", {"table": table}

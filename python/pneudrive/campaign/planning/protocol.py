@@ -604,23 +604,6 @@ class Range(ProtocolTable):
     """distance from the ends of the rig's range if `range` is absent"""
 
 
-class Fraction(ProtocolTable):
-    """Design points that are run; `pneudrive design` writes this table."""
-
-    table_name: ClassVar[str] = "fraction"
-    cells: Annotated[list[str], Field(min_length=1)]
-    """names of the design points"""
-
-    @model_validator(mode="after")
-    def _distinct(self) -> Fraction:
-        seen: set[str] = set()
-        for cell in self.cells:
-            if cell in seen:
-                raise wrong("fraction.cells", f"fraction.cells: {cell!r} occurs twice")
-            seen.add(cell)
-        return self
-
-
 FOLDER = Path(__file__).with_name("protocols")
 
 
@@ -669,7 +652,8 @@ class Protocol(ProtocolTable):
     position: Range = Range()  # pyright: ignore[reportCallIssue] - its validator gives the range
     design: dict[str, Any] | None = None
     """of earlier versions; not applied"""
-    fraction: Fraction | None = None
+    fraction: dict[str, Any] | None = None
+    """of earlier versions; not applied"""
 
     _text: str = PrivateAttr(default="")
     _origin: str = PrivateAttr(default="protocol")
