@@ -5,7 +5,8 @@ import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
 import type { SentValue } from "../server/generated";
-import { ask, type attempting, connection, type Listed, type Problem, Refused, read } from "../server/server";
+import { ask, type attempting, connection, type Listed, type Problem, read } from "../server/server";
+import { useAnswer } from "./answers";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -376,20 +377,9 @@ export function InFolder({ files, title, view }: { files: Listed[]; title: strin
 
 /** Links that open or save the report of a folder. Nothing is shown without a folder. */
 export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
-  const [address, setAddress] = useState("");
-  useEffect(() => {
-    setAddress("");
-    if (!folder) return;
-    let gone = false;
-    read<{ address: string }>("/api/report", { path: folder }).then(
-      (found) => void (gone || setAddress(found.address)),
-      (error: unknown) => {
-        if (!(error instanceof Refused)) throw error;
-      },
-    );
-    return () => void (gone = true);
-  }, [folder, changed]);
-  if (!address) return null;
+  const [report] = useAnswer(folder, () => read<{ address: string }>("/api/report", { path: folder }), [changed]);
+  if (!report?.address) return null;
+  const { address } = report;
   return (
     <p class="row">
       <a href={address} target="_blank" rel="noopener">

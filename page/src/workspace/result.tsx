@@ -1,13 +1,11 @@
-/** A result in the form that terminal, notebook and report share: a table of values, curves, and sentences. */
-import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { pretty } from "../plots/looks";
 import { type Group, isWide, Scatter } from "../plots/scatter";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView } from "../server/generated";
-import { attempting, type Problem, Refused, read } from "../server/server";
+import { read } from "../server/server";
+import { useAnswer } from "./answers";
 import { changesOf } from "./files";
 import { Leading, Problems, Table } from "./parts";
 
@@ -153,20 +151,8 @@ export function AnswerOf({
   changed?: unknown;
   withFindings?: boolean;
 }) {
-  const view = useSignal<SentView | null>(null);
-  useEffect(() => {
-    let gone = false;
-    view.value = null;
-    if (path)
-      void read<SentView>("/api/view", { path }).then(
-        (found) => void (gone || (view.value = found)),
-        (error: unknown) => {
-          if (!(error instanceof Refused)) throw error;
-        },
-      );
-    return () => void (gone = true);
-  }, [path, changed, changesOf(path)]);
-  return view.value && <Answer view={view.value} withFindings={withFindings} />;
+  const [view] = useAnswer(path, () => read<SentView>("/api/view", { path }), [changed, changesOf(path)]);
+  return view && <Answer view={view} withFindings={withFindings} />;
 }
 
 /** Figures of a view, or its curves. */
@@ -242,17 +228,12 @@ export function Shown({ view, label }: { view: SentView; label: string }) {
 /** Any result of the folder. */
 export function ResultView() {
   const { path } = route.value;
-  const view = useSignal<SentView | null>(null);
-  const wrong = useSignal<Problem[]>([]);
-  useEffect(() => {
-    [view.value, wrong.value] = [null, []];
-    if (path) void attempting(wrong)(async () => void (view.value = await read<SentView>("/api/view", { path })));
-  }, [path, changesOf(path)]);
+  const [view, problems] = useAnswer(path, () => read<SentView>("/api/view", { path }), [changesOf(path)]);
   return (
     <>
       {!path && <p>Open a result of the folder on the left.</p>}
-      <Problems of={wrong.value} />
-      {view.value && <Shown view={view.value} label="Values of a result" />}
+      <Problems of={problems} />
+      {view && <Shown view={view} label="Values of a result" />}
     </>
   );
 }

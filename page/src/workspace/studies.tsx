@@ -8,6 +8,7 @@ import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
 import { ask, connection, type Listed, type Problem, Refused } from "../server/server";
 import { viewOf } from "../views";
+import { questions } from "./answers";
 import { Starts } from "./choose";
 import { folderOf, GROUPS, list, listed, nameOf, refused, size, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
@@ -69,20 +70,22 @@ const tick = (path: string): void => {
   compare();
 };
 
+const comparing = questions();
+
 /** Compare the two selected files in their current state. */
 function compare(): void {
   const [before, after] = pair.value;
+  const answer = comparing(); // others may be ticked meanwhile
   apart.value = [];
   if (!before || !after) return;
-  const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked meanwhile
-  void ask<Compared>("/api/compare", { before, after }).then(
+  answer(ask<Compared>("/api/compare", { before, after })).then(
     async (found) => {
-      differences.value ??= await import("../measured/differences");
-      if (isSame()) compared.value = found;
+      differences.value ??= await answer(import("../measured/differences"));
+      compared.value = found;
     },
     (error: unknown) => {
       if (!(error instanceof Refused)) throw error;
-      if (isSame()) [compared.value, apart.value] = [null, error.problems];
+      [compared.value, apart.value] = [null, error.problems];
     },
   );
 }
