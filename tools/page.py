@@ -70,7 +70,7 @@ def types() -> str:
     from pneudrive.errors import SEVERE
     from pneudrive.report.circuit.svg import PistonShapes, Shape
     from pneudrive.sizing.checks import MachineCheck
-    from pneudrive.web.drive.beside import SentLine, SentOutput, SentPlatform
+    from pneudrive.web.drive.beside import SentLeg, SentOutput, SentPart, SentPath, SentPlatform
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
 
@@ -114,7 +114,7 @@ def types() -> str:
     lines += [f"export type Mark = {' | '.join(mark.__name__ for mark in marks)};"]
     of_figures = (figures.Axis, *marks, figures.PenStroke, figures.Panel, figures.Figure, views.ShownFigure)
     of_views = (views.Finding, views.ShownTable, views.SentValue, views.SentCurve, views.SentView)
-    drawn = (MachineCheck, Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
+    drawn = (MachineCheck, Shape, PistonShapes, SentPart, SentLeg, SentPath, SentOutput, SentPlatform)
     for one in (Listed, *of_figures, *of_views, *drawn, CommandInput):
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():

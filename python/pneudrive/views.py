@@ -168,8 +168,8 @@ class Finding:
     remedy: str = ""
 
 
-def worst(findings: Iterable[Finding]) -> State:
-    """Return the state of the worst finding; good without any."""
+def worst(findings: Iterable[Finding | LeadingValue]) -> State:
+    """Return the state of the worst finding or value; good without any."""
     states: list[State] = [finding.state for finding in findings]
     return max(states, key=STATES.index) if states else "good"
 

@@ -1,4 +1,4 @@
-"""A platform that moves in a browser: on a canvas below the circuit, by the slider and by Play."""
+"""A platform that moves in a browser: turned by mouse and keys, moved by the slider and by Play."""
 
 from __future__ import annotations
 
@@ -14,17 +14,13 @@ import pneudrive as pn
 from page.conftest import Server
 from page.test_journeys import Open, violations
 from page.test_nothing_lost import go
+from pneudrive.simulation.trajectory import columns as columns_of
+from pneudrive.simulation.trajectory import save_columns
 
 TRIPOD = Path(__file__).parents[2] / "examples" / "tripod.toml"
 #: Text of the commands that the page puts in for a new circuit, and duration.
 COMMANDS, DURATION = {f"valve_{i}": "0 s: 1, 1 s: -1" for i in (1, 2, 3)}, "2 s"
 OUTPUTS = ["heave", "tilt_1", "smallest_singular_value", "leg_1_force", "leg_3_side_force"]
-#: Number of different pixels of a canvas.
-PIXELS = """(canvas) => {
-  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  return new Set(new Uint32Array(data.buffer)).size;
-}"""
-
 #: Pairs of texts of the circuit whose boxes overlap.
 OVERLAPS = """() => {
   const texts = [...document.querySelectorAll("svg.circuit text")];
@@ -40,17 +36,21 @@ def cell(page: object, column: str) -> float:
 
 
 @pytest.mark.parametrize("look", ["light", "dark"])
-def test_the_slider_shows_the_recorded_poses(server: Server, open_tab: Open, look: str) -> None:
+def test_a_platform_is_moved_and_turned(server: Server, open_tab: Open, look: str) -> None:
     (server.folder / "tripod.toml").write_text(TRIPOD.read_text())
     tab = open_tab(server.address, look)
     page = tab.page
-    go(page, "drive", "tripod.toml")
-    page.click("button:text-is('Run in the drawing')")
-    page.wait_for_selector(".platform canvas")
+    page.set_viewport_size({"width": 1440, "height": 900})
+    go(page, "simulate", "tripod.toml")
+    page.wait_for_selector(".turned svg")
+    assert "3 of 3 legs reach an end" in page.inner_text(".platform .answer-card h2")
+    assert 1 <= page.locator(".platform [data-leading]").count() <= 5
+    assert page.locator(".turned svg").bounding_box()["y"] < 600
     assert page.locator(".motion button:text-is('Play')").count() == 0  # reduced motion: only the slider moves it
     circuit = pn.Circuit.load(TRIPOD)
     run = pn.platform(circuit).outputs(circuit.simulate(COMMANDS, DURATION))
     samples = np.linspace(0, run.sizes["time"] - 1, 400).round().astype(int)
+    page.click("summary:text-is('Circuit')")
     page.focus(".motion input[type=range]")
     for key, sample in (("End", 399), ("Home", 0)):
         page.keyboard.press(key)
@@ -59,15 +59,46 @@ def test_the_slider_shows_the_recorded_poses(server: Server, open_tab: Open, loo
         for name in OUTPUTS:
             own = run[f"tripod.{name}"]
             assert cell(page, own.attrs["column"]) == pytest.approx(float(own[samples[sample]]), rel=1e-9, abs=1e-9)
-    assert page.locator(".platform canvas").evaluate(PIXELS) > 3
+    page.focus(".turned")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_selector("[aria-label='View of tripod, turned -40 degrees, lifted 22 degrees']")
+    box = page.locator(".turned").bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 100, box["y"] + 150, steps=4)
+    page.mouse.up()
+    page.wait_for_selector("[aria-label='View of tripod, turned 0 degrees, lifted 42 degrees']")
+    assert "view3d=0%2C42%2C1" in page.url  # a shared link shows it so
+    page.click("button:text-is('Top')")
+    page.wait_for_selector("[aria-label='View of tripod, turned -90 degrees, lifted 90 degrees']")
+    x, y = zip(
+        *(map(float, point.split(",")) for point in page.get_attribute(".turned polyline.platform", "points").split()),
+        strict=True,
+    )
+    assert max(x) - min(x) == pytest.approx((max(y) - min(y)) * np.cos(np.radians(30)), rel=0.02)  # not foreshortened
     assert violations(tab) == []
     tab.picture(f"platform-{look}")
     page.set_viewport_size({"width": 400, "height": 800})
-    page.wait_for_selector(".platform canvas")
+    page.wait_for_function("document.querySelector('.turned svg').getBoundingClientRect().right <= 400")
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     tab.picture(f"platform-narrow-{look}")
     page.set_viewport_size({"width": 1400, "height": 1000})
     tab.check()
+
+
+def test_the_path_of_another_run_and_its_reference_lie_in_the_view(server: Server, open_tab: Open) -> None:
+    (server.folder / "tripod.toml").write_text(TRIPOD.read_text())
+    circuit = pn.Circuit.load(TRIPOD)
+    columns = dict(columns_of(circuit.simulate(COMMANDS | {"valve_1": "0 s: -1"}, DURATION)))
+    for key, unit in (("heave", "m"), ("tilt_1", "rad"), ("tilt_2", "rad")):  # as a run under control has them
+        columns[f"tripod.{key}_reference_{unit}"] = columns[f"tripod.{key}_{unit}"] + 0.01
+    save_columns(columns, {}, server.folder / "run.parquet")
+    page = open_tab(server.address).page
+    go(page, "simulate", "tripod.toml")
+    page.wait_for_selector(".turned svg")
+    page.select_option("label:has-text('Compare with') select", "run.parquet")
+    for label in ("run.parquet", "reference of run.parquet"):
+        page.wait_for_selector(f"[data-path='{label}'] polyline", state="attached")
 
 
 def hexapod() -> str:
@@ -90,12 +121,12 @@ def test_play_moves_the_platform(server: Server, browser: object, text: str) -> 
     page.goto(server.address)
     go(page, "drive", "tripod.toml")
     page.click("button:text-is('Run in the drawing')")
-    page.wait_for_selector(".platform[data-sample='0']")
-    before = page.locator(".platform canvas").evaluate("(canvas) => canvas.toDataURL()")
+    page.wait_for_selector(".platform[data-sample='0'] svg polyline.platform")
+    before = page.get_attribute(".turned polyline.platform", "points")
     page.click("button:text-is('Play')")
     page.wait_for_selector(".platform[data-sample='399']")
     page.wait_for_selector("button:text-is('Play')")  # it has stopped at the end
-    assert page.locator(".platform canvas").evaluate("(canvas) => canvas.toDataURL()") != before
+    assert page.get_attribute(".turned polyline.platform", "points") != before
     page.context.close()
 
 

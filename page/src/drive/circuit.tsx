@@ -112,12 +112,19 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
   const wide = at.piston[1] - at.piston[0];
   return (
     <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
-      <rect class="air" x={left} y={-high} width={face - left} height={high - low} fill-opacity={moved.tints[0]} />
+      <rect
+        class="air"
+        x={left}
+        y={-high}
+        width={Math.max(face - left, 0)}
+        height={high - low}
+        fill-opacity={moved.tints[0]}
+      />
       <rect
         class="air"
         x={face + wide}
         y={-high}
-        width={right - face - wide}
+        width={Math.max(right - face - wide, 0)}
         height={high - low}
         fill-opacity={moved.tints[1]}
       />

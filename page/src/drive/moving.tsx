@@ -44,12 +44,12 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
   const own = arrays.get("motion/time_s");
   const at = own ? indexAt(own, time[row]!) : 0;
   const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
-  const valueAt = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
+  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
   const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
   const pistons: Motion["pistons"] = {};
   for (const one of now.head.cylinders ?? []) {
-    const position = valueAt(one.position);
-    const values = one.pressures.map(valueAt) as [number, number];
+    const position = valueOf(one.position);
+    const values = one.pressures.map(valueOf) as [number, number];
     const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
     const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
     const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
@@ -92,24 +92,12 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
 
 export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");
 
-/**
- * The circuit at a chosen or running time. With "reduced motion", only the slider moves it. `children` draws the
- * circuit in its state.
- */
-export function MovingCircuit({
-  now,
-  drawing,
-  children,
-}: {
-  now: Frame<MotionHead>;
-  drawing: Drawing;
-  children: (motion: Motion) => ComponentChildren;
-}) {
-  const cylinders = now.head.cylinders ?? [];
+/** Time of a run as a slider, and Play. With "reduced motion", only the slider moves it. */
+function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
   const time = now.arrays.get("time_s")!;
   const end = time[time.length - 1]!;
   const at = Math.min(timeAt.value, end);
-  const isCalm = CALM?.matches ?? false;
+  const shown = instant(time[indexAt(time, at)], end / time.length);
   useEffect(() => {
     if (!isPlaying.value) return;
     const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
@@ -122,51 +110,80 @@ export function MovingCircuit({
     });
     return () => cancelAnimationFrame(request);
   }, [isPlaying.value, end]);
+  return (
+    <p class="row time">
+      {!CALM?.matches && (
+        <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>
+          {isPlaying.value ? "Stop" : "Play"}
+        </button>
+      )}
+      <label>
+        Time{" "}
+        <input
+          type="range"
+          min={0}
+          max={1000}
+          value={Math.round((1000 * at) / end)}
+          aria-valuetext={`${shown} s`}
+          onInput={(event) => (
+            (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
+          )}
+        />
+      </label>
+      <output>
+        {shown} s{words}
+      </output>
+    </p>
+  );
+}
+
+/**
+ * A run at a chosen or running time: its platforms, or its circuit. `children` draws the circuit in its state, which
+ * is folded below a platform.
+ */
+export function MovingCircuit({
+  now,
+  drawing,
+  children,
+}: {
+  now: Frame<MotionHead>;
+  drawing: Drawing;
+  children: (motion: Motion) => ComponentChildren;
+}) {
+  const time = now.arrays.get("time_s")!;
+  const row = indexAt(time, Math.min(timeAt.value, time[time.length - 1]!));
   const platforms = now.head.platforms ?? [];
   useEffect(() => {
     if (platforms.length && !platformView.value)
       void import("./platform").then((module) => (platformView.value = module.PlatformAt));
   }, [platforms.length]);
   const View = platformView.value;
-  const row = indexAt(time, at);
   const motion = motionAt(now, drawing, row);
+  const cylinders = now.head.cylinders ?? [];
+  const places = cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`);
+  if (platforms.length)
+    return (
+      <figure class="motion" data-row={row}>
+        {View &&
+          platforms.map((one, k) => (
+            <View
+              key={one.name}
+              now={now}
+              platform={one}
+              sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}>
+              <>{k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}</>
+            </View>
+          ))}
+        <details class="panel">
+          <summary>Circuit</summary>
+          {children(motion)}
+        </details>
+      </figure>
+    );
   return (
     <figure class="motion" data-row={row}>
       {children(motion)}
-      <p class="row">
-        {!isCalm && (
-          <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>
-            {isPlaying.value ? "Stop" : "Play"}
-          </button>
-        )}
-        <label>
-          Time{" "}
-          <input
-            type="range"
-            min={0}
-            max={1000}
-            value={Math.round((1000 * at) / end)}
-            aria-valuetext={`${instant(time[row], end / time.length)} s`}
-            onInput={(event) => (
-              (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
-            )}
-          />
-        </label>
-        <output>
-          {instant(time[row], end / time.length)} s
-          {cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)}
-          {"; pressures absolute"}
-        </output>
-      </p>
-      {View &&
-        platforms.map((one) => (
-          <View
-            key={one.name}
-            now={now}
-            platform={one}
-            sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}
-          />
-        ))}
+      <TimeSlider now={now} words={`${places.join("")}; pressures absolute`} />
       {!cylinders.length && (
         <p class="note" data-without="motion">
           No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain

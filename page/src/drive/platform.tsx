@@ -1,84 +1,475 @@
-/** Platform on legs at a sample of a run, on a canvas. The server has projected its points. */
-import { useLayoutEffect, useRef } from "preact/hooks";
-import { digits, isDark } from "../plots/looks";
+/** A platform on legs in a run: its answer, a view that mouse and keys turn, and the state of each leg. */
+import type { JSX } from "preact";
+import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
+import { digits } from "../plots/looks";
+import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentPlatform } from "../server/generated";
+import type { SentLeg, SentPlatform } from "../server/generated";
+import { Answer } from "../workspace/result";
+import type { MotionHead } from "./moving";
 
-const FONT = "11px system-ui, sans-serif";
+type Point = [x: number, y: number, z: number];
+type Flat = [x: number, y: number];
 
-interface Shown {
-  now: Frame<object>;
-  platform: SentPlatform;
-  sample: number; // of the arrays of motion
+/** Direction of view: turn about z and lift over the floor, degrees, and zoom. */
+interface Camera {
+  turn: number;
+  lift: number;
+  zoom: number;
 }
 
-/** Draw a platform at a sample, with the path of its origin until then. */
-function draw(
-  canvas: HTMLCanvasElement,
-  { labels, lines, path, width, height }: SentPlatform,
-  points: Numbers,
-  sample: number,
-): void {
-  const ink = getComputedStyle(canvas).color;
-  const scale = devicePixelRatio || 1;
-  [canvas.width, canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
-  const pen = canvas.getContext("2d")!;
-  pen.scale(scale, scale);
-  pen.lineJoin = "round";
-  const stride = 2 * (1 + lines.reduce((sum, one) => sum + one.moving, 0));
-  let at = sample * stride;
-  for (const line of lines) {
-    pen.beginPath();
-    for (const [x, y] of line.points) pen.lineTo(x, y);
-    for (const end = at + 2 * line.moving; at < end; at += 2) pen.lineTo(points[at]!, points[at + 1]!);
-    pen.strokeStyle = pen.fillStyle = ink;
-    pen.globalAlpha = line.fill;
-    if (line.fill) pen.fill();
-    pen.globalAlpha = line.opacity;
-    pen.lineWidth = line.width;
-    pen.setLineDash(line.dash);
-    pen.stroke();
-  }
-  pen.setLineDash([]);
-  pen.globalAlpha = 1;
-  pen.beginPath();
-  for (let one = 1; one <= sample + 1; one++) pen.lineTo(points[one * stride - 2]!, points[one * stride - 1]!);
-  pen.strokeStyle = path[isDark() ? 1 : 0];
-  pen.lineWidth = 1.6;
-  pen.stroke();
-  pen.font = FONT;
-  [pen.textAlign, pen.textBaseline] = ["center", "middle"];
-  for (const [text, x, y] of labels) pen.fillText(text, x, y);
+const FREE: Camera = { turn: -35, lift: 22, zoom: 1 };
+const VIEWS: Record<string, Camera> = {
+  Front: { turn: -90, lift: 0, zoom: 1 },
+  Top: { turn: -90, lift: 90, zoom: 1 },
+  Free: FREE,
+};
+const STEP = 5; // degrees of a key
+const CLOSER = 1.15;
+const DRAG = 0.4; // degrees of a pixel
+const SHARE = 0.62; // height over width of a view
+const MOST_HIGH = 440;
+const BAR = 1e5;
+
+const camera = kept("view3d");
+
+/** Return the camera in the address. */
+function cameraOf(words: string): Camera {
+  const [turn, lift, zoom] = words.split(",").map(Number);
+  const isRight = [turn, lift, zoom].every((one) => one !== undefined && Number.isFinite(one));
+  return isRight ? { turn: turn!, lift: lift!, zoom: zoom! } : FREE;
 }
 
-export function PlatformAt({ now, platform, sample }: Shown) {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const points = now.arrays.get(`platform/${platform.name}`)!;
-  const dark = isDark();
-  useLayoutEffect(() => draw(canvas.current!, platform, points, sample), [points, sample, dark]);
+const limited = ({ turn, lift, zoom }: Camera): Camera => ({
+  turn: Math.round(((turn + 540) % 360) - 180),
+  lift: Math.round(Math.min(Math.max(lift, -90), 90)),
+  zoom: Math.min(Math.max(Number(zoom.toFixed(2)), 0.5), 4),
+});
+
+/** Projection without perspective: `flat` gives pixels, `depth` grows towards the reader. */
+interface Projection {
+  flat: (point: Point) => Flat;
+  depth: (point: Point) => number;
+}
+
+function projection({ turn, lift, zoom }: Camera, box: Box, width: number, height: number): Projection {
+  const [a, e] = [(turn * Math.PI) / 180, (lift * Math.PI) / 180];
+  const scale = (zoom * Math.min(width, 1.05 * height)) / (2 * box.radius);
+  const [cx, cy, cz] = box.centre;
+  return {
+    flat: ([x, y, z]) => {
+      const [right, near] = [
+        (y - cy) * Math.cos(a) - (x - cx) * Math.sin(a),
+        (x - cx) * Math.cos(a) + (y - cy) * Math.sin(a),
+      ];
+      return [width / 2 + scale * right, height / 2 - scale * ((z - cz) * Math.cos(e) - near * Math.sin(e))];
+    },
+    depth: ([x, y, z]) => (x * Math.cos(a) + y * Math.sin(a)) * Math.cos(e) + z * Math.sin(e),
+  };
+}
+
+interface Box {
+  centre: Point;
+  radius: number;
+  low: Point;
+  high: Point;
+}
+
+/** Return the box around all points of a run. The radius of its sphere keeps the scale while the view turns. */
+function boxOf(platform: SentPlatform, points: Numbers): Box {
+  const [low, high]: [Point, Point] = [
+    [Infinity, Infinity, Infinity],
+    [-Infinity, -Infinity, -Infinity],
+  ];
+  const include = (value: number, axis: number) => {
+    low[axis] = Math.min(low[axis]!, value);
+    high[axis] = Math.max(high[axis]!, value);
+  };
+  for (let k = 0; k < points.length; k++) include(points[k]!, k % 3);
+  for (const point of [...platform.parts.flatMap((part) => part.points), ...platform.reach])
+    for (const axis of [0, 1, 2]) include(point[axis]!, axis);
+  const centre = low.map((value, axis) => (value + high[axis]!) / 2) as Point;
+  return { centre, low, high, radius: Math.hypot(...low.map((value, axis) => (high[axis]! - value) / 2)) || 1 };
+}
+
+/** Return the outline of points in the plane: their convex hull. */
+export function outline(points: Flat[]): Flat[] {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const half = (of: Flat[]) => {
+    const out: Flat[] = [];
+    for (const c of of) {
+      for (let [a, b] = out.slice(-2); b; [a, b] = out.slice(-2)) {
+        if ((b[0] - a![0]) * (c[1] - a![1]) - (b[1] - a![1]) * (c[0] - a![0]) > 0) break;
+        out.pop();
+      }
+      out.push(c);
+    }
+    return out.slice(0, -1);
+  };
+  return [...half(sorted), ...half(sorted.reverse())];
+}
+
+const text = (points: Flat[]): string => points.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
+
+/** Moving and resting points of a run by part, and the path of the traced point. */
+function pointsOf(platform: SentPlatform, points: Numbers) {
+  const stride = 3 * (2 + platform.parts.reduce((sum, part) => sum + part.moving, 0));
+  const at = (offset: number): Point => [points[offset]!, points[offset + 1]!, points[offset + 2]!];
+  const samples = points.length / stride;
+  return {
+    traced: Array.from({ length: samples }, (_, sample) => at((sample + 1) * stride - 3)),
+    origin: (sample: number) => at((sample + 1) * stride - 6),
+    parts: (sample: number) => {
+      let offset = sample * stride;
+      return platform.parts.map((part) => {
+        const own = Array.from({ length: part.moving }, (_, k) => at(offset + 3 * k));
+        offset += 3 * part.moving;
+        return { ...part, points: [...part.points, ...own] };
+      });
+    },
+  };
+}
+
+const FLOOR = 6; // squares along the floor
+
+function Floor({ box, flat }: { box: Box; flat: Projection["flat"] }) {
+  const [half, [x, y]] = [0.7 * Math.max(box.high[0] - box.low[0], box.high[1] - box.low[1]), box.centre];
+  const lines = Array.from({ length: FLOOR + 1 }, (_, k) => half * ((2 * k) / FLOOR - 1)).flatMap((d) => [
+    [flat([x + d, y - half, box.low[2]]), flat([x + d, y + half, box.low[2]])],
+    [flat([x - half, y + d, box.low[2]]), flat([x + half, y + d, box.low[2]])],
+  ]);
+  return <path class="floor" d={lines.map((ends) => `M${text(ends).replace(" ", "L")}`).join("")} />;
+}
+
+function Axes({ flat, height }: { flat: Projection["flat"]; height: number }) {
+  const [x, y] = flat([0, 0, 0]);
+  const ends = (["x", "y", "z"] as const).map((name, axis) => {
+    const [u, v] = flat([0, 1, 2].map((k) => (k === axis ? 1 : 0)) as Point);
+    const long = Math.hypot(...flat([1, 1, 1]).map((value, k) => value - [x, y][k]!)) || 1;
+    return { name, at: [(44 * (u - x)) / long, (44 * (v - y)) / long] as Flat };
+  });
   return (
-    <div class="platform" data-platform={platform.name} data-sample={sample}>
-      <canvas
-        ref={canvas}
-        role="img"
-        aria-label={`Platform ${platform.name}, isometric. The table has its values.`}
-        style={{ maxWidth: `${platform.width}px` }}
-      />
-      <table aria-label={`Values of ${platform.name}`}>
-        <tbody>
-          {platform.outputs.map(({ column, label, unit, size }) => {
-            const value = now.arrays.get(`motion/${column}`)![sample]!;
-            return (
-              <tr key={column}>
-                <th scope="row">{label}</th>
-                <td data-output={column} data-si={value}>
-                  {digits(Math.round((1e6 * value) / size) / 1e6, 4)} {unit}
-                </td>
-              </tr>
-            );
-          })}
-        </tbody>
-      </table>
-    </div>
+    <g class="axes" transform={`translate(44 ${Math.min(60, height / 4)})`}>
+      {ends.map(({ name, at: [u, v] }) => (
+        <g key={name}>
+          <path d={`M0 0L${u} ${v}`} />
+          <text x={1.3 * u} y={1.3 * v + 4} text-anchor="middle">
+            {name}
+          </text>
+        </g>
+      ))}
+    </g>
+  );
+}
+
+const signed = (force: number): string => `${force < 0 ? "−" : "+"}${digits(Math.abs(force))} N`;
+
+/** Bar of a force between the forces that the supply gives at rest. */
+function ForceBar({ force, limits: [low, high], width }: { force: number; limits: SentLeg["limits"]; width: number }) {
+  const most = Math.max(Math.abs(low ?? force), Math.abs(high ?? force), 1e-9);
+  const end = (value: number) => (width / 2) * (1 + Math.max(-1, Math.min(1, value / most)));
+  const [from, to] = [Math.min(end(0), end(force)), Math.max(end(0), end(force))];
+  const isOver = (high !== null && force > high) || (low !== null && force < low);
+  return (
+    <g class={`force ${force < 0 ? "pull" : "push"} ${isOver ? "over" : ""}`}>
+      <rect class="room" x={low === null ? 0 : end(low)} width={end(high ?? most) - (low === null ? 0 : end(low))} />
+      <rect class="bar" x={from} width={to - from} />
+      <path d={`M${width / 2} -2V8`} />
+    </g>
+  );
+}
+
+interface SceneProps {
+  now: Frame<MotionHead>;
+  platform: SentPlatform;
+  sample: number;
+  shown: Camera;
+  width: number;
+}
+
+/** The lines of the platform at a sample, the farthest first. */
+function Scene({ now, platform, sample, shown, width }: SceneProps) {
+  const points = now.arrays.get(`platform/${platform.name}`)!;
+  const own = useMemo(() => pointsOf(platform, points), [points]);
+  const box = useMemo(() => boxOf(platform, points), [points]);
+  const height = Math.min(MOST_HIGH, SHARE * width);
+  const { flat, depth } = projection(shown, box, width, height);
+  const parts = own.parts(sample);
+  const legOf = (number: number) => parts.filter((part) => part.leg === number);
+  const mean = (of: typeof parts) => {
+    const all = of.flatMap((part) => part.points.map(depth));
+    return all.reduce((sum, value) => sum + value, 0) / all.length;
+  };
+  const forceOf = (leg: SentLeg) => now.arrays.get(`motion/${leg.force}`)![sample]!;
+  const thick = Math.max(0.5, width / 720) * shown.zoom;
+  const line = (part: (typeof parts)[number], key: number) => (
+    <polyline key={key} class={part.part} points={text(part.points.map(flat))} />
+  );
+  const tip = own.traced[sample]!;
+  const body = parts.filter((part) => part.part === "platform");
+  const groups = [
+    ...platform.legs.map((leg, k) => {
+      const of = legOf(k + 1);
+      const barrel = of.find((part) => part.part === "barrel")?.points;
+      const piston = of.find((part) => part.part === "piston")?.points;
+      const gas = barrel && piston ? [barrel[0]!, piston[0]!] : [];
+      return {
+        depth: mean(of),
+        drawn: (
+          <g key={leg.name} data-leg={leg.name}>
+            {of.filter((part) => part.part !== "piston").map(line)}
+            {gas.length > 0 && (
+              <>
+                <polyline class="inside" points={text(barrel!.map(flat))} />
+                <polyline class={forceOf(leg) < 0 ? "gas pull" : "gas push"} points={text(gas.map(flat))} />
+              </>
+            )}
+            {of.filter((part) => part.part === "piston").map(line)}
+          </g>
+        ),
+      };
+    }),
+    {
+      depth: mean(body),
+      drawn: (
+        <g key="platform">
+          {body.map(line)}
+          <polyline class="normal" points={text([own.origin(sample), tip].map(flat))} />
+        </g>
+      ),
+    },
+  ].sort((a, b) => a.depth - b.depth);
+  const labels = platform.legs.map((leg, k) => {
+    const { part, points } = legOf(k + 1)[0]!; // a rod from the frame, or the guide of a carriage
+    const [x, y] = flat(points[part === "guide" ? 1 : 0]!);
+    return { leg, x: Math.min(Math.max(x, 90), width - 90), y, side: x < width / 2 ? -1 : 1 };
+  });
+  return (
+    <svg
+      role="img"
+      width={width}
+      height={height}
+      style={{ "--thick": thick }}
+      aria-label={`Platform ${platform.name} in three dimensions. The table of legs has its values.`}>
+      <Floor box={box} flat={flat} />
+      {platform.reach.length > 2 && <polygon class="reach" points={text(outline(platform.reach.map(flat)))} />}
+      {parts.filter((part) => part.part === "frame").map(line)}
+      {groups.map((group) => group.drawn)}
+      {platform.paths.map((path, k) => {
+        const [x, y] = flat(path.points[path.points.length - 1]!);
+        return (
+          <g key={path.label} class={`other other-${k % 3}`} data-path={path.label}>
+            <polyline points={text(path.points.map(flat))} />
+            <text x={x + 8} y={y - 8}>
+              {path.label}
+            </text>
+          </g>
+        );
+      })}
+      <polyline class="whole-path" points={text(own.traced.map(flat))} />
+      <polyline class="path" points={text(own.traced.slice(0, sample + 1).map(flat))} />
+      <circle class="tip" cx={flat(tip)[0]} cy={flat(tip)[1]} r={5} />
+      <Axes flat={flat} height={height} />
+      {labels.map(({ leg, x, y, side }) => (
+        <g key={leg.name} transform={`translate(${x + (side < 0 ? -82 : 22)} ${Math.min(y, height - 30)})`}>
+          <text class="name">{leg.name.replace(/_/g, " ")}</text>
+          <text y={16}>{signed(forceOf(leg))}</text>
+          <g transform="translate(0 22)">
+            <ForceBar force={forceOf(leg)} limits={leg.limits} width={60} />
+          </g>
+        </g>
+      ))}
+    </svg>
+  );
+}
+
+/** State of each leg: piston in its stroke, force between its limits, and pressures. */
+function Legs({ now, platform, sample }: { now: Frame<MotionHead>; platform: SentPlatform; sample: number }) {
+  const at = (column: string) => now.arrays.get(`motion/${column}`)?.[sample] ?? Number.NaN;
+  return (
+    <table class="legs" aria-label={`Legs of ${platform.name}`}>
+      <thead>
+        <tr>
+          {["Leg", "Piston", "Force, across", "a, b, bar abs"].map((head) => (
+            <th scope="col" key={head}>
+              {head}
+            </th>
+          ))}
+        </tr>
+      </thead>
+      <tbody>
+        {platform.legs.map((leg) => {
+          const cylinder = now.head.cylinders?.find((one) => one.name === leg.name);
+          const [force, side] = [at(leg.force), at(leg.force.replace(/_force_n$/, "_side_force_n"))];
+          const x = cylinder ? at(cylinder.position) : Number.NaN;
+          return (
+            <tr key={leg.name}>
+              <th scope="row">{leg.name.replace(/_/g, " ")}</th>
+              <td>
+                {cylinder && (
+                  <>
+                    <svg class="stroke" viewBox="0 0 100 14" preserveAspectRatio="none" aria-hidden="true">
+                      <rect y="5" width="100" height="4" />
+                      <rect class="at" x={96 * Math.min(Math.max(x / cylinder.stroke_m, 0), 1)} width="4" height="14" />
+                    </svg>
+                    {digits(1000 * x, 4)} of {digits(1000 * cylinder.stroke_m, 4)} mm
+                  </>
+                )}
+              </td>
+              <td>
+                <svg class="forces" width="88" height="12" aria-hidden="true">
+                  <g transform="translate(0 3)">
+                    <ForceBar force={force} limits={leg.limits} width={88} />
+                  </g>
+                </svg>
+                <span data-output={leg.force} data-si={force}>
+                  {signed(force)}
+                </span>
+                ,{" "}
+                <span data-output={leg.force.replace(/_force_n$/, "_side_force_n")} data-si={side}>
+                  {digits(side)} N
+                </span>
+              </td>
+              <td>{cylinder?.pressures.map((column) => digits(at(column) / BAR, 3)).join(", ")}</td>
+            </tr>
+          );
+        })}
+      </tbody>
+    </table>
+  );
+}
+
+/** Pose at a sample, as numbers. */
+function Pose({ now, platform, sample }: { now: Frame<MotionHead>; platform: SentPlatform; sample: number }) {
+  const shown = platform.outputs.filter((one) => !one.column.endsWith("_force_n"));
+  return (
+    <dl class="leading" aria-label={`Pose of ${platform.name}`}>
+      {shown.map(({ column, label, unit, size }) => {
+        const value = now.arrays.get(`motion/${column}`)![sample]!;
+        return (
+          <div key={column}>
+            <dt>{label}</dt>
+            <dd class="number" data-output={column} data-si={value}>
+              {digits(Math.round((1e6 * value) / size) / 1e6, 4)} {unit}
+            </dd>
+          </div>
+        );
+      })}
+    </dl>
+  );
+}
+
+/** The view of a platform with what turns it. `children` moves the time. */
+export function PlatformAt({
+  now,
+  platform,
+  sample,
+  children,
+}: {
+  now: Frame<MotionHead>;
+  platform: SentPlatform;
+  sample: number;
+  children: JSX.Element;
+}) {
+  const [turning, turnTo] = useState<Camera | null>(null);
+  const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
+  const place = useRef<HTMLDivElement>(null);
+  const [width, setWidth] = useState(0);
+  useLayoutEffect(() => setWidth(place.current!.clientWidth), []);
+  useEffect(() => {
+    const seen = new ResizeObserver(() => setWidth(place.current?.clientWidth ?? 0));
+    seen.observe(place.current!);
+    return () => seen.disconnect();
+  }, []);
+  const shown = turning ?? cameraOf(camera.value);
+  const put = (next: Camera) => {
+    const { turn, lift, zoom } = limited(next);
+    camera.value = `${turn},${lift},${zoom}`;
+  };
+  const by = (turn: number, lift: number, zoom = 1) =>
+    put({ turn: shown.turn + turn, lift: shown.lift + lift, zoom: shown.zoom * zoom });
+  const keys: Record<string, () => void> = {
+    ArrowLeft: () => by(STEP, 0),
+    ArrowRight: () => by(-STEP, 0),
+    ArrowUp: () => by(0, STEP),
+    ArrowDown: () => by(0, -STEP),
+    "+": () => by(0, 0, CLOSER),
+    "=": () => by(0, 0, CLOSER),
+    "-": () => by(0, 0, 1 / CLOSER),
+    "0": () => put(FREE),
+  };
+  const end = () => {
+    if (turning) put(turning);
+    turnTo((from.current = null));
+  };
+  const rest = platform.parts.some((part) => part.part === "barrel")
+    ? "the colour in a barrel is the sign of its force"
+    : "";
+  return (
+    <section
+      class="platform"
+      aria-label={`Platform ${platform.name}`}
+      data-platform={platform.name}
+      data-sample={sample}>
+      <Answer view={platform.view} />
+      <div class="result">
+        <div class="panel scene">
+          <div class="row">
+            <span class="note" id={`keys-${platform.name}`}>
+              Drag or press the arrow keys to turn, + and − to zoom.
+            </span>
+            {Object.entries(VIEWS).map(([name, view]) => (
+              <button type="button" key={name} onClick={() => put(view)}>
+                {name}
+              </button>
+            ))}
+          </div>
+          <div
+            ref={place}
+            class="turned"
+            tabIndex={0}
+            role="group"
+            aria-label={`View of ${platform.name}, turned ${Math.round(shown.turn)} degrees, lifted ${Math.round(shown.lift)} degrees`}
+            aria-describedby={`keys-${platform.name}`}
+            onKeyDown={(event) => keys[event.key] && (event.preventDefault(), keys[event.key]!())}
+            onWheel={(event) =>
+              event.ctrlKey && (event.preventDefault(), by(0, 0, event.deltaY < 0 ? CLOSER : 1 / CLOSER))
+            }
+            onPointerDown={(event) => {
+              from.current = { x: event.clientX, y: event.clientY, camera: shown };
+              event.currentTarget.setPointerCapture(event.pointerId);
+            }}
+            onPointerUp={end}
+            onPointerCancel={end}
+            onPointerMove={(event) => {
+              const start = from.current;
+              if (start)
+                turnTo(
+                  limited({
+                    ...start.camera,
+                    turn: start.camera.turn - DRAG * (event.clientX - start.x),
+                    lift: start.camera.lift + DRAG * (event.clientY - start.y),
+                  }),
+                );
+            }}>
+            {width > 0 && <Scene now={now} platform={platform} sample={sample} shown={shown} width={width} />}
+          </div>
+          {children}
+          <p class="note">
+            Line: path of the {platform.traced}
+            {platform.reach.length > 2 && "; shade: outline of its workspace"}
+            {rest && `; ${rest}`}. Bars: force along each leg, between the forces at rest from the supply.
+          </p>
+        </div>
+        <aside>
+          <div class="panel">
+            <Pose now={now} platform={platform} sample={sample} />
+          </div>
+          <div class="panel">
+            <Legs now={now} platform={platform} sample={sample} />
+          </div>
+        </aside>
+      </div>
+    </section>
   );
 }

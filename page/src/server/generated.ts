@@ -227,13 +227,22 @@ export interface PistonShapes {
   moves: Record<number, (boolean)[]>;
 }
 
-export interface SentLine {
-  width: number;
-  opacity: number;
-  dash: (number)[];
-  fill: number;
-  points: ([number, number])[];
+export interface SentPart {
+  part: string;
+  leg: number;
+  points: ([number, number, number])[];
   moving: number;
+}
+
+export interface SentLeg {
+  name: string;
+  force: string;
+  limits: [number | null, number | null];
+}
+
+export interface SentPath {
+  label: string;
+  points: ([number, number, number])[];
 }
 
 export interface SentOutput {
@@ -245,11 +254,12 @@ export interface SentOutput {
 
 export interface SentPlatform {
   name: string;
-  width: number;
-  height: number;
-  lines: (SentLine)[];
-  labels: ([string, number, number])[];
-  path: [string, string];
+  traced: string;
+  view: SentView;
+  parts: (SentPart)[];
+  legs: (SentLeg)[];
+  reach: ([number, number, number])[];
+  paths: (SentPath)[];
   outputs: (SentOutput)[];
 }
 

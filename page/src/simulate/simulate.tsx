@@ -113,6 +113,7 @@ export function request(pixels = 1000): Record<string, unknown> | null {
     initial: initial.value,
     pixels,
     ...besides(fields.value, pinned.value, numbers.value),
+    ...(valid.value.kind === "circuit" && { motion: true }),
   };
 }
 
@@ -225,7 +226,7 @@ function Simulated() {
       </section>
       <div class="shown">
         <Refusal />
-        <Answers />
+        {hasPlatform.value ? <Drawn /> : <Answers />}
         <Plots />
         <Below />
         <Beside />
@@ -352,6 +353,8 @@ function Beside() {
 
 const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
 
+const hasPlatform = computed(() => Boolean(answer.value?.head.platforms?.length));
+
 const isAnswered = computed(() => answer.value !== null);
 
 /** Parts of the view that come after the first curves. */
@@ -359,7 +362,7 @@ function Below() {
   if (!isAnswered.value) return null;
   return (
     <div class="below">
-      <Drawn />
+      {!hasPlatform.value && <Drawn />}
       <Ends />
     </div>
   );

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,6 +40,10 @@ REACH = {"m": 2.0, "rad": np.radians(89.0)}
 POINTS = 400
 #: Halvings of the interval in which a limit lies: a millionth of a millimetre.
 HALVINGS = 40
+#: Smallest singular value of a pose that does not count as nearly singular (assumed).
+LEAST_SINGULAR_VALUE = 0.1
+#: Poses for each coordinate that `Platform.reach` tries with three legs and with more, and directions that it looks in.
+REACH_STEPS, REACH_POINTS = (11, 5), 80
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,9 @@ class Platform(Viewed):
         self.legs = tuple(Leg.of(circuit, name) for name in core.legs)
         self.ambient_pa = circuit.ambient.pressure_pa
         self.heat_capacity_ratio = circuit.gas.core()["heat_capacity_ratio"]
+        components = json.loads(circuit.core_json())["components"]
+        supplies = [one["numbers"]["pressure"] for one in components if one["kind"].startswith("reservoir")]
+        self.supply_pa = max(supplies, default=float("nan"))
         middle = np.array([0.0 if np.isnan(leg.stroke_m) else 0.5 * leg.stroke_m for leg in self.legs])
         self.home = angles(core, core.locate(middle[None])[0])[0]
 
@@ -126,6 +134,45 @@ class Platform(Viewed):
     def is_delta(self) -> bool:
         """Whether its legs are carriages with arms."""
         return self.core.coordinates[0] == "x_m" and len(self.core.joints[2]) > 0
+
+    @property
+    def force_limits(self) -> Array:
+        """Forces that the supply gives each leg at rest, N, shape (n, 2): against +x, in +x; NaN without a supply."""
+        areas = np.array([leg.areas_m2 for leg in self.legs])
+        return (self.supply_pa - self.ambient_pa) * areas[:, ::-1] * [-1.0, 1.0]
+
+    @property
+    def normal_m(self) -> float:
+        """Length of the normal whose tip is traced: the mean radius of the joints, or 0 if the platform never tilts."""
+        places = np.asarray(self.core.joints[1], dtype=float).reshape(-1, 3)
+        return float(np.linalg.norm(places, axis=1).mean()) if "rad" in self.units else 0.0
+
+    def traced(self, pose: Pose) -> Array:
+        """Return the traced points, m, shape (m, 3): the tip of the normal, or the origin if it never tilts."""
+        frame = self.evaluate(pose)["frame"]
+        return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
+
+    def reach(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> Array:
+        """Return the outermost traced points of the workspace, m, shape (k, 3): the farthest one in each direction.
+
+        Parameters
+        ----------
+        least_singular_value : float
+            Poses with a smaller one count as singular.
+        """
+        limits = self.workspace(least_singular_value=least_singular_value).limits.values()
+        steps = REACH_STEPS[len(self.legs) > 3]
+        axes = np.meshgrid(*(np.linspace(low.value, high.value, steps) for low, high in limits), indexing="ij")
+        poses = np.stack(axes, axis=-1).reshape(-1, len(self.legs))
+        with np.errstate(invalid="ignore"):
+            x = self.evaluate(poses)["positions"]
+        strokes = np.nan_to_num([leg.stroke_m for leg in self.legs], nan=np.inf)
+        poses = poses[np.all((x >= 0.0) & (x <= strokes), axis=1)]
+        points = self.traced(poses[self.singular_values(poses)[:, -1] >= least_singular_value])
+        z, turn = np.linspace(-1.0, 1.0, REACH_POINTS), np.arange(REACH_POINTS) * np.pi * (3.0 - np.sqrt(5.0))
+        around = np.sqrt(1.0 - z**2)
+        directions = np.stack([around * np.cos(turn), around * np.sin(turn), z])
+        return points[np.unique(np.argmax(points @ directions, axis=0))] if len(points) else points
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -337,7 +384,7 @@ class Platform(Viewed):
         """
         return with_platform_outputs(self, run)
 
-    def workspace(self, *, least_singular_value: float = 0.1) -> PoseLimits:
+    def workspace(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> PoseLimits:
         """Return the limits of each coordinate from `home`, with the others held, by strokes, reach and singular poses.
 
         Parameters

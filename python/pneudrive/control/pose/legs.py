@@ -15,6 +15,7 @@ from pneudrive.control.motion import POWERS, polynomials
 from pneudrive.control.tuning import tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
+from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,8 +37,6 @@ KNOT_S, BEYOND_S = 5e-3, 0.1
 STEP_S = 1e-4
 #: Part of the force of one leg that acts on another, above which single controllers of the legs may swing (measured).
 MOST_COUPLED = 0.4
-#: Smallest singular value of a pose that a path may reach (assumed).
-LEAST_SINGULAR_VALUE = 0.1
 
 
 class Demands(NamedTuple):

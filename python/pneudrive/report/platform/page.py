@@ -12,13 +12,13 @@ import numpy as np
 
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
-from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
+from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
 from pneudrive.report.page import view_report
 from pneudrive.report.platform.scene import FONT, LOOKS, platform_scene
 from pneudrive.report.render import draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
-from pneudrive.views import ShownFigure, ShownTable, ShownValue, View
+from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -274,11 +274,58 @@ def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
             ends = (round(float(end), 6) + 0.0 for end in Axis(label).shown((curve.min(), curve.max())))
             rows.append((name, label, *(f"{end:.4g}" for end in ends)))
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
+    sentences, leading = _answer(platform, found)
+    state = worst(leading)
     return View(
-        f"Platform {platform.name}, {len(time)} samples to {time[-1]:g} s",
+        " ".join(sentences),
+        leading=leading,
+        state=state,
         tables=(ShownTable("Ranges of the run.", ("", "quantity", "least", "most"), tuple(rows)),),
         figures=(ShownFigure(platform.name, caption, run_figure(platform, found)),),
+        notes=(f"{len(time)} samples to {time[-1]:g} s",),
     )
+
+
+def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str], tuple[LeadingValue, ...]]:
+    """Return sentences on a run, and its leading values: error of the path, ends of the legs, singularity, forces."""
+    own, legs = platform.name, platform.legs
+    leading = []
+    errors = [
+        np.abs(columns[name] - columns[wanted])
+        for name in pose_columns(platform)[0]
+        if name.endswith("_m") and (wanted := f"{name.removesuffix('_m')}_reference_m") in columns
+    ]
+    sentences = []
+    if errors:
+        error = float(np.max(errors))
+        sentences.append(f"The path is kept within {1e3 * error:.3g} mm.")
+        leading.append(LeadingValue(ShownValue("path error", own, "largest error of the path", error, "m")))
+    places = [columns[name] for leg in legs if (name := f"{leg.name}.position_m") in columns]
+    margins = [
+        float(np.minimum(x, leg.stroke_m - x).min())
+        for leg, x in zip(legs, places, strict=False)
+        if np.isfinite(leg.stroke_m)
+    ]
+    if margins:
+        margin, hit = max(min(margins), 0.0), sum(one <= 0.0 for one in margins)
+        ends = f"{hit} of {len(legs)} legs reach{'es' if hit == 1 else ''} an end of the stroke."
+        sentences.append(ends if hit else f"No leg comes nearer than {1e3 * margin:.3g} mm to an end of its stroke.")
+        value = ShownValue("leg margin", own, "least distance of a leg to an end", margin, "m")
+        leading.append(LeadingValue(value, 0.0, "open" if hit else "good"))
+    singular = float(columns[f"{own}.smallest_singular_value"].min())
+    is_regular = singular >= LEAST_SINGULAR_VALUE
+    far = "No pose is singular." if is_regular else "The platform passes a nearly singular pose."
+    sentences.append(far)
+    value = ShownValue("singular value", own, "smallest singular value", singular)
+    leading.append(LeadingValue(value, LEAST_SINGULAR_VALUE, "good" if is_regular else "bad"))
+    forces = np.column_stack([columns[f"{own}.leg_{i}_force_n"] for i in range(1, len(legs) + 1)])
+    signs = (forces >= 0.0).astype(int)
+    limits = np.take_along_axis(np.broadcast_to(platform.force_limits, (*signs.shape, 2)), signs[..., None], 2)[..., 0]
+    at = np.unravel_index(np.argmax(forces / limits if np.isfinite(limits).all() else np.abs(forces)), forces.shape)
+    limit = float(limits[at]) if np.isfinite(limits[at]) else None
+    value = ShownValue("leg force", own, "largest force along a leg", float(forces[at]), "N")
+    is_held = limit is None or abs(forces[at]) <= abs(limit)
+    return sentences, (*leading, LeadingValue(value, limit, "good" if is_held else "open"))
 
 
 def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, dict[str, Array]]]:

@@ -5,20 +5,24 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.figures import plain_data
 from pneudrive.platforms import platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
-from pneudrive.report.platform.scene import INKS, LOOKS, platform_scene
+from pneudrive.report.platform.page import platform_run_view, run_columns
+from pneudrive.report.platform.scene import platform_lines
+from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
+from pneudrive.views import STATES, Finding, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import Array
@@ -29,6 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.platforms import Platform
+    from pneudrive.views import SentView
 
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
@@ -39,6 +45,10 @@ BAND = (0.05, 0.95)  # quantiles of the members at the edges of the band
 MOST_SECONDS = 10.0  # time for a band, s: the first one imports modules
 #: Columns that the drawing shows, and the samples of each.
 _ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|position_m$|command$"), 400
+PATH_SAMPLES, MOST_REACHED = 200, 32  # points of the path of another run; mechanisms whose workspace is kept
+#: A hazard of one cylinder: its word, its name, and the rest.
+_OF_CYLINDER = re.compile(r"(\w[\w ]*: )([A-Za-z_]\w*): (.*)", re.DOTALL)
+AROUND_LEGS = 3  # lines of a platform that belong to no leg: frame, platform and path
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
 #: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
@@ -82,9 +92,11 @@ class ExtrasRequest(RunRequest):
             The time is over, or the page no longer waits.
         """
         arrays: dict[str, Array] = {}
-        others = []
+        others, compared = [], {}
+        references = list(map(_reference, shown)) if self.motion else []
         for number, path in enumerate(self.others, start=1):
-            columns = self._other(workspace, path, ["time_s", *shown], limit)
+            compared[path] = self._other(workspace, path, ["time_s", *shown, *references], limit)
+            columns = {name: values for name, values in compared[path].items() if name not in references}
             arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, self.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
         head: dict[str, Any] = {"others": others}
@@ -93,7 +105,7 @@ class ExtrasRequest(RunRequest):
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
             arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=np.float64)[rows] for name in moving}
-            head["platforms"], own = platform_motion(described, run.columns, rows)
+            head["platforms"], own = platform_motion(described, run, rows, compared)
             arrays |= own
         if self.loops:
             found = _loops(described, run.columns, self.pixels)
@@ -317,15 +329,30 @@ def _loops(described: Described, columns: Mapping[str, Array], pixels: int) -> d
 
 
 @dataclass(frozen=True)
-class SentLine:
-    """A line of a drawing: its look, and its points in px, or their number if they move."""
+class SentPart:
+    """Line of a platform: its part, the number of its leg or 0, and its points at rest, m, or how many of them move."""
 
-    width: float
-    opacity: float
-    dash: list[float]
-    fill: float
-    points: list[tuple[float, float]]
+    part: str
+    leg: int
+    points: list[tuple[float, float, float]]
     moving: int
+
+
+@dataclass(frozen=True)
+class SentLeg:
+    """A leg: its name, the column of its force, and the forces at rest that the supply gives it, N."""
+
+    name: str
+    force: str
+    limits: tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class SentPath:
+    """Path of the traced point in another run, or of its reference, m."""
+
+    label: str
+    points: list[tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -340,40 +367,102 @@ class SentOutput:
 
 @dataclass(frozen=True)
 class SentPlatform:
-    """A platform of a run. The array ``platform/NAME`` has the moving points of each sample, the origin last."""
+    """A platform of a run.
+
+    The array ``platform/NAME`` has the moving points of each sample, m, then the origin and the traced point.
+    """
 
     name: str
-    width: float
-    height: float
-    lines: list[SentLine]
-    labels: list[tuple[str, float, float]]
-    path: tuple[str, str]
+    traced: str
+    view: SentView
+    parts: list[SentPart]
+    legs: list[SentLeg]
+    reach: list[tuple[float, float, float]]
+    paths: list[SentPath]
     outputs: list[SentOutput]
 
 
 def platform_motion(
-    described: Described, columns: Mapping[str, Array], rows: Array
+    described: Described, run: Run, rows: Array, others: Mapping[str, Mapping[str, Array]]
 ) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     sent, arrays = [], {}
     for own in platforms(described):
-        pose = pose_columns(own)
-        some = {name: np.asarray(columns[name], dtype=np.float64)[rows] for of in pose for name in of}
-        outputs = {name: some[name] for name in pose[0]} | platform_outputs(own, some)
-        scene = platform_scene(own, motion_of(own, some)[0])
-        lines = []
-        for what, points in scene.lines:
-            look, rests = LOOKS[what], len(points) == 1 < len(rows)
-            at_rest = [(float(x), float(y)) for x, y in points[0]] if rests else []
-            lines.append(SentLine(*look[:2], list(look.dash), look.fill, at_rest, 0 if rests else points.shape[1]))
-        moving = [points for _, points in scene.lines if len(points) == len(rows)]
-        arrays[f"platform/{own.name}"] = np.concatenate([*moving, scene.path[:, None]], axis=1).astype("f4").ravel()
+        poses = pose_columns(own)[0]
+        known = [name for name in run_columns(own) if name in run.columns]
+        some = {name: np.asarray(run.columns[name], dtype=np.float64)[rows] for name in known}
+        outputs = {name: some[name] for name in poses} | platform_outputs(own, some)
+        pose = motion_of(own, some)[0]
+        lines = list(platform_lines(own, pose))
+        each = (len(lines) - AROUND_LEGS) // len(own.legs)  # after the frame, before the platform and the path
+        moving, parts = [], []
+        for k, (part, points) in enumerate(lines[:-1]):
+            leg = 1 + (k - 1) // each if 0 < k <= each * len(own.legs) else 0
+            rests = len(points) == 1 < len(rows)
+            parts.append(SentPart(part, leg, points[0].tolist() if rests else [], 0 if rests else points.shape[1]))
+            moving += [] if rests else [points]
+        points = np.concatenate([*moving, lines[-1][1], own.traced(pose)[:, None]], axis=1)
+        arrays[f"platform/{own.name}"] = points.astype("f4").ravel()
         arrays |= {f"motion/{name}": values for name, values in outputs.items()}
-        labels = [(text, float(x), float(y)) for text, (x, y) in scene.labels]
+        limits = own.force_limits.tolist()
+        legs = [
+            SentLeg(leg.name, f"{own.name}.leg_{i}_force_n", limit)
+            for i, (leg, limit) in enumerate(zip(own.legs, limits, strict=True), start=1)
+        ]
+        paths = [
+            SentPath(label, own.traced(np.column_stack(columns)).tolist())
+            for label, columns in _poses_of(poses, others)
+        ]
+        point = f"tip of the normal of {own.name}" if own.normal_m else f"origin of {own.name}"
         about = list(map(_output, outputs))
-        one = SentPlatform(own.name, *scene.size, lines, labels, (INKS["light"][1], INKS["dark"][1]), about)
-        sent.append(asdict(one))
+        view = _run_answer(platform_run_view(own, some), run)
+        sent.append(plain_data(SentPlatform(own.name, point, view, parts, legs, _reach(own), paths, about)))
     return sent, arrays
+
+
+def _run_answer(view: View, run: Run) -> SentView:
+    """Return sentence and numbers of a platform, with the hardest impact and the hazards of the run."""
+    of_run = run_view(run.columns, run.provenance)
+    hardest = tuple(one for one in of_run.leading if one.value.key == "hardest impact")
+    alike: dict[str, list[str]] = {}  # what one leg does, the others often do too
+    for finding in of_run.findings:
+        if finding.state == "bad":
+            found = _OF_CYLINDER.fullmatch(finding.text)
+            alike.setdefault(f"{found[1]}{{}}: {found[3]}" if found else finding.text, []).append(
+                found[2] if found else ""
+            )
+    findings = tuple(Finding(text.replace("{}", ", ".join(names), 1), "bad") for text, names in alike.items())
+    state = max((view.state, worst(findings)), key=STATES.index)
+    answer = View(view.title, state=state, leading=(*hardest, *view.leading), findings=findings)
+    return cast("SentView", answer.data())
+
+
+def _poses_of(poses: list[str], others: Mapping[str, Mapping[str, Array]]) -> Iterator[tuple[str, list[Array]]]:
+    """Yield label and coordinates of each other run with this platform, and of its reference."""
+    for path, columns in others.items():
+        rows = np.linspace(0, len(columns["time_s"]) - 1, PATH_SAMPLES).round().astype(int)
+        for label, names in ((path, poses), (f"reference of {path}", list(map(_reference, poses)))):
+            if all(name in columns for name in names):
+                yield label, [np.asarray(columns[name], dtype=np.float64)[rows] for name in names]
+
+
+def _reference(column: str) -> str:
+    """Return the column of the reference of a coordinate in a run under control."""
+    name, _, unit = column.rpartition("_")
+    return f"{name}_reference_{unit}"
+
+
+_REACHED: dict[str, list[tuple[float, float, float]]] = {}
+
+
+def _reach(own: Platform) -> list[tuple[float, float, float]]:
+    """Return the outermost points of a workspace, m. A slider that does not change the mechanism finds them again."""
+    key = repr((own.core.joints, own.legs, own.home.tolist()))
+    if key not in _REACHED:
+        if len(_REACHED) >= MOST_REACHED:
+            _REACHED.clear()
+        _REACHED[key] = own.reach().tolist()
+    return _REACHED[key]
 
 
 def _output(column: str) -> SentOutput:
