@@ -44,12 +44,12 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
   const own = arrays.get("motion/time_s");
   const at = own ? indexAt(own, time[row]!) : 0;
   const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
-  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
+  const momentOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
   const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
   const pistons: Motion["pistons"] = {};
   for (const one of now.head.cylinders ?? []) {
-    const position = valueOf(one.position);
-    const values = one.pressures.map(valueOf) as [number, number];
+    const position = momentOf(one.position);
+    const values = one.pressures.map(momentOf) as [number, number];
     const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
     const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
     const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
@@ -171,7 +171,7 @@ export function MovingCircuit({
               now={now}
               platform={one}
               sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}>
-              <>{k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}</>
+              {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
             </View>
           ))}
         <details class="panel">

@@ -1,5 +1,5 @@
 /** A platform on legs in a run: its answer, a view that mouse and keys turn, and the state of each leg. */
-import type { JSX } from "preact";
+import type { ComponentChildren } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { digits } from "../plots/looks";
 import { kept } from "../routes";
@@ -369,7 +369,7 @@ export function PlatformAt({
   now: Frame<MotionHead>;
   platform: SentPlatform;
   sample: number;
-  children: JSX.Element;
+  children: ComponentChildren;
 }) {
   const [turning, turnTo] = useState<Camera | null>(null);
   const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
