@@ -69,6 +69,7 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 	MYPYPATH=python $(PY) -m mypy.stubtest pneudrive._core --concise --ignore-disjoint-bases
 	$(BIN)/typos
 	$(PY) tools/lock.py --check
+	$(PY) tools/stubs.py --check
 	$(PY) tools/page.py check
 
 real: setup  ## docs/theory/how-well.md and its figures, from the real recordings in data/measurements

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -12,16 +13,17 @@ import pneudrive as pn
 # "as-printed" warns that it breaks the energy balance. This effect is measured here.
 warnings.simplefilter("ignore", pn.errors.PneudriveWarning)
 
+Law = Literal["energy-balance", "as-printed"]
 BORE, STROKE, DEAD, HEAT = 0.032, 0.2, 5e-6, 60.0  # m, m, m3, W/(m2 K)
 AREA = 0.25 * math.pi * BORE**2
 K, R, AMBIENT = 1.4, 287.05, 293.15
-WALL = {
+WALL: dict[Law, Callable[[float], float]] = {
     "energy-balance": lambda x: math.pi * (BORE * x + 0.5 * BORE**2),
     "as-printed": lambda x: math.pi * (BORE * x + 0.25 * BORE**3),
 }
 
 
-def drive(law: str, heat_transfer: float = HEAT, coulomb: str = "20 N", viscous: str = "40 N s/m") -> pn.Drive:
+def drive(law: Law, heat_transfer: float = HEAT, coulomb: str = "20 N", viscous: str = "40 N s/m") -> pn.Drive:
     """Describe the drive of the table with one of the two chamber laws."""
     return pn.Drive(
         supply=pn.Supply(pressure="7 bar abs"),
@@ -39,13 +41,13 @@ def drive(law: str, heat_transfer: float = HEAT, coulomb: str = "20 N", viscous:
     )
 
 
-def cycle(law: str) -> xr.Dataset:
+def cycle(law: Law) -> xr.Dataset:
     """Run out and back at full opening, 0.6 s each way, from x = 0 with the other chamber full."""
     initial = pn.Initial(position="0 mm", pressure_a="1.013 bar abs", pressure_b="7 bar abs")
     return pn.simulate(drive(law), "0 s: 1, 0.6 s: -1", "1.2 s", initial=initial, sample_rate="20 kHz", rtol=1e-9)
 
 
-def energy_residual(run: xr.Dataset, law: str) -> float:
+def energy_residual(run: xr.Dataset, law: Law) -> float:
     """Largest difference between the energy stored in chamber a and the energy that entered it, J."""
     x, v, p, t, flow = (
         run[n].to_numpy() for n in ("position", "velocity", "pressure_a", "temperature_a", "mass_flow_a")
@@ -58,7 +60,7 @@ def energy_residual(run: xr.Dataset, law: str) -> float:
     return float(np.abs(held - held[0] - got).max())
 
 
-def closed(law: str) -> tuple[float, float]:
+def closed(law: Law) -> tuple[float, float]:
     """Ring at mid stroke on a shut valve without heat: (polytropic exponent, frequency in Hz)."""
     ring = drive(law, heat_transfer=0.0, coulomb="0.001 N", viscous="0 N s/m")
     initial = pn.Initial(position="100 mm", pressure_a="5.01 bar abs", pressure_b="5 bar abs")
@@ -85,20 +87,21 @@ def stroke_time(run: xr.Dataset) -> float:
     return float(run.time[int(np.argmax(run.position.to_numpy() >= STROKE))])
 
 
-def line(what: str, value: Callable[[str], str]) -> None:
+def line(what: str, value: Callable[[Law], str]) -> None:
     """Print one row: a value for each law."""
     print(f"| {what} | {value('energy-balance')} | {value('as-printed')} |")
+
+
+def ends(name: str) -> Callable[[Law], str]:
+    """Return the lowest and highest value of a result as text, for each law."""
+    return lambda law: f"{float(runs[law][name].min()):.0f} … {float(runs[law][name].max()):.0f}"
 
 
 print("| | energy balance | as printed |")
 print("| --- | ---: | ---: |")
 line("stroke time, s", lambda law: f"{stroke_time(runs[law]):.3f}")
 for side in "ab":
-    gas = f"temperature_{side}"
-    line(
-        f"gas in chamber {side}, K",
-        lambda law, g=gas: f"{float(runs[law][g].min()):.0f} … {float(runs[law][g].max()):.0f}",
-    )
+    line(f"gas in chamber {side}, K", ends(f"temperature_{side}"))
 line("energy of chamber a out of nothing, J", lambda law: f"{energy_residual(runs[law], law):.1f}")
 line(
     "largest difference of pressure a, bar",

@@ -186,7 +186,7 @@ def references(path: str | Path) -> dict[str, pn.control.Reference]:
 
 def main() -> None:
     """Write a record for each axis of a program."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Write a record for each axis of a program.")
     parser.add_argument("program", type=Path, nargs="?", help="without one, an example is written and read")
     parser.add_argument("--out", type=Path, default=Path())
     given = parser.parse_args()

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pneudrive as pn
+from pneudrive.report.render import draw_figure
 from pneudrive.studies.identified_axis import identify_axis
 
 found = identify_axis(pn.Circuit.load(Path(__file__).parent / "controlled_axis.toml"))
@@ -16,4 +17,4 @@ for head, rows in ((found.NUMBERS, found.numbers), (found.SCORES, found.scores))
         print(f"| {' | '.join(row)} |")
     print()
 if len(sys.argv) > 1:
-    found.figure().savefig(sys.argv[1], dpi=150)
+    draw_figure(found.figure(), sys.argv[1])

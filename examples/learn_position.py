@@ -49,7 +49,7 @@ if __name__ == "__main__":
     observation, _ = env.reset(seed=1)
     total = 0.0
     for _ in range(1000):  # a proportional controller in place of a learner
-        observation, reward, *_ = env.step([10.0 * (observation[4] - observation[0])])
+        observation, reward, *_ = env.step(np.array([10.0 * (observation[4] - observation[0])]))
         total += reward
     target, position = 1e3 * observation[4], 1e3 * observation[0]
     print(f"target {target:.1f} mm, position {position:.1f} mm, mean error {-total / 1000:.1f} mm")

@@ -22,8 +22,11 @@ require_processor()
 # Imported at first use: `import pneudrive` stays fast.
 with lazily(__name__) as _HOME:
     from pneudrive import control as control
+    from pneudrive import ensemble as ensemble
+    from pneudrive import errors as errors
     from pneudrive import mujoco as mujoco
     from pneudrive import report as report
+    from pneudrive import units as units
     from pneudrive.datasheet.characteristics.air import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.linear import linearise as linearise

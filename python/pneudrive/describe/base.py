@@ -246,6 +246,9 @@ class Described(Shown, BaseModel):
             if value is not None and value != () and value != {}:
                 yield field.alias or name, value, mark_of(field)
 
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in dir(BaseModel)]  # what users need
+
     def __str__(self) -> str:
         return repr(self)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     #: Of a user: signals by name, shape (members, samples), and their times, s -> one value a member, shape (members,).
-    OwnReduction = Callable[[dict[str, Array], Array], Array]
+    OwnReduction = Callable[[dict[str, Array], Array], Array | float]
 
 #: Sampling of what a function of the user's sees by default, Hz.
 RATE_HZ = 1000.0

@@ -1,0 +1,156 @@
+# Written by tools/stubs.py from pneudrive.describe.circuit: do not edit.
+from collections.abc import Mapping as _Mapping, Sequence as _Sequence
+from typing import Any as _Any, Literal as _Literal, TypeAlias as _TypeAlias
+
+from pneudrive.describe.marks import PerChamber as _PerChamber
+from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
+
+_Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+import xarray as xr
+from _typeshed import Incomplete
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.describe.circuit_tables import (
+    completed as completed,
+    copied as copied,
+    part_of as part_of,
+    read_component as read_component,
+    used as used,
+)
+from pneudrive.describe.components import Component as Component, within as within
+from pneudrive.describe.connections import Part as Part, Wiring as Wiring
+from pneudrive.describe.files import toml as toml
+from pneudrive.describe.files.sourced import Value as Value
+from pneudrive.describe.formulas import written as written
+from pneudrive.describe.formulas.formula import ComponentFormula as ComponentFormula, formula_of as formula_of
+from pneudrive.describe.formulas.law import law_of as law_of
+from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
+from pneudrive.describe.short import Short as Short, expanded as expanded
+from pneudrive.describe.system import System as System, compiled as compiled
+from pneudrive.describe.tables import end_stops as end_stops
+from pneudrive.describe.tables.parts import Ambient as Ambient, Gas as Gas
+from pneudrive.describe.tables.signal import Positions as Positions, Signal as Signal
+from pneudrive.describe.tables.starts import (
+    PRESSURE as PRESSURE,
+    Starts as Starts,
+    check_platforms as check_platforms,
+    coordinate_keys as coordinate_keys,
+    start_place as start_place,
+    start_values as start_values,
+)
+from pneudrive.errors import (
+    DescriptionError as DescriptionError,
+    PneudriveError as PneudriveError,
+    Problems as Problems,
+    together as together,
+    warn as warn,
+)
+from pneudrive.lazy_names import upper as upper
+from pneudrive.progress import Flag as Flag
+from pneudrive.repr_tables import Card as Card
+from pneudrive.simulation.command import Commands as Commands
+from pneudrive.simulation.session import Session as Session
+from typing import Any, ClassVar, Literal
+
+STOP_KEYS: Incomplete
+
+class Circuit(Described):
+    file_kind: ClassVar[str]
+    key_prefix: ClassVar[str]
+    picture_home: ClassVar[str]
+    schema_version: Literal[1]
+    name: str
+    gas: Gas
+    ambient: Ambient
+    components: dict[str, Component]
+    connections: tuple[str, ...]
+    plugged: tuple[str, ...]
+    junctions: Literal["volume", "series"]
+    initial: dict[str, Any]
+    labels: dict[str, str]
+
+    @property
+    def dew_point_pressure_pa(self) -> float | None: ...
+    @classmethod
+    def load(cls, source: str | Path) -> Circuit: ...
+    @classmethod
+    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Circuit: ...
+    def replace(self, changes: dict[str, Any]) -> Circuit: ...
+    @cached_property
+    def wiring(self) -> Wiring: ...
+    @property
+    def commandable(self) -> dict[str, Signal | Positions | None]: ...
+    @property
+    def movers(self) -> list[tuple[str, float, float]]: ...
+    @property
+    def meanings(self) -> dict[str, str]: ...
+    @cached_property
+    def si_form(self) -> str: ...
+    def core_json(self) -> str: ...
+    @property
+    def system(self) -> System: ...
+    @property
+    def circuit(self) -> Circuit: ...
+    def read_start(self, given: object) -> dict[str, float]: ...
+    circuit_start = read_start
+
+    @property
+    def origin_of(self) -> dict[str, Value]: ...
+    @property
+    def component_places(self) -> list[tuple[str, str]]: ...
+    @property
+    def plain_tables(self) -> dict[str, Any]: ...
+    @property
+    def description_hash(self) -> str: ...
+    def core_initial(self, initial: Mapping[str, Any] | None = None) -> dict[str, float]: ...
+    @property
+    def start_keys(self) -> set[str]: ...
+    @cached_property
+    def start_names(self) -> dict[str, str]: ...
+    def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-06) -> Session: ...
+    def simulate(
+        self,
+        commands: Commands,
+        duration: str | float,
+        *,
+        initial: Mapping[str, Any] | str | None = None,
+        sample_rate: str | float = "1 kHz",
+        rtol: float = 1e-06,
+        ledger: bool = False,
+        budget: int | None = None,
+        progress: Callable[[float, float, str], None] | None = None,
+        cancel: Flag | None = None,
+    ) -> xr.Dataset: ...
+    def sources(self) -> list[str]: ...
+    @property
+    def cited(self) -> list[str]: ...
+    def assumed(self) -> list[str]: ...
+    def assumptions(self) -> list[tuple[str, str]]: ...
+    @property
+    def joint_volumes(self) -> list[tuple[str, float]]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    def to_toml(self) -> str: ...
+    def __init__(
+        self,
+        *,
+        schema: _Literal[1] = ...,
+        name: str = ...,
+        gas: Gas | _Mapping[str, _Any] = ...,
+        ambient: Ambient | _Mapping[str, _Any] = ...,
+        components: _Mapping[str, _Any],
+        connections: _Sequence[_Any] = ...,
+        plugged: _Sequence[_Any] = ...,
+        junctions: _Literal["volume", "series"] = ...,
+        initial: _Mapping[str, _Any] = ...,
+        labels: _Mapping[str, _Any] = ...,
+        **keys: _Any,
+    ) -> None: ...
+
+def _area(component: Any) -> float: ...
+def _formula_of(entry: Mapping[str, Any], given: str, folder: Path) -> ComponentFormula: ...
+def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError: ...
+def _relocate(error: Any, short: Short) -> Any: ...

@@ -1,0 +1,148 @@
+# Written by tools/stubs.py from pneudrive.describe.drive: do not edit.
+from collections.abc import Mapping as _Mapping, Sequence as _Sequence
+from typing import Any as _Any, Literal as _Literal, TypeAlias as _TypeAlias
+
+from pneudrive.describe.marks import PerChamber as _PerChamber
+from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
+
+_Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+from _typeshed import Incomplete
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.describe.circuit import Circuit as Circuit
+from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, toml as toml
+from pneudrive.describe.files.provenance import Origin as Origin
+from pneudrive.describe.files.sourced import Value as Value, has_origin as has_origin
+from pneudrive.describe.formulas import written as written
+from pneudrive.describe.formulas.law import law_of as law_of
+from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.short import TABLES as TABLES, beside_control as beside_control, expanded as expanded
+from pneudrive.describe.system import (
+    PISTON as PISTON,
+    System as System,
+    drive_names as drive_names,
+    short_name as short_name,
+)
+from pneudrive.describe.tables import end_stops as end_stops
+from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
+from pneudrive.describe.tables.friction import Friction as Friction, friction_laws as friction_laws
+from pneudrive.describe.tables.parts import (
+    Ambient as Ambient,
+    Cylinder as Cylinder,
+    EndStop as EndStop,
+    Gas as Gas,
+    Initial as Initial,
+    Load as Load,
+    Supply as Supply,
+    Valve as Valve,
+)
+from pneudrive.describe.tables.signal import Positions as Positions, Signal as Signal
+from pneudrive.describe.tables.starts import read_initial as read_initial, start_state as start_state
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS as FLOW_KEYS
+from pneudrive.errors import Problems as Problems
+from pneudrive.lazy_names import upper as upper
+from pneudrive.repr_tables import Card as Card
+from pneudrive.simulation.session import Session as Session
+from typing import Any, ClassVar, Literal
+
+_ASSUMED: Incomplete
+
+class _FileOrTable(classmethod):
+    def __get__(self, instance: Any, owner: Any = None) -> Any: ...
+
+class Drive(Described):
+    file_kind: ClassVar[str]
+    key_prefix: ClassVar[str]
+    picture_home: ClassVar[str]
+    schema_version: Literal[1]
+    name: str
+    gas: Gas
+    ambient: Ambient
+    supply: Supply
+    cylinder: Cylinder
+    valve: Valve
+    friction: Friction
+    carried: Load
+    tubing: dict[str, Any]
+    flow_control: dict[str, Any]
+    labels: dict[str, str]
+    provenance: dict[str, Origin]
+
+    @classmethod
+    def load(cls, source: str | Path) -> Drive: ...
+    @classmethod
+    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Drive: ...
+    def replace(self, changes: dict[str, Any]) -> Drive: ...
+    @property
+    def supply_pressure_pa(self) -> float: ...
+    @property
+    def dew_point_pressure_pa(self) -> float | None: ...
+    @cached_property
+    def origins(self) -> tuple[Value, ...]: ...
+    @property
+    def origin_of(self) -> dict[str, Value]: ...
+    @property
+    def component_places(self) -> list[tuple[str, str]]: ...
+    @property
+    def plain_tables(self) -> dict[str, Any]: ...
+    @property
+    def lines(self) -> tuple[str, ...]: ...
+    @property
+    def is_plain(self) -> bool: ...
+    @property
+    def plain(self) -> Drive: ...
+    @cached_property
+    def circuit(self) -> Circuit: ...
+    @cached_property
+    def system(self) -> System: ...
+    def core_json(self) -> str: ...
+    @property
+    def movers(self) -> list[tuple[str, float, float]]: ...
+    @property
+    def commandable(self) -> dict[str, Signal | Positions | None]: ...
+    @property
+    def meanings(self) -> dict[str, str]: ...
+    def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive: ...
+    @cached_property
+    def description_hash(self) -> str: ...
+    def short_form(self) -> dict[str, Any]: ...
+    def core_initial(self, initial: Initial | None = None) -> dict[str, float]: ...
+    def circuit_initial(self, initial: Initial | None = None) -> dict[str, float]: ...
+    def circuit_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]: ...
+    def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]: ...
+    def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-06) -> Session: ...
+    @property
+    def end_stop(self) -> dict[str, float]: ...
+    def sources(self) -> list[str]: ...
+    @property
+    def cited(self) -> list[str]: ...
+    def assumed(self) -> list[str]: ...
+    def assumptions(self) -> list[tuple[str, str]]: ...
+    @cached_property
+    def all_assumptions(self) -> list[tuple[str, str]]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    def to_toml(self) -> str: ...
+    def __init__(
+        self,
+        *,
+        schema: _Literal[1] = ...,
+        name: str = ...,
+        gas: Gas | _Mapping[str, _Any] = ...,
+        ambient: Ambient | _Mapping[str, _Any] = ...,
+        supply: Supply | _Mapping[str, _Any],
+        cylinder: Cylinder | _Mapping[str, _Any],
+        valve: Valve | _Mapping[str, _Any],
+        friction: Friction | _Mapping[str, _Any],
+        load: Load | _Mapping[str, _Any] = ...,
+        tubing: _Mapping[str, _Any] = ...,
+        flow_control: _Mapping[str, _Any] = ...,
+        labels: _Mapping[str, _Any] = ...,
+        provenance: _Mapping[str, _Any] = ...,
+    ) -> None: ...
+
+def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]: ...
+def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]: ...
+def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]: ...

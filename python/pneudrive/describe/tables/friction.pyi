@@ -1,0 +1,221 @@
+# Written by tools/stubs.py from pneudrive.describe.tables.friction: do not edit.
+from collections.abc import Mapping as _Mapping, Sequence as _Sequence
+from typing import Any as _Any, Literal as _Literal, TypeAlias as _TypeAlias
+
+from pneudrive.describe.marks import PerChamber as _PerChamber
+from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
+
+_Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+from _typeshed import Incomplete
+from collections.abc import Callable as Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pneudrive import units as units
+from pneudrive.describe.base import Described as Described
+from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
+from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
+from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.marks import Bounds as Bounds, Quantity as Quantity, StatedPressure as StatedPressure
+from pneudrive.describe.parameters import (
+    parameter_quantities as parameter_quantities,
+    parameter_quantity as parameter_quantity,
+)
+from pneudrive.describe.tables.dependences import (
+    Acting as Acting,
+    DEPENDENCES as DEPENDENCES,
+    DirectionDependence as DirectionDependence,
+    Dwell as Dwell,
+    PositionDependence as PositionDependence,
+    Relaxation as Relaxation,
+    SealPressure as SealPressure,
+    SideLoad as SideLoad,
+    TemperatureDependence as TemperatureDependence,
+    Wear as Wear,
+)
+from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest, warn as warn
+from pydantic import ModelWrapValidatorHandler
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
+
+def friction_laws() -> MappingProxyType[str, dict[str, Any]]: ...
+def has_bristles(law: str) -> bool: ...
+
+StribeckShape: Incomplete
+
+def has_stribeck_curve(law: str) -> bool: ...
+
+Evolution: Incomplete
+MOST_ELEMENTS: int
+SHARES_WITHIN: float
+CHOICES: Incomplete
+
+def _keys(law: str, entry: Mapping[str, Any]) -> list[str]: ...
+
+class SlipElement(Acting):
+    table_name: ClassVar[str]
+    stiffness_n_m: float
+    share: float
+
+    @property
+    def stiffness(self) -> _UnitFloat: ...
+    def __init__(self, *, stiffness: _Given, share: _Given) -> None: ...
+
+DEFAULT_LAW: str
+_BREAKAWAY_DISPLACEMENT_M: float
+_DAMPING_TIME_S: float
+_STRIBECK_VELOCITY_M_S: float
+_PASSIVE_SHARE: float
+_FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]]
+ASSUMED_DIGITS: int
+
+def _as_assumed(value: float) -> float: ...
+def _following(known: Mapping[str, float]) -> dict[str, float]: ...
+def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]: ...
+def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]: ...
+def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]: ...
+
+@dataclass(frozen=True)
+class Parameters(Mapping[str, float]):
+    pairs: tuple[tuple[str, float], ...] = ...
+
+    def __getitem__(self, key: str) -> float: ...
+    def __iter__(self) -> Iterator[str]: ...
+    def __len__(self) -> int: ...
+
+class Friction(Described):
+    table_name: ClassVar[str]
+    law: str
+    formula: FrictionLaw | _Any
+    parameters: Parameters
+    given: frozenset[str]
+    stribeck_shape: StribeckShape | None
+    elements: tuple[SlipElement, ...]
+    evolution: Evolution | None
+    pressure: SealPressure | _Any
+    dwell: Dwell | _Any
+    relaxation: Relaxation | _Any
+    position: PositionDependence | _Any
+    direction: DirectionDependence | _Any
+    side_load: SideLoad | _Any
+    temperature: TemperatureDependence | _Any
+    wear: Wear | _Any
+
+    @cached_property
+    def assumed(self) -> tuple[tuple[str, str], ...]: ...
+    @property
+    def note(self) -> str: ...
+    def __getattr__(self, name: str) -> units.UnitFloat | float: ...
+    def __dir__(self) -> list[str]: ...
+    @property
+    def entry(self) -> dict[str, Any]: ...
+    def core(self) -> dict[str, Any]: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]: ...
+    @property
+    def attraction(self) -> _UnitFloat: ...
+    @property
+    def bouc_wen_exponent(self) -> _UnitFloat: ...
+    @property
+    def breakaway(self) -> _UnitFloat: ...
+    @property
+    def breakaway_share(self) -> _UnitFloat: ...
+    @property
+    def bristle_damping(self) -> _UnitFloat: ...
+    @property
+    def bristle_stiffness(self) -> _UnitFloat: ...
+    @property
+    def coulomb(self) -> _UnitFloat: ...
+    @property
+    def dahl_exponent(self) -> _UnitFloat: ...
+    @property
+    def damping_fade_velocity(self) -> _UnitFloat: ...
+    @property
+    def dead_zone(self) -> _UnitFloat: ...
+    @property
+    def direct_effect(self) -> _UnitFloat: ...
+    @property
+    def distance(self) -> _UnitFloat: ...
+    @property
+    def evolution_effect(self) -> _UnitFloat: ...
+    @property
+    def film_decay_time(self) -> _UnitFloat: ...
+    @property
+    def film_growth_time(self) -> _UnitFloat: ...
+    @property
+    def film_rest_time(self) -> _UnitFloat: ...
+    @property
+    def film_rest_velocity(self) -> _UnitFloat: ...
+    @property
+    def film_velocity(self) -> _UnitFloat: ...
+    @property
+    def fluid_lead_time(self) -> _UnitFloat: ...
+    @property
+    def loop_shape(self) -> _UnitFloat: ...
+    @property
+    def memory_time(self) -> _UnitFloat: ...
+    @property
+    def recovery_time(self) -> _UnitFloat: ...
+    @property
+    def reference_velocity(self) -> _UnitFloat: ...
+    @property
+    def slip_velocity(self) -> _UnitFloat: ...
+    @property
+    def stribeck_exponent(self) -> _UnitFloat: ...
+    @property
+    def stribeck_velocity(self) -> _UnitFloat: ...
+    @property
+    def stribeck_velocity_a(self) -> _UnitFloat: ...
+    @property
+    def stribeck_velocity_b(self) -> _UnitFloat: ...
+    @property
+    def viscous(self) -> _UnitFloat: ...
+    def __init__(
+        self,
+        *,
+        law: str = ...,
+        stribeck_shape: _Literal["gaussian", "exponential", "lorentzian", "free"] | None = ...,
+        elements: _Sequence[_Any] = ...,
+        evolution: _Literal["ageing", "slip"] | None = ...,
+        pressure: SealPressure | _Mapping[str, _Any] | None = ...,
+        dwell: Dwell | _Mapping[str, _Any] | None = ...,
+        relaxation: Relaxation | _Mapping[str, _Any] | None = ...,
+        position: PositionDependence | _Mapping[str, _Any] | None = ...,
+        direction: DirectionDependence | _Mapping[str, _Any] | None = ...,
+        side_load: SideLoad | _Mapping[str, _Any] | None = ...,
+        temperature: TemperatureDependence | _Mapping[str, _Any] | None = ...,
+        wear: Wear | _Mapping[str, _Any] | None = ...,
+        attraction: _Given = ...,
+        bouc_wen_exponent: _Given = ...,
+        breakaway: _Given = ...,
+        breakaway_share: _Given = ...,
+        bristle_damping: _Given = ...,
+        bristle_stiffness: _Given = ...,
+        coulomb: _Given = ...,
+        dahl_exponent: _Given = ...,
+        damping_fade_velocity: _Given = ...,
+        dead_zone: _Given = ...,
+        direct_effect: _Given = ...,
+        distance: _Given = ...,
+        evolution_effect: _Given = ...,
+        film_decay_time: _Given = ...,
+        film_growth_time: _Given = ...,
+        film_rest_time: _Given = ...,
+        film_rest_velocity: _Given = ...,
+        film_velocity: _Given = ...,
+        fluid_lead_time: _Given = ...,
+        loop_shape: _Given = ...,
+        memory_time: _Given = ...,
+        recovery_time: _Given = ...,
+        reference_velocity: _Given = ...,
+        slip_velocity: _Given = ...,
+        stribeck_exponent: _Given = ...,
+        stribeck_velocity: _Given = ...,
+        stribeck_velocity_a: _Given = ...,
+        stribeck_velocity_b: _Given = ...,
+        viscous: _Given = ...,
+        **keys: _Any,
+    ) -> None: ...
+
+def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]: ...
+def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]: ...
