@@ -24,7 +24,7 @@ PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/src/*/*
 # More than two cores have: some tests wait for a process that they killed, or for a browser.
 PYTEST_WORKERS ?= 3
 
-.PHONY: help setup demo test test-rust test-python test-page trials test-extras check real bench docs wheel test-wheel fmt lock
+.PHONY: help setup demo test test-rust test-python test-page trials test-extras check real bench record docs wheel test-wheel fmt lock
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -77,6 +77,9 @@ real: setup  ## docs/theory/how-well.md and its figures, from the real recording
 
 bench: setup $(VENV)/.bench $(VENV)/.page $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches
+
+record: setup  ## the figures of the last bench become those of README and the documentation
+	$(PY) -m benches.record
 
 docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/html, its cells executed; opened in a browser
 	$(PY) -m sphinx --fail-on-warning --quiet -b html docs docs/_build/html

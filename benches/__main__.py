@@ -1,7 +1,7 @@
 """``make bench``: every solver at its sufficient tolerance, all in one run.
 
-Prints tables with ratios, writes ``benches/results.json`` and ``benches/results.md``.  Times are recorded but never
-fail: the exit status does not depend on them.
+Prints tables with ratios, writes ``out/bench/results.json`` and ``out/bench/results.md``.  Times never fail: the exit
+status does not depend on them.  ``make record`` makes the written figures those of the pages (`benches.record`).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from typing import Any
 
 from benches import doors, ensemble, growth, identify, limit, page, tables
 from benches.problem import CASES, GRID
+from benches.quoted import OUT
 from benches.sweep import Entry, interleave
 
-HERE = Path(__file__).resolve().parent
 ROUNDS = {"A": 21, "B": 21, "C": 3}
 COMPILED = "numbalsoda LSODA"
 # Promised speed-up: at least this factor compared with ...
@@ -180,7 +180,8 @@ def main() -> None:
         "tables": [[head, *body] for head, body in more],
         "doors_s": {what: float(f"{seconds:.4g}") for what, seconds, _ in waits},
     }
-    (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    OUT.mkdir(parents=True, exist_ok=True)
+    (OUT / "results.json").write_text(json.dumps(results, indent=1) + "\n")
     cpu = f"{machine()['cpu']}, {machine()['cores']} cores"
     note = (
         f"{cpu}; processor time of one trajectory, median of interleaved rounds "
@@ -188,7 +189,7 @@ def main() -> None:
         "Each solver, ours too, at the loosest tolerance at which it and every tighter one of "
         f"{GRID[0]:g} .. {GRID[-1]:g}\nstay within 1 um and 1e-4 of the golden trajectory."
     )
-    (HERE / "results.md").write_text(f"<!-- written by `make bench` -->\n{note}\n\n{marked}")
+    (OUT / "results.md").write_text(f"<!-- written by `make bench` -->\n{note}\n\n{marked}")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+#: Where a bench writes, and the figures that `make record` takes from there.
+OUT = Path("out/bench")
 RESULTS = Path(__file__).parent / "results.json"
 #: Counts inside their intervals, and all: profile intervals of hidden tubes and drives, predictions for seals.
 COVERAGE = Path(__file__).parent / "coverage.json"

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from benches.quoted import quoted, speed_table
+from benches.record import renewed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -16,6 +17,13 @@ def test_readme_has_the_measured_times():
     assert f"takes {numbers['simulate_ms']} ms" in text
     assert f"take {numbers['ensemble_member_us']} us each" in text
     assert f"at {numbers['inside_seals']} held-out pressures" in text
+
+
+def test_recorded_figures_replace_those_of_readme():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    older = re.sub(r"(?<=\| )\d+(\.\d)?(?= \|)|(?<=takes )[\d.]+(?= ms)|(?<=take )\d+(?= us)", "7.77", text)
+    assert older.count("7.77") >= 11
+    assert renewed(older.replace("take 7.77 us", "take 7 us")) == text
 
 
 def test_every_substitution_of_the_documentation_is_known():
