@@ -34,11 +34,11 @@ def empty(tmp_path: Path) -> Iterator[Server]:
     made.end()
 
 
-def test_three_ways_to_begin_in_an_empty_folder(empty: Server, open_tab: Open) -> None:
+def test_four_ways_to_begin_in_an_empty_folder(empty: Server, open_tab: Open) -> None:
     tab = open_tab(empty.address)
     page = tab.page
     page.wait_for_selector("text=This folder is empty")
-    assert page.locator(".starts article").count() == 3
+    assert page.locator(".starts article").count() == 4
     assert violations(tab) == []
     tab.picture("begin")
     page.click("a:text-is('Open an example drive')")

@@ -1,9 +1,9 @@
-/** Lists of the files that a view opens, and the three starting points. */
+/** Lists of the files that a view opens, and the starting points. */
 
-import { signal } from "@preact/signals";
+import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
-import { ask, attempting, type Problem, Refused, write } from "../server/server";
+import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
 import { filesOf, list, studies, take, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
@@ -21,23 +21,48 @@ const openExample = () =>
     location.hash = link("recording", path);
   });
 
-/** Write the first task into a new file, and open it. */
-const openTask = () =>
-  attempt(async () => {
-    const { text } = await ask<{ text: string }>("/api/task", {});
-    for (let number = 1; ; number++) {
-      const path = `task${number > 1 ? `-${number}` : ""}.toml`;
-      try {
-        await write(path, text, "");
-      } catch (error) {
-        if (error instanceof Refused && error.status === 412) continue; // it is there already
-        throw error;
-      }
-      await list();
-      location.hash = link("sizing", path);
-      return;
+/** Write a text into a new file, and open it. A name that is there already gets a number. */
+async function begin(name: string, text: string, view: string): Promise<void> {
+  for (let number = 1; ; number++) {
+    const path = `${name}${number > 1 ? `-${number}` : ""}.toml`;
+    try {
+      await write(path, text, "");
+    } catch (error) {
+      if (error instanceof Refused && error.status === 412) continue; // it is there already
+      throw error;
     }
-  });
+    await list();
+    location.hash = link(view, path);
+    return;
+  }
+}
+
+const openTask = () =>
+  attempt(async () => begin("task", (await ask<{ text: string }>("/api/task", {})).text, "sizing"));
+
+/** Start of a platform on three legs, named first. */
+function NewPlatform({ isFirst = false }: { isFirst?: boolean }) {
+  const name = useSignal("tripod");
+  const open = async () => {
+    const { text } = await read<{ text: string }>("/api/platform");
+    await begin(
+      name.value,
+      text.replace(/^name = .*$/m, () => `name = ${JSON.stringify(name.value)}`),
+      "simulate",
+    );
+  };
+  return (
+    <form class="row" onSubmit={(event) => (event.preventDefault(), void attempt(open))}>
+      <label>
+        Name{" "}
+        <input required size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+      </label>
+      <button type="submit" class={isFirst ? "primary" : ""}>
+        Start with a platform
+      </button>
+    </form>
+  );
+}
 
 const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   <label class="button primary">
@@ -51,7 +76,7 @@ const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   </label>
 );
 
-/** Three starting points, each at most two clicks from its first curve. */
+/** Starting points, each at most two clicks from its first curve. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
   const examples = (
     <button type="button" onClick={() => void openExample()}>
@@ -72,6 +97,7 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
             Start with a task
           </button>
         </p>
+        <NewPlatform />
       </section>
     );
   return (
@@ -109,6 +135,11 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
               Start with a task
             </button>
           </p>
+        </article>
+        <article class="panel">
+          <h3>Move a platform</h3>
+          <p>Three legs under a plate that heaves and tilts. See its workspace, its path and the forces of its legs.</p>
+          <NewPlatform isFirst />
         </article>
       </div>
     </section>
@@ -156,6 +187,7 @@ export function Choose({
           {taking.value}
         </span>
       </p>
+      {catalogue && <NewPlatform />}
       {files.length > 0 && (
         <>
           <h3>In the folder</h3>

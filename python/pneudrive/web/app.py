@@ -74,6 +74,7 @@ ANSWERS = {
     "GET /api/validation": "measured.validation:shown_validation",
     "POST /api/compare": "measured.validation:compared",
     "POST /api/task": "drive.sizing:checked_or_first",
+    "GET /api/platform": "drive.description:first_platform",
     "GET /api/sizing": "drive.sizing:shown_sizing",
     "GET /api/map": "measured.friction:shown_map",
     "GET /api/slice": "measured.friction:map_slice",

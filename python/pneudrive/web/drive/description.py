@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
+from pathlib import Path
 from posixpath import basename
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,8 @@ _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
 #: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
 LOW, HIGH = 0.2, 3.0
 _FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
+#: Text with which a platform begins.
+FIRST_PLATFORM = Path(__file__).with_name("first_platform.toml")
 #: Sliders that a new page begins with, those that the description has.
 FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
 MOST_SLIDERS = 4
@@ -142,6 +145,11 @@ def field_of(one: DescribedValue) -> dict[str, Any]:
     if not unit and 0.0 < number < 1.0:
         high = min(high, 1.0)
     return {**out, "number": number, "unit": unit, "units": like(unit) if unit else [], "low": low, "high": high}
+
+
+def first_platform() -> dict[str, str]:
+    """Return the text with which a platform begins."""
+    return {"text": FIRST_PLATFORM.read_text(encoding="utf-8")}
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
