@@ -1,10 +1,11 @@
 import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
 import { Component, type ComponentChildren, type ComponentType, render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { open } from "./drive/opened";
+import { open, opened } from "./drive/opened";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
-import { VIEWS, type View, viewOf } from "./views";
+import { followActions, forgetSteps } from "./undo";
+import { VIEWS, type View, verbsOf } from "./views";
 import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
 import { Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
@@ -101,10 +102,7 @@ function shortName(path: string): string {
 /** Tabs of the open objects, and the verbs of the selected object. */
 function Tabs() {
   const { view, path } = route.value;
-  const kind = kindOf(path);
-  const verbs = path
-    ? VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind))
-    : [];
+  const verbs = path ? verbsOf(view, kindOf(path)) : [];
   const row = useRef<HTMLUListElement>(null);
   useEffect(() => {
     row.current?.querySelector(".here")?.scrollIntoView({ block: "nearest", inline: "nearest" });
@@ -160,9 +158,39 @@ function Share() {
   );
 }
 
+const palette = signal<typeof import("./workspace/palette") | null>(null);
+const isFinding = signal(false);
+const isMac = /Mac|iP/.test(navigator.platform);
+
+async function find(): Promise<void> {
+  palette.value ??= await import("./workspace/palette");
+  isFinding.value = true;
+}
+
+/** Open the dialog on Ctrl K, Cmd K on a Mac. */
+function findOnKey(event: KeyboardEvent): void {
+  if (event.key.toLowerCase() !== "k" || !(isMac ? event.metaKey : event.ctrlKey) || event.shiftKey || event.altKey)
+    return;
+  event.preventDefault();
+  void find();
+}
+
+/** Forget the steps of another object. A description that got another name is the same one. */
+function forgetOthers(): void {
+  const path = computed(() => route.value.path);
+  let before = { shown: "", opened: "" };
+  effect(() => {
+    const now = { shown: path.value, opened: opened.peek()?.path ?? "" };
+    const isRenamed = before.shown === before.opened && now.shown === now.opened;
+    if (!isRenamed) untracked(forgetSteps);
+    before = now;
+  });
+}
+
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
+  const Palette = palette.value?.Palette;
   const Shown = loaded.value[shown.value.name];
   return (
     <>
@@ -183,9 +211,13 @@ function Page() {
           <a href={link("studies")}>pneudrive</a>
         </h1>
         <span class="folder">{studies.value?.folder}</span>
+        <button type="button" class="find" aria-keyshortcuts="Control+K Meta+K" onClick={() => void find()}>
+          Find <kbd>{isMac ? "⌘ K" : "Ctrl K"}</kbd>
+        </button>
         <Tray />
         <Share />
       </header>
+      {Palette && isFinding.value && <Palette close={() => (isFinding.value = false)} />}
       <ConnectionLine />
       {isOld.value && (
         <div class="banner" role="status">
@@ -216,6 +248,9 @@ async function start(): Promise<void> {
     takeDrops();
     addEventListener("hashchange", follow);
     follow();
+    followActions();
+    forgetOthers();
+    addEventListener("keydown", findOnKey, true);
     const changes = computed(() => changesOf(route.value.path));
     effect(() => {
       const { view, path } = route.value;

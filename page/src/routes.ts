@@ -1,5 +1,6 @@
 /** Addresses name a view, an object, and the choices in the view: `#/friction/<file>?seal=PK`. */
 import { effect, type Signal, signal } from "@preact/signals";
+import { undoable } from "./undo";
 
 export const route = signal<{ view: string; path: string }>({ view: "studies", path: "" });
 
@@ -15,7 +16,7 @@ const parts = (): string[] => (typeof location === "undefined" ? "" : location.h
 
 /** Return the signal of a choice that the address keeps, so that a shared link and a reload show it again. */
 export function kept(name: string): Signal<string> {
-  const choice = (states[name] ??= signal(new URLSearchParams(parts()[1]).get(name) ?? ""));
+  const choice = (states[name] ??= undoable(signal(new URLSearchParams(parts()[1]).get(name) ?? "")));
   effect(() => {
     const [value, [object, query]] = [choice.value, parts()];
     const all = new URLSearchParams(query);

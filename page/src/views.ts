@@ -92,3 +92,7 @@ export const VIEWS: View[] = [
 
 /** Return the name of the first view of a kind: undefined for a kind without one. */
 export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;
+
+/** Return the views of an object: the present one, the first one of its kind, and those that take the kind too. */
+export const verbsOf = (view: string, kind: string): View[] =>
+  VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind));

@@ -3,6 +3,7 @@ import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link, route } from "../routes";
 import { answering, ask, isAnswering, newest, type Problem, Refused, read, typed, write } from "../server/server";
+import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
 
 export interface Field {
@@ -65,22 +66,7 @@ globalThis.addEventListener?.("beforeunload", (event) => {
 
 let asked = 0;
 
-/** Texts before and after the present one, for undo and redo. */
-export const past = signal<string[]>([]);
-export const future = signal<string[]>([]);
-const MOST_STEPS = 200;
-const TYPING_MS = 800; // keys within it are one step
-let typedAt = 0;
-
-/** Go back or forward by one change of the text, whatever made it. */
-export function step(from: typeof past, to: typeof past): void {
-  const next = from.value[from.value.length - 1];
-  if (next === undefined || !opened.value) return;
-  from.value = from.value.slice(0, -1);
-  to.value = [...to.value, opened.value.text];
-  typedAt = 0;
-  void put(next);
-}
+const openText: Source = { read: () => opened.value?.text ?? "", write: (text: string) => void put(text) };
 
 /** Open a description, or check whether the open description still equals the file on disk. */
 export async function open(path: string): Promise<void> {
@@ -93,7 +79,6 @@ export async function open(path: string): Promise<void> {
   const draft = isOpen ? before : drafts.get(path);
   if (!isOpen) {
     said.value = "";
-    past.value = future.value = [];
     onDisk.value = valid.value = drawing.value = null;
   }
   const mine = isOpen ? asked : ++asked;
@@ -134,10 +119,7 @@ function show(path: string, found: Found, mine: number): void {
 /** Replace the text of the open file and check it. `typed`: keys that follow one another are one step of undo. */
 export async function change(text: string, typed = false): Promise<void> {
   if (!opened.value || opened.value.text === text) return;
-  const isNext = typed && performance.now() - typedAt < TYPING_MS;
-  typedAt = typed ? performance.now() : 0;
-  if (!isNext) past.value = [...past.value.slice(1 - MOST_STEPS), opened.value.text];
-  future.value = [];
+  remember(openText, opened.value.text, typed);
   await put(text);
 }
 

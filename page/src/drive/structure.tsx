@@ -3,8 +3,9 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { attempting, type Problem, read } from "../server/server";
+import { future, past, step } from "../undo";
 import type { PortChoice } from "./circuit";
-import { future, opened, past, problems, restructure, step, valid } from "./opened";
+import { opened, problems, restructure, valid } from "./opened";
 
 interface Kind {
   kind: string;
@@ -42,12 +43,7 @@ export function portChoice(): PortChoice | undefined {
 
 /** Keys of the drawing while it is edited. */
 export function keys(event: KeyboardEvent): void {
-  const key = event.key.toLowerCase();
-  if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
-    event.preventDefault();
-    if (key === "y" || event.shiftKey) step(future, past);
-    else step(past, future);
-  } else if (event.key === "Escape") port.value = "";
+  if (event.key === "Escape") port.value = "";
   else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit")
     remove(chosen.value);
 }

@@ -11,6 +11,7 @@ import { route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { SentValue } from "../server/generated";
 import { ask, Live, type Problem, Refused } from "../server/server";
+import { undoable } from "../undo";
 import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
 import { studies } from "../workspace/files";
@@ -59,14 +60,14 @@ interface Trace {
   columns: Map<string, Numbers>;
 }
 
-const command = signal("0 s: 1, 1 s: -1");
-const duration = signal("2 s");
-const initial = signal("");
+const command = undoable(signal("0 s: 1, 1 s: -1"));
+const duration = undoable(signal("2 s"));
+const initial = undoable(signal(""));
 /** Values that have a slider. */
-export const pinned = signal<string[]>([]);
+export const pinned = undoable(signal<string[]>([]));
 export const pin = (key: string): void =>
   void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
-const moved = signal<Record<string, number>>({}); // by `placeOf` a value
+const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
 const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);

@@ -9,12 +9,12 @@ import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
 import { PathName } from "./tree";
 
-const EXAMPLE = "catalogue:reference";
+export const EXAMPLE = "catalogue:reference";
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 
 /** Copy the shipped recordings into the folder, and open the first. */
-const openExample = () =>
+export const openExample = () =>
   attempt(async () => {
     const { path } = await ask<{ path: string }>("/api/example", {});
     await list();
@@ -37,7 +37,7 @@ async function begin(name: string, text: string, view: string): Promise<void> {
   }
 }
 
-const openTask = () =>
+export const openTask = () =>
   attempt(async () => begin("task", (await ask<{ text: string }>("/api/task", {})).text, "sizing"));
 
 /** Start of a platform on three legs, named first. */
