@@ -126,7 +126,7 @@ class Pneu:
         Parameters
         ----------
         drive : Drive or Circuit, optional
-            The one of the run: its gas, for the volume at the reference atmosphere (ANR). Default: air.
+            Simulated drive or circuit, whose gas defines the volume at the reference atmosphere (ANR). Default: air.
 
         Returns
         -------
@@ -172,7 +172,7 @@ class Pneu:
         Parameters
         ----------
         drive : Drive
-            The one of the run: its stroke and its masses.
+            Simulated drive, for its stroke and its masses.
 
         Returns
         -------
@@ -197,7 +197,7 @@ class Pneu:
         if not hasattr(drive, "cylinder"):
             raise CommandError(
                 f'"{drive.name}" is a circuit',
-                rule="strokes are those of one drive under one command",
+                rule="strokes are defined for one drive under one command",
                 remedy="run.pneu.info(circuit) has impacts, peak pressures and air.",
             )
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
@@ -221,7 +221,7 @@ class Pneu:
         Parameters
         ----------
         drive : Drive or Circuit
-            The one of the run: its ambient pressure.
+            Simulated drive or circuit, for its ambient pressure.
 
         Returns
         -------

@@ -32,7 +32,7 @@ class Explorer:
 
     Attributes
     ----------
-    Keys and values that the sliders have moved, in the form of `replace`.
+    changes : dict
         Keys and values that the sliders have moved, as `replace` takes them.
     """
 
@@ -73,7 +73,7 @@ class Explorer:
         for key in self._keys:
             if key not in free:
                 raise CommandError(
-                    f'"{key}" has no slider', rule="a number of the description", remedy=", ".join(list(free)[:20])
+                    f'"{key}" has no slider', rule="a number's key in the file", remedy=", ".join(list(free)[:20])
                 )
         names = self._keys or fields["sliders"]
         kept = ("key", "text", "number", "unit", "low", "high")
@@ -91,7 +91,7 @@ class Explorer:
             described = self._base.replace(changes) if changes else self._base
             done = run(described, self._command, self._duration, initial=self._initial, watch=Watch(cancel=RunLimit()))
         except Cancelled:
-            error: PneudriveError = CommandError("the run takes too long to follow a slider", remedy="Make it shorter.")
+            error: PneudriveError = CommandError("the run takes too long for a slider", remedy="Make it shorter.")
         except PneudriveError as wrong:
             error = wrong
         else:

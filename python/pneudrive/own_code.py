@@ -97,7 +97,7 @@ def check_allowed(source: str, allowed: str | None, found_in: str, option: str, 
     remedy = f"Check the code, then name it: {option} {source}"
     if allowed is None or not there:
         raise kind(
-            "the file names code that this command or call does not name",
+            "the file names custom code that this command or call does not allow",
             where=found_in,
             value=f"{source}{f', SHA-256 {there}' if there else ''}",
             rule="only the user decides which code runs",

@@ -65,7 +65,7 @@ _NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StoredResult(Viewed):
-    """Result that its folder or file holds as plain data.
+    """Result stored as plain data in a folder or a file.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class StoredResult(Viewed):
         ``"validation"`` or ``"characterisation"``.
     path : Path
     content : mapping
-        All that is stored.
+        Stored content.
     """
 
     kind: str
@@ -119,7 +119,7 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     Raises
     ------
     PneudriveError
-        The path does not exist, is of no known kind, or is damaged.
+        The path does not exist, has no known kind, or is damaged.
 
     Examples
     --------
@@ -429,12 +429,12 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
         Drives, circuits, fits, friction maps, runs, ensembles, sizings, validations or evaluated campaigns, or paths
         that `load` reads. Differences are `second` less `first`.
     names : tuple of str
-        Words for both.
+        Names of both results.
 
     Raises
     ------
     CommandError
-        They are of different kinds.
+        The results have different kinds.
 
     Examples
     --------

@@ -120,7 +120,7 @@ FILES = {
     "hold": ('law = "nmpc"\nhold = true', "True is not a table", "hold = false"),
     "no boolean": ('law = "nmpc"\nadaptation = "no"', "must be true or false", ":3"),
     "a gain in cycles": ('law = "nmpc"\n[gains]\nbandwidth = "10 Hz"', "counts cycles", "rad/s", ":4"),
-    "own code": ('law = "mine.py:Law"', "this command or call does not name", "--law mine.py:Law"),
+    "own code": ('law = "mine.py:Law"', "this command or call does not allow", "--law mine.py:Law"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
 RECORDS = {
@@ -358,7 +358,7 @@ def test_a_comparison_goes_on_after_a_kill(tmp_path, capsys):
     assert _scores(killed).equals(_scores(whole))
     assert len(_scores(whole)) == 16
     page = (killed / "report.html").read_text("utf-8")
-    assert page.count("has the smallest largest error") == 2  # of both references
+    assert page.count("has the smallest maximum error") == 2  # of both references
 
 
 FAULTY = """schema = 1

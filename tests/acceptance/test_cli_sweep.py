@@ -228,4 +228,4 @@ def test_a_correlation_without_effect_is_refused(tmp_path, capsys):
     for vary in ("load.mass = grid(1 kg, 2 kg)", "load.mass = 1 kg, 2 kg"):
         pair = ["--correlation", "load.mass, friction.coulomb = 0.5"]
         assert run([*HEAD, "--vary", vary, *pair, "--out", str(tmp_path / "a.csv")]) == 2
-        assert "--correlation has no effect here" in capsys.readouterr().err
+        assert "--correlation has no effect" in capsys.readouterr().err

@@ -120,7 +120,7 @@ WRONG = {
     "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
     "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
     "a library": (["--law", "yours.so:law"], "is a compiled library", "ctypes"),
-    "a file names code": (["--controller", "own.toml"], "this command or call does not name", "--allow-code"),
+    "a file names code": (["--controller", "own.toml"], "this command or call does not allow", "--allow-code"),
     "two laws": (["--controller", "own.toml", "--law", "pid"], 'law "pid" and a controller', "Give one"),
 }
 

@@ -321,7 +321,7 @@ supply.pressure = "6 bar gauge"
     assert least < found.best.air_litres_anr < most
     least, most = map(float, ranges["load ratio out, %"].split(" … "))
     assert 0.0 < least < most < 100.0
-    origins = {key: origin for key, _, origin in page.tables["In brackets: source, at the end"]}
+    origins = {key: origin for key, _, origin in page.tables["Sources in brackets, listed at the end"]}
     assert origins["cylinder.friction.coulomb"].startswith("assumed: ")
     assert origins["load.mass"] == "the task, or the choice of parts"
     assert reference(origins["cylinder.bore"].partition("]")[0][1:]) in page.text

@@ -138,7 +138,7 @@ def one_plan(law: str, moves_per_bar: float, cycle_share: float) -> World:
 
 #: What a result must say of a folder whose points the band misses: why it may (words of its warnings, any of them).
 CAUSES = (
-    "narrower than single cycles scatter",
+    "narrower than the scatter of single cycles",
     "Nothing was repeated",
     "possible outliers",
     "differ from the curves",

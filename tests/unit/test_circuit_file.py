@@ -94,7 +94,7 @@ FAULTS = {
     ),
     "kind": (
         changed(("fc_la -> left.a", "fc_la -> left.rod")),
-        ("fc_la.2 is gas, left.rod is an axis", "left.rod", "gas is joined to gas", ""),
+        ("fc_la.2 is gas, left.rod is an axis", "left.rod", "a gas port is joined to a gas port", ""),
     ),
     "twice": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "valve_l.4 -> tank",')),
@@ -191,7 +191,7 @@ FAULTS = {
         ("[load] belongs to a [cylinder], but [cylinder] is missing", "[load]", "", "[components.NAME]"),
         ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),
         (
-            'two components have the name "supply": [supply] is already one',
+            'two components have the name "supply": [supply] has it already',
             '"silencer"',
             "a different name",
             "Rename it",
@@ -239,7 +239,7 @@ def test_gas_that_cannot_come_or_go_is_told():
     )
     with pytest.warns(PneudriveWarning, match="component right is not connected to any reservoir"):
         circuit = pn.Circuit.load(text)
-    assert circuit.notes == ["component right is not connected to any reservoir: its gas cannot come or go"]
+    assert circuit.notes == ["component right is not connected to any reservoir: its gas cannot enter or leave"]
 
 
 def test_an_island_of_many_is_told_once():
@@ -508,7 +508,7 @@ def test_default_end_stops_are_told_with_what_they_follow_from():
     lines = {line.split(" ")[0]: line for line in pn.Circuit.load(EXAMPLE).assumed()}
     said = lines["left.end_stop_stiffness"]
     number = r"([\d.e]+)"
-    found = re.search(f"= {number} N/m, .* {number} kg at {number} m/s, .* {number} N, stop within {number} mm", said)
+    found = re.search(f"= {number} N/m, .* {number} kg at {number} m/s, .* {number} N, stops in {number} mm", said)
     k, mass, speed, force, depth = map(float, found.groups())
     assert k == pytest.approx((mass * speed**2 + 2.0 * force * 1e-3 * depth) / (1e-3 * depth) ** 2, rel=0.02)
     beyond = float(re.search(f"presses the piston {number} mm beyond", said)[1])

@@ -103,7 +103,7 @@ def test_wrong_input_gets_one_message(tmp_path, capsys, reference):
     circuit = tmp_path / "circuit.toml"
     circuit.write_text(reference.circuit.to_toml())
     assert run(["lines", str(circuit)]) == 2
-    assert "lines needs a drive, but got a Circuit" in capsys.readouterr().err
+    assert "the table of tubes needs a drive, but got a Circuit" in capsys.readouterr().err
     with pytest.raises(CommandError, match="not a list"):
         pn.lines(reference, "1 m")
     with pytest.raises(DescriptionError, match="needs a drive"):

@@ -88,7 +88,7 @@ def test_a_map_that_changed_shows_no_residuals(fitted: Served) -> None:
     write_map(friction_map(coulomb(30.0)), fitted.folder / FOLDER / "map.parquet")
     found = get(fitted, "/api/behind", path=FIT)
     assert found["residuals"] == found["profiles"] == []
-    assert "it was removed or changed" in found["why"]
+    assert "this map was removed or changed" in found["why"]
     assert found["ellipses"]
     with pytest.raises(FitError, match="not the one of this fit"):
         with_map(FrictionFit.from_toml(fitted.folder / FIT), friction_map(coulomb(30.0)))

@@ -56,7 +56,7 @@ def test_command_and_python_give_the_same_map(measured: Served, monkeypatch: pyt
     write_map(names["curves"], "by-python.csv")
     assert Path("results/o-ring/map.csv").read_bytes() == Path("by-python.csv").read_bytes()
     again = post(measured, "/api/jobs", {"recordings": NAMES[:1], "name": "o-ring"}, 400)
-    assert "results/o-ring is there already" in again["problems"][0]["what"]
+    assert "results/o-ring already exists" in again["problems"][0]["what"]
 
 
 def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:

@@ -487,14 +487,14 @@ def test_times_that_fall_within_a_block_are_said(served: Served, fault: float) -
     (served.folder / "layout.toml").write_text(IN_SI + RIG)
     found = read(served, "run.parquet")
     assert (found["time"], found["span"]) == (False, [0.0, 1199.0])
-    said = "the times do not rise at sample 300: samples are counted"
+    said = "the time falls at sample 300: sample numbers replace it"
     assert found["notes"] == [said]
     asked = {"path": "run.parquet", "at": [400.0, 500.0], "columns": ["x"], "beside": "", "shift": 0}
     row = served.client.post("/api/measure", json=asked, headers=served.headers).json()["rows"][0]
     assert row["values"] == list(table["x"][[400, 500]])
     shown = get(served, "/api/strokes", path="run.parquet")
     assert (shown["strokes"], shown["faults"]) == ([], {})
-    assert "samples are counted" in shown["note"]
+    assert "sample numbers only" in shown["note"]
 
     (served.folder / "deep" / "er").mkdir(parents=True)
     pl.DataFrame(table | {"time": times}).drop("time_s").write_csv(served.folder / "deep" / "er" / "run.csv")
@@ -515,7 +515,7 @@ def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: p
     read(served, "run.parquet")
     found = get(served, "/api/strokes", path="run.parquet")
     assert (found["strokes"], found["faults"]) == ([], {})
-    assert "1,200 samples, at most 1,199 here" in found["note"]
+    assert "1,200 samples, and the limit is 1,199" in found["note"]
     monkeypatch.chdir(served.folder)
     commands = re.findall(r"pneudrive .*?(?= finds)", found["note"])
     assert [run_command(shlex.split(one)[1:]) for one in commands] == [0]

@@ -159,8 +159,8 @@ def test_a_file_longer_than_any_request_arrives_whole_and_only_once(served: Serv
     content = bytes(range(256)) * (MOST_BODY // 64)
     assert put(served, "run.csv", content) == {"size": 4 * MOST_BODY}
     assert (served.folder / "run.csv").read_bytes() == content
-    assert "is there already" in put(served, "run.csv", b"other", 400)["problems"][0]["what"]
-    assert "is there already" in put(served, "axis.toml", b"other", 400)["problems"][0]["what"]
+    assert "already exists" in put(served, "run.csv", b"other", 400)["problems"][0]["what"]
+    assert "already exists" in put(served, "axis.toml", b"other", 400)["problems"][0]["what"]
     assert (served.folder / "run.csv").read_bytes() == content
     assert left_over(served) == []
 
@@ -196,14 +196,14 @@ def test_what_does_not_arrive_whole_or_does_not_fit_leaves_nothing(
 
     with pytest.raises(ClientDisconnect):
         asyncio.run(drop.take(workspace, "x.csv", 5000, torn()))
-    with pytest.raises(CommandError, match="did not arrive whole"):
+    with pytest.raises(CommandError, match="arrived incomplete"):
         asyncio.run(drop.take(workspace, "x.csv", 5000, short()))
 
     async def meanwhile() -> AsyncIterator[bytes]:
         yield b"1"
         (served.folder / "x.csv").write_bytes(b"theirs")
 
-    with pytest.raises(CommandError, match="is there already"):
+    with pytest.raises(CommandError, match="already exists"):
         asyncio.run(drop.take(workspace, "x.csv", None, meanwhile()))
     assert (served.folder / "x.csv").read_bytes() == b"theirs"
     usage = namedtuple("usage", "free")

@@ -126,7 +126,7 @@ def test_a_clock_that_was_set_back_is_said_and_samples_are_counted(tmp_path: Pat
     save_columns(table, {}, tmp_path / "back.parquet")
     recording = opened(tmp_path, "back.parquet")
     assert recording.file.time is None
-    assert "samples are counted" in recording.file.notes[0]
+    assert "sample numbers replace it" in recording.file.notes[0]
     view = recording.window((0.0, float(COUNT)), PIXELS, ["force_n"])
     assert np.nanmax(view.channels["force_n"]) >= table["force_n"][spikes].max()
 

@@ -369,7 +369,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           {now.task ? (
             <>
               <label>
-                Least number of choices{" "}
+                Smallest number of choices{" "}
                 <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
               </label>
               <button type="button" onClick={() => void resume(folder, now)}>

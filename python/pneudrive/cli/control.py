@@ -86,14 +86,14 @@ def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> 
         prepared = loop.prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
         run = loop.run_prepared(prepared, seed=1)
     except PneudriveError as error:
-        warn(f"the law was not tried on this drive: {error.what}")
+        warn(f"the controller was not tested on this drive: {error.what}")
         return
     title = f"Simulated on this drive as described, along {prepared.reference.text}"
     terminal.show_view(replace(measures.view_of_score(run.provenance), title=title))
     error_m, reach = run.provenance["score"]["max_error_m"], prepared.reference.reach()
     if run.provenance["score"]["lost"] or error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
-        missed = f"{found.law} misses by up to {1e3 * error_m:.3g} mm where it was tried"
-        warn(f"{missed}: take another law or drive")
+        missed = f"{found.law} has an error of up to {1e3 * error_m:.3g} mm in this test"
+        warn(f"{missed}: choose another controller or drive")
 
 
 def run(
@@ -150,7 +150,7 @@ def run(
     described = load.load_described(drive)
     if platforms.is_platform(described.circuit):
         if initial is not None or allow_code:
-            what = "a platform starts on its path, and takes no code of users: --initial and --allow-code do not act"
+            what = "a platform starts on its path and runs no custom code: --initial and --allow-code have no effect"
             raise CommandError(what, remedy="Leave them out.")
         options |= {"law": law, "seed": seed, "dynamics": dynamics}
         _run_platform(described.circuit, reference, payload, out, plot, options)

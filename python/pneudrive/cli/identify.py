@@ -146,7 +146,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
     if finished and len(finished) < len(source):
         raise CommandError(
-            "either campaigns and friction maps, or recordings",
+            "recordings cannot be fitted together with campaigns or friction maps",
             value=" ".join(map(str, source)),
             remedy="First make a map of the recordings: pneudrive characterise.",
         )
@@ -542,7 +542,7 @@ def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> tuple[str, ...
         factor, unit = units.readable(model.unit_of(name))
         if (both := 2.0 * fit.systematic[name]) > then:
             errors.append(f"{name} ± {both / factor:.2g} {unit}")
-    what = "errors shared by all values (sensors, area) are larger, and more points do not reduce them"
+    what = "errors that all values share (sensors, area) are larger; more points do not reduce them"
     return (f"{what}: {', '.join(errors)}",) if errors else ()
 
 

@@ -1,4 +1,4 @@
-"""The ``pneudrive`` command. Command line.
+"""The ``pneudrive`` command line.
 
 Each command is a function in the module of its section and one word in ``SECTIONS``.
 """

@@ -114,7 +114,7 @@ def characterise(
     recordings : RECORDING...|FOLDER|CAMPAIGN
         Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
     protocol
-        Selection of samples: settled, or source-paper (first 5 % dropped).
+        Selection of samples: settled, or source-paper (without the first 5 %).
     law
         Friction law of fit.toml: coulomb or stribeck.
 
@@ -220,7 +220,7 @@ def compare(
     second : B
         Result of the same kind; differences are B minus A.
     protocol
-        Selection of samples: settled, or source-paper (first 5 % dropped).
+        Selection of samples: settled, or source-paper (without the first 5 %).
     plot
         Picture of both curves and their difference: .png, .svg or .pdf.
 

@@ -63,7 +63,7 @@ def command_of(described: pn.Drive | pn.Circuit, commands: list[str] | None) -> 
     Raises
     ------
     CommandError
-        A drive has none, or more than one.
+        A drive has no command, or more than one.
     """
     if "" not in described.commandable:
         return commands

@@ -206,7 +206,7 @@ def sweep(
     chunks = store.ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
-        typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are there", err=True)
+        typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are already computed", err=True)
     for _ in many.results(study, chunks, chunk, None, terminal.watch()):
         pass  # each is kept in the store
     if fits_memory:
@@ -231,9 +231,9 @@ def _design(
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, samples.SAMPLERS))
     files = [text for text in vary if "=" not in text]
     if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
-        raise CommandError("--correlation has no effect here", rule="all numbers that vary have distributions")
+        raise CommandError("--correlation has no effect", rule="each varied number has a distribution")
     if files and len(vary) > 1:
-        raise CommandError("--vary has a file and more", rule="give one file, or NAME = VALUES for each number")
+        raise CommandError("--vary mixes a file and texts", rule="give one file, or NAME = VALUES for each number")
     if files:
         path = Path(files[0])
         if path.suffix == ".toml":

@@ -54,7 +54,7 @@ def size(
     out : DIR
         Folder for report, ranking and circuit files of the ten best; it is resumed.
     min_candidates : N
-        Least number of simulated choices of parts.
+        Smallest number of simulated choices of parts.
     max_candidates : N
         Largest number of choices of parts whose needles are set.
     samples

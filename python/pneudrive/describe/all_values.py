@@ -23,7 +23,7 @@ class DescribedValue(NamedTuple):
     key : str
         Dotted key, as `replace` takes it.
     value : object
-        As users write it: ``"25 mm"``, a number or a word.
+        Value as users write it: ``"25 mm"``, a number or a word.
     origin : str
         Source, in words. Empty for a value of the user without a source.
     kind : str

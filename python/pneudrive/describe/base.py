@@ -28,7 +28,7 @@ _SUFFIX = re.compile(rf"_(?:{'|'.join(_STORED_IN)})$")
 
 
 def key_of(name: str) -> str:
-    """Return the key in the file of a field: its name without the suffix of its unit.
+    """Return the file key of a field: its name without the suffix of its unit.
 
     Examples
     --------

@@ -138,7 +138,7 @@ class Circuit(Described):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None if it has none.
+        """Absolute pressure at which the dew point of the gas is given, Pa; None without a dew point.
 
         The default is the highest pressure of the circuit's reservoirs.
         """

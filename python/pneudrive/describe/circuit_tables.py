@@ -40,8 +40,8 @@ def completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[st
             both[name] = both[name] | table  # adds to the short form
             short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
         else:
-            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] is already one'
-            remedy = "Rename it, or leave out kind if you only want to add keys."
+            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] has it already'
+            remedy = "Rename it. To add keys to that component, leave out kind."
             problems.add(
                 wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
             )

@@ -225,7 +225,7 @@ class Component(Described):
 
     @property
     def has_heat_law(self) -> bool:
-        """Whether its heat transfer follows from a law, because no coefficient is stated."""
+        """Whether the heat transfer follows from a law, because no coefficient is stated."""
         return "heat_transfer" in self.fields and getattr(self, self.fields["heat_transfer"]) is None
 
     def assumed(self) -> Iterator[str]:

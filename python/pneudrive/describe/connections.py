@@ -259,7 +259,7 @@ class Wiring:
                 f"{port if isinstance(port, str) else port.id} is {_a(port if isinstance(port, str) else port.kind)}"
                 for port in (one, other)
             )
-            raise wrong(key, said, rule="gas is joined to gas, an axis to an axis")
+            raise wrong(key, said, rule="a gas port is joined to a gas port, an axis to an axis")
         is_line = any(port.is_pilot for port in ports)
         for port in ports:
             if (port.is_pilot if is_line else port.is_single) and port in self.named:
@@ -386,7 +386,7 @@ class Wiring:
                 listed = f"component{'' if one else 's'} {', '.join(names[:MOST_NAMED])}{rest}"
                 gas = "its gas" if one else "their gas"
                 self.warnings.append(
-                    f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot come or go"
+                    f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot enter or leave"
                 )
             else:
                 what = f"joint {{{group[0]}}} has no path to a volume or a reservoir"

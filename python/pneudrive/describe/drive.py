@@ -191,7 +191,7 @@ class Drive(Described):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None if it has none."""
+        """Absolute pressure at which the dew point of the gas is given, Pa; None without a dew point."""
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @cached_property
@@ -224,7 +224,7 @@ class Drive(Described):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it has no lines, and a proportional valve without overlap and leakage."""
+        """Whether the drive has no lines, and a proportional valve without overlap and leakage."""
         return not (self.lines or self.valve.has_shape or self.valve.is_switching)
 
     @property

@@ -441,7 +441,7 @@ class PointRows(Quantity):
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
                 what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
-                raise WrongValueError(what, rule=f"{key} rises from point to point")
+                raise WrongValueError(what, rule=f"{key} increases from point to point")
         return rows
 
     def _row(self, table: dict[str, Any], number: int, example: str) -> tuple[float, ...]:

@@ -89,9 +89,9 @@ class Looked:
     Attributes
     ----------
     wrong : str or None
-        Its damage, see `damage`.
+        Damage of the file, see `damage`.
     own : bool
-        Whether it has a valid checksum.
+        Whether the file has a valid checksum.
     end : bytes
         End of the file with the footer, for `footer_text`; empty for a large file.
     """

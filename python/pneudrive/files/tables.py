@@ -188,8 +188,8 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
     Yields
     ------
     Text or PneudriveError
-        For each file in order; an error, of `kind`, is that of `open_table`. For a file without a checksum, only its
-        ends and the text are checked, if the text is found there: reading its columns checks the rest.
+        One entry per file, in order. Errors, of `kind`, are those of `open_table`. For a file without a checksum,
+        only its ends and the text are checked, if the text is found there. Reading its columns checks the rest.
     """
 
     def texts(some: list[Path]) -> list[Text | PneudriveError]:

@@ -344,7 +344,7 @@ def export_c(
     ----------
     drive : Drive or Circuit
     folder : path-like
-        It is made if it does not exist. Files with these names in it are replaced.
+        Created if it does not exist. Files with these names in it are replaced.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
     rtol : float

@@ -192,7 +192,7 @@ def plan_of(
     variables += [replace(one, name=f"given.{one.name}") if one.name in taken else one for one in own]
     variables += _starts(start, is_short, actuator)
     if is_short and "cylinder.contact_age_s" in session.columns:
-        what = "At the start: time for which the contact has stood"
+        what = "At the start: age of the contact"
         variables.append(FmuVariable("start.contact_age", "s", what, "parameter", {"role": "age"}, age_s))
     variables += results
     names = [one.name for one in variables]

@@ -332,14 +332,14 @@ class Actuators:
     zero : mapping of str to str or float, optional
         Length of an actuator at the cylinder position 0: ``"350 mm"``, or a number in m. Default 0.
     initial : mapping, optional
-        Start of each drive, as for `pneudrive.simulate`, without the position: that is MuJoCo's.
+        Start of each drive, as for `pneudrive.simulate`, without the position, which MuJoCo gives.
     couplings : mapping of str to str or float, optional
         Stiffness of the joint between rod and model, N/m: ``"1e7 N/m"``. Friction laws with a stick mode need it. The
         moving mass and the load of the drive are then between friction and coupling, apart from the masses of MuJoCo.
     setup : Setup, str or path-like
         Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
     seed : int
-        Of the noise of the sensors.
+        Seed of the noise of the sensors.
     rtol : float
         Relative tolerance of the chambers.
 

@@ -56,7 +56,7 @@ class Leg:
     stroke_m : float
         NaN if the component has no stroke.
     areas_m2, dead_volumes_m3 : tuple of float
-        Of chambers a and b; NaN if the component has no chambers.
+        Values of chambers a and b; NaN if the component has no chambers.
     """
 
     name: str
@@ -253,8 +253,8 @@ class Platform(Viewed):
         ----------
         positions : array, shape (n,) or (m, n)
         near : mapping or array, optional
-            Pose from which the search begins; by default one above the frame. Without it, each row of an array begins
-            at the one before.
+            Pose from which the search begins; by default one above the frame. Without `near`, the search for a row of
+            an array begins at the pose of the row before.
 
         Raises
         ------
@@ -622,7 +622,7 @@ class MovingPlatform(NamedTuple):
     Attributes
     ----------
     masses : dict
-        Of the core.
+        Masses from the core.
     frame, directions : ndarray, shape (n, 3)
         Joints on the frame; axes of hinges or guides.
     origin, axes : ndarray

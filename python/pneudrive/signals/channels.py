@@ -47,7 +47,7 @@ class FileChannel:
     unit : str
         Unit of the displayed numbers.
     quantity : str
-        Name by which the columns of two files are the same: that of the layout, or of the column without its unit.
+        Name that marks equal columns of two files: from the layout, or that of the column without its unit.
     slope, zero : float
         SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
     said : Column or None
@@ -87,18 +87,18 @@ class ChannelFile:
     Attributes
     ----------
     name : str
-        Unit of the file.
+        Name of the file.
     table : Table
         Its columns, or those of the converted file.
     time : FileChannel or None
-        Column of the time; None: samples are counted.
+        Column of the time; None: sample numbers replace the time.
     channels : tuple of FileChannel
     first : int
         Row of the table with the first sample.
     origin : datetime64 or None
         Time 0 of dates and times.
     notes : tuple of str
-        Notes on the way of reading.
+        Notes on how the file was read.
     """
 
     name: str
@@ -129,7 +129,7 @@ class ChannelFile:
     def counted(self, fall: int) -> ChannelFile:
         """Return the file without its column of times, because the times do not increase at a sample."""
         return replace(
-            self, time=None, notes=(*self.notes, f"the times do not rise at sample {fall}: samples are counted")
+            self, time=None, notes=(*self.notes, f"the time falls at sample {fall}: sample numbers replace it")
         )
 
 
@@ -140,7 +140,7 @@ def first_fall(seconds: Array, before: float) -> int | None:
     ----------
     seconds : ndarray, shape (n,)
     before : float
-        Time before the first one, or that itself.
+        Time of the sample before the first one, or of the first one.
     """
     falls = ~(np.diff(seconds, prepend=before) >= 0.0)
     return int(np.argmax(falls)) if falls.any() else None
@@ -216,14 +216,14 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         for name in sorted(kinds, key=lambda one: one not in opened.roles)
         if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
-    notes += () if time is not None else ("no column of times: samples are counted",)
+    notes += () if time is not None else ("no time column: sample numbers replace the time",)
     if late := [role for role, column in (said.channels.items() if said else ()) if column.delay_s]:
         notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
     shown = {one.column for one in (*found, *([time] if time else []))}
     if others := [*opened.texts, *(name for name in opened.table.names[:MOST_COLUMNS] if name not in shown)]:
-        notes += (f"no numbers, and not shown: {reprlib.repr(', '.join(others))[1:-1]}",)
+        notes += (f"not shown, because they hold no numbers: {reprlib.repr(', '.join(others))[1:-1]}",)
     if len(found) > MOST_CHANNELS:
-        notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are taken",)
+        notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are shown",)
     return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
 
 
@@ -235,7 +235,7 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     Raises
     ------
     CommandError
-        One has times, of the other samples are counted.
+        Only one of the two recordings has times.
     """
     if (own.time is None) != (other.time is None):
         counted, timed = sorted((own, other), key=lambda one: one.time is not None)

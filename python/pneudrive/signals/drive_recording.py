@@ -67,9 +67,9 @@ class DriveRecording(Shown):
         Free text that distinguishes records: pressure, mounting, day.
     source : Path or None
     sha256 : str
-        Standard uncertainty of the columns.
+        Hash of the file, if there is one.
     synthetic : bool
-        It comes from a simulation.
+        Whether the recording comes from a simulation.
     start_s : float
         Time 0 on the clock of the file, s.
     """
@@ -166,7 +166,7 @@ def drive_recording(
     Raises
     ------
     RecordingError
-        If a column is missing or not finite, lengths differ, times do not rise, or a command is outside -1 .. 1.
+        If a column is missing or not finite, lengths differ, times do not increase, or a command is outside -1 .. 1.
     """
     where = str(source or name)
     rule = f"a recording of a drive has {', '.join(needed)}"
@@ -445,7 +445,7 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     Raises
     ------
     RecordingError
-        If it does not move.
+        The piston does not move.
     """
     names = [name for name in free if not name.startswith(AT_REST)]
     seen = [r for r in recordings if "position_m" in r and np.isfinite(r["position_m"]).any()]

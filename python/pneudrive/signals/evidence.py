@@ -393,7 +393,7 @@ def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) 
         times.question = f"the channels have different rates ({shown}): resample them, or export one rate"
     elif preamble.step_s:
         times.rate_hz = 1.0 / preamble.step_s
-        times.reason = f"the file states it: {' '.join(preamble.source.split())[:40]}"
+        times.reason = f"the file states the rate: {' '.join(preamble.source.split())[:40]}"
     else:
         only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
         rate = 'state the rate of the samples, time = { rate = "50 Hz" }'
@@ -420,7 +420,7 @@ def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
             fits.append(unit)
     if len(fits) == 1:
         shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
-        return fits[0], f"unit by its size: steps of {step * UNITS_S[fits[0]]:.3g} s{shown}"
+        return fits[0], f"unit by the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
     which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
     return "", f"the unit of the time is not stated ({which}): state it"
 

@@ -45,8 +45,8 @@ class ForceCalibration:
     linearity_n : float
         Largest error of the curve (limits).
     hysteresis_n : float
-        Largest difference of readings at one force between rising and falling; half of it either way
-        (limits).
+        Largest difference of readings at one force between rising and falling force. The error is half of it
+        in either direction (limits).
     creep_n : float
         Change of the reading under the largest force (limits); proportional to the force.
     certificate, date : str

@@ -145,7 +145,7 @@ def read_binary(
     rows : tuple of int, optional
         First row and the one after the last, for Parquet; None: all.
     others : bool
-        Every other column of numbers with the same length, after the requested ones.
+        Whether to read every other column of numbers with the same length, after the requested ones.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def read_channels(
     data : bytes, optional
         Content of the file, if it is known.
     others : bool
-        Every other column of numbers of the file, too.
+        Whether to read every other column of numbers of the file, too.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def read_channels(
     Raises
     ------
     RecordingError
-        If the file cannot be read so, many samples share a stamp, or the time restarts in a segment.
+        If the layout does not fit the file, many samples share a stamp, or the time restarts in a segment.
     """
     if layout.format == "csv":
         data = data or read_bytes(path)
@@ -310,7 +310,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
     Raises
     ------
     RecordingError
-        If the file cannot be read so, or no sample is left.
+        If the layout does not fit the file, or no sample is left.
     """
     data = read_bytes(path)
     for doubt in unit_doubts(layout):
@@ -357,7 +357,7 @@ def unit_doubts(layout: FileLayout) -> list[str]:
 
 
 def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
-    """Return columns that are not read, and whose names say that they are pressures of a chamber open to ambient."""
+    """Return unread columns whose names denote the pressure of a chamber that the layout states as open."""
     stated = layout.chamber_pressures().items()
     sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
     names = {name: split_name(name)[0] for name in unread if sides}

@@ -373,7 +373,7 @@ class FileLayout(Described):
         return TextForm(**form)
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
-        """Return keys that a file of this kind needs and the layout lacks."""
+        """Return the keys that the layout lacks for a file of this kind."""
         for channel in KINDS[kind].needed:
             if getattr(self.columns, channel) is None:
                 unit = f', unit = "{EXAMPLES[UNITS[channel]]}"' if UNITS[channel] else ""
@@ -397,7 +397,7 @@ class FileLayout(Described):
                 yield wrong(f"columns.{channel}", what, rule="a column must be one quantity")
         for side in "ab" if kind == "rig" else "":
             if self._ways(side) > 1:
-                yield self._not_once(side, "states more than once")
+                yield self._not_once(side, "defines more than once")
 
     def _ways(self, side: str) -> int:
         """Return the number of ways in which the pressure in a chamber is given."""
@@ -521,7 +521,7 @@ class Layout(Shown):
         found = labels_from_name(pattern, stem(path)) if pattern else {}
         if found is None:
             part, left = where_pattern_ends(pattern, stem(path))
-            rest = f"'{left}' is left of the name" if left else "the name ends"
+            rest = f"'{left}' of the name is not matched" if left else "the name is too short"
             example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
             raise self.fail(
                 f"labels.pattern = {pattern!r} does not match the file {path.name}",

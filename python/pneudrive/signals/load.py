@@ -44,16 +44,16 @@ class RecordingFile:
 
     @cached_property
     def said(self) -> FileLayout | None:
-        """The layout with the overrides that match the name of the file."""
+        """Layout with the overrides that match the name of the file."""
         return None if self.layout is None else self.layout.for_file(self.path)
 
     @property
     def has_cycles(self) -> bool:
-        """Whether it is a campaign file, with a recording for each cycle."""
+        """Whether the file is a campaign file, with a recording for each cycle."""
         return self.said is not None and self.said.columns.cycle is not None
 
     def read(self) -> Recording:
-        """Read its single recording."""
+        """Read the only recording of the file."""
         if self.said is None:
             return read_trajectory(self.path, self.name)
         return to_recording(self.name, self.path, self.said, import_file(self.path, self.said))

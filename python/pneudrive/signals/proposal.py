@@ -169,7 +169,7 @@ class RoleSearch:
         spare = [one for one in self.unused if one.may_be_pressure]
         spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
         if sides and spare and "pressure" not in asked:
-            why = "no column has its name, and a column that the layout does not use may be its pressure"
+            why = "no column name shows the chamber, and an unused column may be its pressure"
             self._leave_open(" and ".join(sides), why, [Candidate(one, 0.0, ("not used",)) for one in spare])
 
     def candidates(self, role: str) -> list[Candidate]:

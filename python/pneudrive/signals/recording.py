@@ -220,7 +220,7 @@ class SampleFault:
 
 
 def find_faults(recording: Recording) -> dict[str, SampleFault]:
-    """Return places of samples that `clean` drops, and gaps of a recording.
+    """Return the times of the samples that `clean` drops, and of the gaps of a recording.
 
     Parameters
     ----------
@@ -461,7 +461,7 @@ def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> 
     Raises
     ------
     RecordingError
-        If it does.
+        The pressure is below vacuum or beyond the range.
     """
     if pressure_pa.size == 0 or _all_within(pressure_pa, LOWEST_PA, PRESSURES_PA[0]):
         return

@@ -227,7 +227,7 @@ def _from_file(path: Path, signal: CommandInput) -> Steps:
     header = [name.strip().strip('"') for name in lines[0][1].split(",")]
     if header != ["time_s", "command"]:
         raise CommandError(
-            f"the first line is '{lines[0][1].strip()}'", where=f"{path}:{lines[0][0]}", rule="it reads time_s,command"
+            f"the first line is '{lines[0][1].strip()}'", where=f"{path}:{lines[0][0]}", rule="it is time_s,command"
         )
     places, pairs = [], []
     for number, line in lines[1:]:

@@ -88,7 +88,7 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
         when = time_s[int(worst.pressure_pa.argmax())]
         yield (
             f"the pressure in {worst.name} reaches {1e-5 * worst.pressure_pa.max():.3g} bar abs at {when:.4g} s"
-            f"{_others(high, worst)}: the model is stated for up to {1e-5 * HIGHEST_PA:g} bar abs (assumed)"
+            f"{_others(high, worst)}: the model is valid up to {1e-5 * HIGHEST_PA:g} bar abs (assumed)"
         )
 
 
@@ -144,16 +144,14 @@ def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> It
                 worst, off = (place.name, pressure, temperature, row), share
     if worst is not None:
         name, pressure, temperature, row = worst
-        law = "the ideal gas" if gas.model == "ideal" else "the gas law without a third virial coefficient"
+        law = "the ideal gas" if gas.model == "ideal" else "the virial gas law"
         remedy = (
-            '; gas.model = "virial" has the second virial coefficient'
-            if gas.model == "ideal" and gas.name in VIRIAL
-            else ""
+            '; gas.model = "virial" includes this coefficient' if gas.model == "ideal" and gas.name in VIRIAL else ""
         )
         yield (
             f"the gas in {name} is far from its law at {time_s[row]:.4g} s: at {1e-5 * pressure:.3g} bar abs and "
             f"{_celsius(temperature)} the second virial coefficient is {100.0 * abs(off):.2g} % of the pressure, and "
-            f"{law} is taken for up to {100.0 * most:g} % (assumed){remedy}"
+            f"{law} is valid up to {100.0 * most:g} % (assumed){remedy}"
         )
 
 
@@ -171,9 +169,9 @@ def _masses(described: Drive | Circuit, places: list[GasVolume], time_s: Any) ->
         if place is not None and area * float(place.pressure_pa.max()) > mass * FASTEST_M_S2:
             row = int(place.pressure_pa.argmax())
             yield (
-                f"{key} with its load is {mass:.3g} kg, as good as zero: {1e-5 * place.pressure_pa[row]:.3g} bar abs "
-                f"in {place.name} at {time_s[row]:.4g} s is {area * place.pressure_pa[row] / mass:.1e} m/s2. "
-                f"The model is stated for up to {FASTEST_M_S2:.0e} m/s2 (assumed)"
+                f"{key} with its load is {mass:.3g} kg, nearly zero: {1e-5 * place.pressure_pa[row]:.3g} bar abs "
+                f"in {place.name} at {time_s[row]:.4g} s gives {area * place.pressure_pa[row] / mass:.1e} m/s2. "
+                f"The model is valid up to {FASTEST_M_S2:.0e} m/s2 (assumed)"
             )
 
 

@@ -35,7 +35,7 @@ def run_view(
     provenance : mapping
         Attributes of the run; a run from a CSV file has none.
     described : Drive or Circuit, optional
-        The one of the run: its gas, for the volume at the reference atmosphere (ANR). Default: air.
+        Simulated drive or circuit, whose gas defines the volume at the reference atmosphere (ANR). Default: air.
     """
     time, steps = columns["time_s"], (provenance.get("statistics") or {}).get("steps")
     title = f"{provenance.get('title', 'run')}: {len(time)} samples to {time[-1]:g} s"

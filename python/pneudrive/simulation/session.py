@@ -135,8 +135,8 @@ class Session:
         ------
         CommandError
             The input does not exist, or the value is not a number or out of bounds.
-        The session cannot continue.
-            The session cannot go on.
+        SimulationError
+            The session cannot continue.
         """
         try:
             self._set(name, value)

@@ -282,7 +282,7 @@ def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
     if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
         return []
     return [
-        f"energy closes only to {abs(ledger['energy_error']):.1e} of the throughput: friction or flow is not "
+        f"the energy balance is off by {abs(ledger['energy_error']):.1e} of the throughput: friction or flow is not "
         f"resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
     ]
 

@@ -100,7 +100,7 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
 
     if not hasattr(drive, "tubing"):
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
-        raise DescriptionError(f"lines needs a drive, but got a {type(drive).__name__}", remedy=remedy)
+        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
     rows: list[_Row] = []
     for diameter, length in watch.each([(d, n) for d in wide for n in long], "tubes"):

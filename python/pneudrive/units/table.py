@@ -102,7 +102,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "J/K": ("a heat capacity", "500 J/K"),
     "m^3/(s Pa)": ("a sonic conductance", "2 dm3/(s bar)"),
     "m3/s": ("a volume flow", "120 l/min"),
-    "m^3/s ANR": ("a flow of normal litres", "700 l/min ANR"),
+    "m^3/s ANR": ("a volume flow in normal litres", "700 l/min ANR"),
 }
 
 #: Rules of messages for a pressure, and for a difference of two, which has neither abs nor gauge.

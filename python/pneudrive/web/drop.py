@@ -45,9 +45,9 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
     """
     target = workspace.path(name)
     if "/" in name:
-        raise CommandError(f"{name} is in a folder", rule="files are dropped into the workspace itself")
+        raise CommandError(f"{name} is in a folder", rule="dropped files go into the workspace itself")
     if target.exists():
-        raise CommandError(f"{name} is there already", remedy="Rename one of the two.")
+        raise CommandError(f"{name} already exists", remedy="Rename one of the two.")
     folder = workspace.root
     _check_room(folder, name, expected or 0)
     part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
@@ -61,7 +61,7 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
                     looked = size
         if expected is not None and size != expected:
             raise CommandError(
-                f"{name} did not arrive whole", value=f"{size} of {expected} bytes", remedy="Drop it again."
+                f"{name} arrived incomplete", value=f"{size} of {expected} bytes", remedy="Drop it again."
             )
         _place(part, target)
     except OSError as error:
@@ -117,7 +117,7 @@ def with_own_layout(workspace: Workspace, path: str, text: str) -> dict[str, str
             _place(place, folder / place.name)
             place.unlink(missing_ok=True)
         except FileExistsError:
-            raise CommandError(f"{own} is there already", remedy="Rename one of the two.") from None
+            raise CommandError(f"{own} already exists", remedy="Rename one of the two.") from None
         except OSError as error:
             raise CommandError(f"{own} cannot be written: {error.strerror}", remedy="Check its rights.") from None
     return {"path": f"{own}/{place.name}"}
@@ -155,10 +155,10 @@ def _place(part: Path, target: Path) -> None:
     try:
         target.hardlink_to(part)
     except FileExistsError:
-        raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
+        raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
     except OSError:  # the file system has no links
         try:
             target.touch(exist_ok=False)
         except FileExistsError:
-            raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
+            raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
         part.replace(target)

@@ -116,12 +116,12 @@ class Guard:
             raise RefusedError(405, "method not allowed")
         host = _header(scope, "host")
         if host not in {f"{name}:{self.port}" for name in NAMES}:
-            raise RefusedError(421, "the host is not this server")
+            raise RefusedError(421, "the request names another host than this server")
         origin = _header(scope, "origin")
         if origin is not None and origin != f"http://{host}":
-            raise RefusedError(403, "the origin is another page")
+            raise RefusedError(403, "the request comes from another page")
         if origin is None and (is_socket or method not in READING):
-            raise RefusedError(403, "the origin is missing")
+            raise RefusedError(403, "the request does not state its origin")
         opens_page = (_header(scope, "sec-fetch-mode"), _header(scope, "sec-fetch-dest")) == ("navigate", "document")
         if _header(scope, "sec-fetch-site") not in (None, "same-origin", "none") and not (
             opens_page and scope["path"] == "/"  # the file that leads a browser here is another site
@@ -252,7 +252,7 @@ class Opening:
         Around the page.
     page : BuiltPage
     whole : Future
-        Future of the application that answers everything, behind its own guard.
+        Future of the complete application behind its own guard.
     """
 
     def __init__(self, guard: Guard, page: BuiltPage, whole: Future[App]) -> None:

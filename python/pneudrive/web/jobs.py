@@ -180,7 +180,7 @@ class PageJobs:
                 raise CommandError(f"{len(running)} jobs are running", remedy="Wait until a job ends, or cancel one.")
             out = self.workspace.folder(request.out)
             if (request.is_new and out.exists()) or request.out in running:
-                raise CommandError(f"{request.out} is there already", remedy="Choose another name.")
+                raise CommandError(f"{request.out} already exists", remedy="Choose another name.")
             try:
                 out.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:

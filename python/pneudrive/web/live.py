@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
 PANELS = (
-    ("place", "m", "Place of the platform"),
+    ("place", "m", "Position of the platform"),
     ("tilt", "rad", "Tilt of the platform"),
     ("position", "m", "Position"),
     ("velocity", "m/s", "Velocity"),

@@ -136,5 +136,5 @@ def fault_of(fault: BaseException, path: str = "") -> CommandError:
         )
     print_exception(fault)
     return CommandError(
-        f"a fault of pneudrive: {text}", remedy="Report it with the files of this run; the terminal says more."
+        f"a fault of pneudrive: {text}", remedy="Report it with the files of this run; the terminal shows the details."
     )

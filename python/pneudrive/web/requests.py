@@ -44,7 +44,7 @@ class PageRequest(BaseModel):
 
 def wrong_request() -> CommandError:
     """Return the error for a request that the page does not send."""
-    return CommandError("the request is not one of this page", remedy="Reload the page.")
+    return CommandError("this page does not send such a request", remedy="Reload the page.")
 
 
 def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: ANN401 - texts, numbers, lists of them

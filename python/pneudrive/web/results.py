@@ -39,7 +39,7 @@ def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any resul
     Raises
     ------
     CommandError
-        The name leads out of the workspace, or the file is of no known kind.
+        The name leads out of the workspace, or the kind of the file is not known.
     """
     if is_in_catalogue(path):
         return results.load(path)
@@ -66,7 +66,7 @@ def view_at(workspace: Workspace, path: str) -> View:
         raise
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise CommandError(
-            f"{path} lacks a part of a result, or has one of another kind", value=str(error), remedy="Make it again."
+            f"{path} is incomplete, or a part has another type", value=str(error), remedy="Make it again."
         ) from None
 
 
@@ -96,7 +96,7 @@ class OpenReports:
         Raises
         ------
         CommandError
-            The file is neither.
+            The file is neither a report nor a picture.
         """
         if secret in self.folders and (name == REPORT or _PICTURE.fullmatch(name)):
             path = self.workspace.folder(f"{self.folders[secret]}/{name}")

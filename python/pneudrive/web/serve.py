@@ -54,7 +54,7 @@ def serve(
     Raises
     ------
     CommandError
-        The folder is not one, the port is taken, the page is not built, or the libraries of the page are missing.
+        The folder does not exist, the port is taken, the page is not built, or the libraries of the page are missing.
     """
     for name in _LIBRARIES:
         if find_spec(name) is None:

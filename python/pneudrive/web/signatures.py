@@ -98,7 +98,7 @@ class CommandInput:
         if value is None:
             return None
         if type(value) is not TYPES.get(self.kind, str):
-            raise CommandError(f"{self.key} is missing, or of another kind", value=str(value)[:80])
+            raise CommandError(f"{self.key} is missing or has another type", value=str(value)[:80])
         match self.kind:
             case "name":
                 folder_name(value)
@@ -115,7 +115,7 @@ class CommandInput:
             case "keys":
                 value = ", ".join(key.strip() for key in value.split(",") if key.strip())
                 if not value:
-                    raise CommandError("no changeable value is named", remedy=f"Write {self.hint}, for instance.")
+                    raise CommandError("no value to identify is named", remedy=f"Write {self.hint}, for instance.")
             case kind if kind in FILES:
                 self._check_file(value, workspace)
         return value
@@ -178,7 +178,7 @@ class CommandForm:
         folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
         out = self.out.format(**values, folder=folder, suffix=suffix).lstrip("/")
         if kind == "size" and out.lower().endswith(DESCRIPTIONS):
-            raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
+            raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the ending.")
         named = {each.option or each.key: values[each.key] for each in self.inputs}
         named |= {"rig": RIG} if kind == "design" else {}
         names: list[str] = []

@@ -80,7 +80,7 @@ class Workspace:
         Raises
         ------
         CommandError
-            It is not a folder.
+            The path is not a folder.
         """
         if not folder.is_dir():
             raise CommandError(f"{folder} is not a folder", remedy="Name the folder that contains your drives.")
@@ -103,7 +103,7 @@ class Workspace:
         """
         place = self.folder(name)
         if not name.lower().endswith(suffixes):
-            raise CommandError(f"{name} is of no kind that the page opens", rule=", ".join(suffixes))
+            raise CommandError(f"{name} cannot be opened: the page does not know this ending", rule=", ".join(suffixes))
         return place
 
     def folder(self, name: str) -> Path:

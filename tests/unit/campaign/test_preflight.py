@@ -143,8 +143,8 @@ def test_all_violations_are_counted(planned):
 
 NOTES = {
     "burst_rate is 1000 Hz": '[sampling]\nburst_rate = "1 kHz"\n',
-    "5000 samples a stroke are 17 a second": "",
-    "more than the 5 % that are ignored": '[speed]\nlist = "500 mm/s"\n',
+    "5000 samples per stroke give 17 samples per second": "",
+    "more than the 5 % that the means ignore": '[speed]\nlist = "500 mm/s"\n',
     "repeatability cannot be determined": "",
     "cannot be separated from an offset": 'directions = "+x"\n',
     "separated from that of a new set-up": '[mounting]\nlevels = ["a", "b"]\n',

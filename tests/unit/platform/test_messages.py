@@ -46,7 +46,7 @@ CASES = {
     "incline": (
         EXAMPLE.replace(STROKE, f'{STROKE}\nincline = "90 deg"'),
         "incline = ",
-        ["leg_1.incline = 90 deg", "leg 1 of tripod has the direction of its two joints", "Leave out incline"],
+        ["leg_1.incline = 90 deg", "the two joints of leg 1 of tripod define its direction", "Leave out incline"],
     ),
     "inertia": (
         EXAMPLE.replace('z = "0.17 kg m2"', 'z = "0.19 kg m2"'),

@@ -207,7 +207,7 @@ def test_a_pattern_that_does_not_fit_a_name_is_an_error_that_says_where(tmp_path
             r"at \{pressure\} \(a number, .*'xbar'",
         ),
         ("{seal}_{pressure}bar", "lip-2bar.csv", r"at '_', '.*' is left"),
-        ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"at 'bar_', the name ends"),
+        ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"at 'bar_', the name is too short"),
     ):
         with pytest.raises(
             LayoutError, match=rf"(?s)does not match the file {name}.*layout.toml:19.*{words}.*\[\[for\]\]"

@@ -120,7 +120,7 @@ def test_an_unused_column_is_named_and_a_chamber_is_open_only_if_none_can_be_its
     supply, warm = 7 + 0.01 * np.sin(t), 22 + 0.1 * np.sin(t)
     write(tmp_path / "a.csv", [head], [t, x, p, f, supply, warm], ",")
     proposal = propose_layout(tmp_path / "a.csv")
-    assert "pressure_a: no column has its name" in proposal.problem
+    assert "pressure_a: no column name shows the chamber" in proposal.problem
     assert "Supply pressure (bar)" in proposal.problem
     assert "# not used: Temperature (degC)" in proposal.text
     assert 'bore = "25 mm"  # guess: write the real bore' in proposal.text
@@ -150,7 +150,7 @@ def test_columns_of_texts_are_no_signals(make, tmp_path):
     assert found == {"time": "t [s]", "position": "x [mm]", "pressure_b": "p_b [bar]", "force": "f [N]"}
     shown = open_channels(tmp_path / "a.csv", None, tmp_path / "cache")
     assert [one.column for one in shown.channels] == ["t [s]", "x [mm]", "p_b [bar]", "f [N]"]
-    assert shown.notes[-1:] == ("no numbers, and not shown: state, position state",)
+    assert shown.notes[-1:] == ("not shown, because they hold no numbers: state, position state",)
 
 
 def test_a_campaign_file(make, tmp_path):

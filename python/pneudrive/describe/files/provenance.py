@@ -51,8 +51,8 @@ class _Ends(Quantity):
 class Origin(Described):
     """Origin of one value.
 
-    `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings, and `fit`
-    the hash of the fit, and `file` its file. `model_error` is the lower limit of the model error, if known.
+    `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings. `fit` is
+    the hash of the fit, and `file` the file of the fit. `model_error` is the lower limit of the model error, if known.
     `correlation` has the correlations with the errors of other values, by their names.
     """
 

@@ -29,10 +29,10 @@ def assumed(prefix: str, given: Collection[str], stops: Stops) -> list[str]:
         ``key = value, reason``.
     """
     (stiffness, damping, damping_depth), (mass, speed, force, depth) = stops
-    taken = f"{mass:.3g} kg at {speed:.3g} m/s, driven by {force:.3g} N, stop within {1e3 * depth:.3g} mm"
+    taken = f"a mass of {mass:.3g} kg at {speed:.3g} m/s, driven by {force:.3g} N, stops in {1e3 * depth:.3g} mm"
     still = f"at rest, this force presses the piston {1e3 * force / stiffness:.2g} mm beyond the stroke"
     lines = {
-        "stiffness": f"{stiffness:.3g} N/m, so that {taken}, at most half of the shorter dead length; {still}",
+        "stiffness": f"{stiffness:.3g} N/m, so that {taken} (at most half of the shorter dead length); {still}",
         "damping": f"{damping:.3g} N s/m, half of the critical damping",
         "damping_depth": f"{1e3 * damping_depth:.3g} mm, a tenth of that depth",
     }

@@ -46,7 +46,7 @@ class ChamberSizes(NamedTuple):
     Attributes
     ----------
     area_a_m2, area_b_m2 : float
-        On which the pressures act.
+        Areas on which the pressures act.
     dead_volume_a_m3, dead_volume_b_m3 : float
         Dead volume of chamber a at x = 0, and of chamber b at the end of the stroke.
     stroke_m : float

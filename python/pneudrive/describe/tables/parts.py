@@ -387,7 +387,7 @@ class Valve(Described):
 
     @property
     def is_switching(self) -> bool:
-        """Whether it has the commands -1, 0 and 1 only."""
+        """Whether the valve has the commands -1, 0 and 1 only."""
         return self.kind == SWITCHING
 
     @property

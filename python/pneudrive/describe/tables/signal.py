@@ -63,7 +63,7 @@ class Positions(NamedTuple):
         Raises
         ------
         CommandError
-            It is none of them.
+            The command is not one of the positions.
         """
         if value not in self.values:
             *first, last = (f"{one:g}" for one in self.values)

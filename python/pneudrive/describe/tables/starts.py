@@ -231,7 +231,7 @@ class Poses:
             pose = angles(platform, q)[0]
             if any(abs(pose[k] - value) > SAME for k, value in self.given.get(platform.name, {}).items()):
                 what = (
-                    f"the legs of {platform.name} have the positions of the start also at {pose_text(platform, pose)}"
+                    f"the start positions of the legs of {platform.name} also fit the pose {pose_text(platform, pose)}"
                 )
                 is_delta = platform.coordinates[0] == "x_m" and len(platform.joints[2]) > 0
                 remedy = f"Write the pose into [initial] of the file, or near = {{ z = ... }} at {platform.name}."
@@ -413,14 +413,14 @@ class Starts:
         for joint in self._reached(self.places.get(of) or self._before(of)):
             if joint in starts:
                 value = known[f"{starts[joint]}.{PRESSURE}"]
-                notes.append(f"{of} starts at {_bar(value)}, as {starts[joint]} does")
+                notes.append(f"{of} starts at {_bar(value)}, like {starts[joint]}")
                 return value
             held = held or next((port for port in joint.ports if port.holds in ("pressure", "set")), None)
         if held is None:
             return self.ambient.pressure_pa
         (stated,) = self.components[held.component].pressures()
         value = stated.absolute_pa(self.ambient.pressure_pa)
-        notes.append(f"{of} starts at {_bar(value)}, as {held.component} has it")
+        notes.append(f"{of} starts at {_bar(value)}, the pressure of {held.component}")
         return value
 
     def _before(self, cell: str) -> Joint | None:
@@ -625,7 +625,7 @@ def _inclined(
     for name in _movers(wiring, port, components):
         angle = getattr(components[name], "incline_rad", None) or 0.0
         if angle != 0.0:
-            rule = f"leg {port.name} of {port.component} has the direction of its two joints"
+            rule = f"the two joints of leg {port.name} of {port.component} define its direction"
             what = f"{name}.incline = {degrees(angle):g} deg"
             yield wrong(f"{_table(keys[name])}.incline", what, rule=rule, remedy="Leave out incline.")
 

@@ -42,7 +42,7 @@ class Experiment:
         Protocol and rig.
     campaign : Campaign
     envelope : Envelope
-        Seed of the rig.
+        Limits of the rig.
     """
 
     name: str

@@ -30,7 +30,7 @@ def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, Pa
     Returns
     -------
     dict of PaperFigure
-        Tables by the figure's number in the paper.
+        Figures by their number in the paper.
     """
     figures = [
         figure_1(seed),

@@ -225,7 +225,7 @@ def figure_8(run: Experiment) -> PaperFigure:
         last_dip_share=dip[-1],
         first_total_n=total[0, -1],
         last_total_n=total[-1, -1],
-        already="; but ours is a full Stribeck curve at the lowest pressure already" if has_minimum[0] else "",
+        already="; but our curve is a full Stribeck curve even at the lowest pressure" if has_minimum[0] else "",
     )
 
 

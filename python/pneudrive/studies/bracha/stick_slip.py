@@ -216,7 +216,7 @@ def figure_9(run: Experiment) -> PaperFigure:
     """
     found = pn.campaign_friction(run.campaign)
     if found.skipped:
-        raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
+        raise CampaignError("a stop could not be evaluated", where=str(run.campaign.path), value=str(found.skipped[0]))
     stops = found.stops
     speeds = np.array(sorted(set(stops["speed_m_s"])))
     rested = [stops.filter(speed_m_s=v) for v in speeds]

@@ -137,12 +137,12 @@ class ExtrasRequest(RunRequest):
         names = columns_in(place, columns)
         if "time_s" not in names or len(names) < 2:
             raise CommandError(
-                f"{path} is not a trajectory of such a drive", rule="a file with the columns of pneudrive simulate"
+                f"{path} is not a run of such a drive", rule="a file with the columns of pneudrive simulate"
             )
         found = read_columns(place, names)
         time = found["time_s"]
         if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):
-            raise CommandError(f"{path} has no samples whose times rise", remedy="Choose another file.")
+            raise CommandError(f"the times in {path} do not increase", remedy="Choose another file.")
         return found
 
     def _band(

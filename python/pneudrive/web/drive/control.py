@@ -91,7 +91,7 @@ class ControlRequest(PageRequest):
         drive = described_at(workspace, self.path)
         controller: Controller | str | None = _checked_law(workspace, self.law) or None
         if controller and self.gains:
-            raise CommandError(f"{self.law} has gains of its own", remedy="Change them in the file.")
+            raise CommandError(f"{self.law} is a file with its own gains", remedy="Change them in the file.")
         if self.gains:
             controller = Controller(law=self.law, gains=dict(self.gains))
         return prepare(
@@ -296,7 +296,7 @@ def started_comparison(workspace: Workspace, given: Mapping[str, Any]) -> dict[s
     if isinstance(folder, str):
         asked = read_comparison(workspace.folder(folder)).about.get("asked")
         if not asked:
-            raise CommandError(f"{folder} does not say how it was begun", remedy="Run its command again.")
+            raise CommandError(f"{folder} does not record the command that started it", remedy="Run its command again.")
         job = _job(asked, workspace, folder, is_new=False)
     else:
         job = _job(given, workspace, f"{RESULTS}/{folder_name(given.get('name'))}", is_new=True)

@@ -276,4 +276,4 @@ def with_changes(described: Described, changes: Mapping[str, Any]) -> Described:
     try:
         return described.replace(dict(changes)) if changes else described
     except TypeError:  # a key below a value; fields of the page have no such keys
-        raise CommandError(f"{', '.join(changes)[:200]} cannot be changed so", remedy="Reload the page.") from None
+        raise CommandError(f"{', '.join(changes)[:200]} cannot be changed here", remedy="Reload the page.") from None

@@ -105,7 +105,7 @@ class CircuitText:
     ----------
     text : str
     wiring : Wiring
-        Of the circuit.
+        Wiring of the circuit.
     """
 
     def __init__(self, text: str, wiring: Wiring) -> None:

@@ -157,7 +157,7 @@ def ask_campaign(workspace: Workspace, path: str, given: Mapping[str, Any], cont
     """
     folder, word = workspace.folder(path), given.get("word")
     if not control:
-        raise CommandError("this server only watches", remedy=CONTROL)
+        raise CommandError("this server shows campaigns but does not control them", remedy=CONTROL)
     if word not in WORDS:
         raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
     ask(folder, str(word), f"{getpass.getuser()}, from the page")

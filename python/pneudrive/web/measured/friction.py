@@ -66,7 +66,7 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
     for name, file in files.items():
         place = path.parent / file
         if not place.is_file():
-            reasons.append(f"There is no {file} beside the map.")
+            reasons.append(f"There is no {file} next to the map.")
             continue
         try:
             fit = read_fit(place)
@@ -76,7 +76,7 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
         if isinstance(fit, FrictionFit):
             fits[name] = fit
         else:
-            reasons.append(f"{file} is the fit of a {fit.KIND}, which has no curve over speed.")
+            reasons.append(f"{file} is a fit of a {fit.KIND}, which has no curve over speed.")
     return fits, " ".join(dict.fromkeys(reasons))
 
 
@@ -92,7 +92,7 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
     """
     fits = [file.path for file in workspace.files() if file.kind == "fit" and dirname(file.path) == dirname(path)]
     if fit and fit not in fits:
-        raise CommandError(f"there is no fit {fit[:80]} beside the map")
+        raise CommandError(f"there is no fit {fit[:80]} next to the map")
     found = drawn_map(workspace.path(path, MAPS), basename(fit) or FIT)
     return {**found, "fits": fits, "recordings": recordings_of_map(workspace, path)}
 
@@ -365,10 +365,10 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
         "designs": isinstance(fit, FrictionFit),
     }
     if not isinstance(fit, SlidingFit):
-        return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
+        return found | {"why": f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."}
     edge = next(iter(Lineage(workspace).edges(path)), None)
     if edge is None or edge.state != SAME:
-        return found | {"why": "Residuals and profiles need the map of the fit: it was removed or changed."}
+        return found | {"why": "Residuals and profiles need the map of the fit, but this map was removed or changed."}
     table = read_map(workspace.path(edge.path))
     data = with_map(fit, table).compared()["friction"]
     found["residuals"] = list(zip(data.at.tolist(), (data.measured - data.model).tolist(), strict=True))

@@ -115,7 +115,7 @@ class Reading(threading.Thread):
 
     @property
     def goes_on(self) -> bool:
-        """The reading has not ended."""
+        """Whether the reading has not ended."""
         return self.done is None and self.error is None
 
     def run(self) -> None:
@@ -140,9 +140,9 @@ class Reading(threading.Thread):
         Raises
         ------
         CommandError
-            It is still being read.
+            The recording is still being read.
         PneudriveError
-            It cannot be read.
+            The recording cannot be read.
         """
         if self.error is not None:
             raise self.error
@@ -234,7 +234,7 @@ class ViewRequest(PageRequest):
         Raises
         ------
         CommandError
-            They do not rise, or the drawing is too wide.
+            The times do not increase, or the drawing is too wide.
         """
         if not (self.start < self.end and 1 <= self.pixels <= MOST_PIXELS):
             raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
@@ -442,11 +442,11 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
     """Return the reason why strokes and faults of a recording are not shown. Empty if they are."""
     count = opened.pyramid.count
     if count > MOST_SAMPLES_OF_STROKES:
-        reason = f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here"
+        reason = f"Strokes and faults are not detected: {count:,} samples, and the limit is {MOST_SAMPLES_OF_STROKES:,}"
         is_of_rig = layout is None or layout.kind == "rig"
         return reason + (f". In a terminal: pneudrive characterise {safe(name)} finds strokes." if is_of_rig else ".")
     if opened.file.time is None:
-        return "Strokes and faults are not shown: they have times, but samples are counted."
+        return "Strokes and faults are not shown: they need times, but the file has sample numbers only."
     return ""
 
 
@@ -472,8 +472,8 @@ def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
     above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
     if not above or needs_none(path):
         return ()
-    remedy = "copy it into this folder, or start pneudrive web in that one"
-    return (f"the folder above has a layout.toml, which commands use and the page does not open: {remedy}",)
+    remedy = "copy it into this folder, or start pneudrive web in the folder above"
+    return (f"the folder above has a layout.toml, which commands use but the page does not: {remedy}",)
 
 
 def needs_none(path: Path) -> bool:

@@ -62,7 +62,7 @@ def test_the_band_is_that_of_the_mean_state_and_the_states_are_told_beside_it(me
         level = np.nanmean(found.cycles["friction_n"])
     assert halves[1] < 1.5 * halves[0]
     assert abs(found.drift.spread_n / (0.1 * level / np.sqrt(12.0)) - 1.0) < 0.35
-    assert f"differs from them by {found.drift.spread_n:.2g} N" in " ".join(s.text for s in found.statements)
+    assert f"differs from the curves by {found.drift.spread_n:.2g} N" in " ".join(s.text for s in found.statements)
 
 
 def test_neighbours_make_no_point_much_surer_than_its_own_cycles(measured, quick):
