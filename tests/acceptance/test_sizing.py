@@ -312,7 +312,7 @@ supply.pressure = "6 bar gauge"
     assert [row[1] for row in page.tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
-    ranges = {row[0]: row[1] for row in page.tables["Values of 98 % of the samples, and margin in brackets"]}
+    ranges = {row[0]: row[1] for row in page.tables["Range of 98 % of the samples, and margin in brackets"]}
     value, limit, _ = ranked[0]["worst"]["time out"]
     low, _, rest = ranges["time out, limit 0.35 s"].partition(" … ")
     assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f}\u00a0%)"

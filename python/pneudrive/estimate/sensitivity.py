@@ -33,7 +33,7 @@ class SobolIndices:
     first_interval, total_interval : ndarray, shape (2, d, s)
         Lower and upper end, by the bootstrap.
     rows : ndarray of int, shape (s,)
-        Base points that count for an output: all of whose values are finite.
+        Number of base points that count for an output: those with finite values only.
     """
 
     first: Array
@@ -75,7 +75,7 @@ def sobol_indices(
     d : int
         Number of arguments.
     confidence : float
-        Probability that an interval is meant to cover with; percentile bootstrap over base points.
+        Nominal coverage probability of an interval, from a percentile bootstrap over base points.
     resamples : int
         Number of bootstrap samples, rounded up to a multiple of 50.
     seed : int

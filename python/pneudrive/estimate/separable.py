@@ -94,9 +94,9 @@ def scan(shape: Array, designs: Array, values: Array) -> Scan:
     ----------
     shape : ndarray, shape (g, k)
     designs : ndarray, shape (g, n, p)
-        Whitened.
+        Whitened design matrix of each shape.
     values : ndarray, shape (n,)
-        Whitened.
+        Whitened observations.
 
     Examples
     --------

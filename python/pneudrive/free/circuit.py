@@ -127,7 +127,7 @@ class CircuitFamily:
         Raises
         ------
         DescriptionError
-            They are not valid.
+            The values are not valid.
         """
         return compiled(self._with(values).core_json())
 

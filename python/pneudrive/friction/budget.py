@@ -240,7 +240,7 @@ class SharedTerms:
     Attributes
     ----------
     gain_n, hysteresis_n : ndarray
-        Of the sensors: proportional to friction, and equal at all frictions.
+        Errors of the sensors: proportional to friction, and equal at all frictions.
     position_n : ndarray
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray

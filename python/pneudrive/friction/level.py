@@ -86,7 +86,7 @@ class Level(Shown):
     table : Strokes
         All strokes of the class, also unused ones.
     strokes : tuple of Stroke
-        Those whose samples are kept: all, but for long recordings.
+        Strokes whose samples are kept: all, except in long recordings.
     sides : dict of Side
         Used strokes by direction, +1 or -1.
     bins : ndarray of bool, shape (m,)
@@ -142,7 +142,7 @@ class Level(Shown):
     def stderr_n(self) -> float:
         """Statistical uncertainty, `chance_n`.
 
-        The profile over position is all that is known if no direction has two strokes.
+        If no direction has two strokes, the uncertainty comes from the profile over position.
         """
         rows = [self.table.balance_n[rows][:, self.bins] for rows in self.table.directions.values()]
         if len(rows) == 1:

@@ -60,7 +60,7 @@ class Strokes:
     slips : tuple of (StickSlip, StickSlip or None) or None
         Sliding of axis and piston; None for strokes that do not count or are short.
     peaks : dict
-        Number of a stroke -> peak of friction after the reversal before it.
+        Index of a stroke -> peak of friction after the preceding reversal.
     """
 
     grid: Grid
@@ -189,7 +189,7 @@ class Side:
     means_n : ndarray, shape (strokes,)
         Balance of each used stroke at equal positions.
     spread : Spread
-        Of these means.
+        Spread of these means.
     pressure_moves_n : float
         Usual range of the pressure force within a stroke.
     breakaway_n, dwell_s, loading_rate_n_s : float

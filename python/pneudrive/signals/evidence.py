@@ -173,7 +173,7 @@ class Directions:
 
     @classmethod
     def of(cls, position: Array) -> Directions:
-        """Find the moving samples of a motion, without times."""
+        """Find the samples that move, from the position alone."""
         good = np.isfinite(position)
         at = np.flatnonzero(good)
         velocity = np.zeros(position.size)

@@ -568,7 +568,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     reading, columns = read_foreign(path)
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
-    watch.tell(1, STAGES, "looking at the columns")
+    watch.tell(1, STAGES, "examining the columns")
     roles = RoleSearch.of(reading, columns)
     kind = _kind(path, roles)
     if kind == "fixed-volume":

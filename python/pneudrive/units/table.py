@@ -117,7 +117,7 @@ def kind(si_unit: str) -> str:
 
 
 def needed(si_unit: str) -> str:
-    """Return the rule of a message: ``a length is needed, e.g. "25 mm"``; in Pa, a difference of two pressures."""
+    """Return the rule of a message, such as ``a length is needed, e.g. "25 mm"``. Pa means a pressure difference."""
     return DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 

@@ -141,7 +141,7 @@ class CommonPoints:
     speed_m_s : ndarray, shape (m,)
     gauge_pa : ndarray, shape (m, 2)
     levels : tuple of str, length m
-        Standard errors of the points.
+        Mounting, seal and drive of each point.
     left_out : int
         Further common points.
     """

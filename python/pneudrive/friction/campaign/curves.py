@@ -83,9 +83,9 @@ class Fits:
     speeds : tuple of CurveSpeeds
         Speeds of each curve.
     friction : CurveFit
-        Standard uncertainty of half the difference of both directions.
+        Fit of half the difference of both directions.
     offset : CurveFit
-        Standard uncertainty of half the sum, including the zero runs.
+        Fit of half the sum, including the zero runs.
     drift_share : float
         Share of a steady drift that the design cannot separate from the curves.
     block_kind : str
@@ -179,9 +179,9 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFi
     fits : Fits
         The models of friction, whose order, curves and blocks are used.
     y, stderr : ndarray, shape (n,)
-        Number of cycles with both directions.
+        The other result of each cycle and its standard error.
     drift : bool
-        Whether it may drift like friction.
+        Whether the result may drift like friction.
     """
     use, like = fits.points.use, fits.friction.data
     data = replace(like, y=y[use], noise=stderr[use] ** 2, logarithmic=False)

@@ -233,7 +233,7 @@ class Loop(Shown):
     Attributes
     ----------
     key : str
-        Index of the cycle.
+        Key of the cycle.
     condition : Condition
     speed_m_s : float
     time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)

@@ -324,7 +324,7 @@ class CurvePoints(CycleTable):
     ----------
     pattern : Pattern
     conditions : tuple of Condition
-        Those that occur.
+        Conditions that occur.
     level_speeds_m_s : ndarray, shape (levels,)
     whole : CycleTable
         All cycles with both directions.
@@ -442,7 +442,7 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
     Parameters
     ----------
     place, stretch, level : ndarray of int, shape (n,)
-        Index of each cycle in the order of execution, from 0.
+        Place, part of the campaign and level of each cycle, in the order of execution, from 0.
     rows : int
         Approximate number of groups.
     cells : int

@@ -279,7 +279,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     ----------
     campaign : Campaign
     choice : SampleChoice
-        Whether each sample counts.
+        Selection of the samples that count.
     processes : int, optional
         None: one for each processor, for 100 cycles or more.
 

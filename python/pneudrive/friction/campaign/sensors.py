@@ -120,7 +120,7 @@ class PressureZero:
     mean_pa, stderr_pa : float
         Mean over all usable zero runs. The standard uncertainty comes from noise and from differences of zero runs.
     tares : int
-        That count.
+        Number of usable zero runs.
     far, unsteady : dict
         Key of an unusable zero run -> its deviation from ambient, and its change, Pa.
     """

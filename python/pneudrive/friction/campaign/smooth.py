@@ -292,7 +292,7 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
     spread : float
         Standard deviation of an outlier, in the unit of the response.
     odds : float
-        Prior odds of a wild cycle.
+        Prior odds of an outlier.
     """
     model = fitted.fit.model
     others = []
@@ -350,10 +350,10 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
     Returns
     -------
     list of int
-        Wild cycles.
+        Outliers.
     list of list of int
-        Further cycles that may be outliers, for each hypothesis other than no outlier. Each holds those of the one
-        before.
+        Further cycles that may be outliers, for each hypothesis other than no outlier. Each list contains the list
+        before it.
     """
     if len(data) < ENOUGH:
         return [], []

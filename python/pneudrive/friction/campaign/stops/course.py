@@ -73,7 +73,7 @@ class Phases:
     rest_s, restart_s : float
         Times at which the axis came to rest and began to move again.
     direction : int
-        Speed of the restart.
+        Direction of the restart, +1 or -1.
     reversed : bool
         The approach came from the other side, or is missing.
     by_steps : bool
@@ -481,7 +481,7 @@ class Recovery:
     length_m : float
         L.
     left : Estimate
-        c: friction at the end less that before the stop, N.
+        c: friction at the end minus friction before the stop, N.
     seen_m : float
         Travel of the move after the peak.
     complete : bool

@@ -105,7 +105,7 @@ class DwellSeries(Shown):
     released : bool
     conditions : tuple of Condition
     stops : polars.DataFrame
-        Those used.
+        Stops that were used.
     left_out : int
         Stops of the series that were not used.
     reference_s : float
