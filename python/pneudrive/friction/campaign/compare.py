@@ -180,7 +180,7 @@ class CurveComparison:
     difference : tuple of Estimate
         At each common point, relative.
     adjusted_p : ndarray, shape (m,)
-        The same probabilities after Holm's correction for their number [holm1979].
+        Probabilities of the differences after Holm's correction for their number [holm1979].
     friction_n : ndarray, shape (2, m)
         Mean of each campaign at the points.
     several_blocks : bool
