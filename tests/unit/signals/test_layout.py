@@ -206,7 +206,7 @@ def test_a_pattern_that_does_not_fit_a_name_is_an_error_that_says_where(tmp_path
             "Messung_01_DichtungA_xbar.csv",
             r"at \{pressure\} \(a number, .*'xbar'",
         ),
-        ("{seal}_{pressure}bar", "lip-2bar.csv", r"at '_', '.*' is left"),
+        ("{seal}_{pressure}bar", "lip-2bar.csv", r"at '_', '.*' of the name is not matched"),
         ("{seal}_{pressure}bar_{run}", "lip_2bar.csv", r"at 'bar_', the name is too short"),
     ):
         with pytest.raises(
