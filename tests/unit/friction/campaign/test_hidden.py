@@ -182,5 +182,5 @@ def test_a_wave_about_as_long_as_the_stroke_is_no_trend_beyond_chance(measured, 
 @pytest.mark.parametrize(("off", "word"), [(0.5 * BAR, "+0.5 bar"), (1.013 * BAR, "is a gauge pressure"), (0.0, None)])
 def test_pressures_that_were_not_the_set_ones_are_told(measured, quick, off, word):
     world = quick(**PLAN | {"written_too_high_pa": off, "gauges_pa": PLAN["gauges_pa"][1:]})
-    said = " ".join(str(s) for s in measured(world).statements if "from the set one" in s.text)
+    said = " ".join(str(s) for s in measured(world).statements if "from the set pressure" in s.text)
     assert (word in said) if word else not said
