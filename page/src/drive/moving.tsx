@@ -7,7 +7,6 @@ import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
 import type { SentPlatform } from "../server/generated";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
-import type { PlatformAt } from "./platform";
 
 export interface MotionHead {
   platforms?: SentPlatform[];
@@ -25,7 +24,7 @@ export const timeAt = signal(0);
 export const isPlaying = signal(false);
 
 /** Drawing of platforms, loaded with the first run that has one. */
-const platformView = signal<typeof PlatformAt | null>(null);
+const platformView = signal<typeof import("./platform").PlatformAt | null>(null);
 
 export function pointAt(time: number): void {
   if (!isPlaying.value) timeAt.value = time;

@@ -4,10 +4,10 @@ import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
-import { filesOf, list, studies, take, taking } from "./files";
+import { filesOf, list, studies, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
-import { PathName } from "./tree";
+import { AddFiles, PathName } from "./tree";
 
 export const EXAMPLE = "catalogue:reference";
 const wrong = signal<Problem[]>([]);
@@ -41,7 +41,7 @@ export const openTask = () =>
   attempt(async () => begin("task", (await ask<{ text: string }>("/api/task", {})).text, "sizing"));
 
 /** Start of a platform on three legs, named first. */
-function NewPlatform({ isFirst = false }: { isFirst?: boolean }) {
+function NewPlatform({ isFirst }: { isFirst: boolean }) {
   const name = useSignal("tripod");
   const open = async () => {
     const { text } = await read<{ text: string }>("/api/platform");
@@ -67,81 +67,66 @@ function NewPlatform({ isFirst = false }: { isFirst?: boolean }) {
 const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   <label class="button primary">
     {children}
-    <input
-      type="file"
-      multiple
-      class="hidden"
-      onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))}
-    />
+    <AddFiles />
   </label>
 );
 
-/** Starting points, each at most two clicks from its first curve. */
+const examples = (
+  <button type="button" onClick={() => void openExample()}>
+    Use example recordings
+  </button>
+);
+
+/** Starting points, each at most two clicks from its first curve: what it does, and its buttons. */
+const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: ComponentChildren][] => [
+  [
+    "Simulate a drive",
+    "Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.",
+    <a class={isEmpty ? "button primary" : "button"} href={link("simulate", EXAMPLE)}>
+      Open an example drive
+    </a>,
+  ],
+  [
+    "Read recordings",
+    "Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.",
+    <>
+      <OwnFiles>Add recordings</OwnFiles> {examples}
+    </>,
+  ],
+  [
+    "Size a drive",
+    "State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.",
+    <button type="button" class={isEmpty ? "primary" : ""} onClick={() => void openTask()}>
+      Start with a task
+    </button>,
+  ],
+  [
+    "Move a platform",
+    "Three legs under a plate that heaves and tilts. See its workspace, its path and the forces of its legs.",
+    <NewPlatform isFirst={isEmpty} />,
+  ],
+];
+
+/** Ways to begin: explained in an empty folder, in one row otherwise. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
-  const examples = (
-    <button type="button" onClick={() => void openExample()}>
-      Use example recordings
-    </button>
-  );
-  if (!isEmpty)
-    return (
-      <section class="starts" aria-label="Begin">
-        <Problems of={wrong.value} />
-        <p class="row">
-          <OwnFiles>Add recordings</OwnFiles>
-          {examples}
-          <a class="button" href={link("simulate", EXAMPLE)}>
-            Open an example drive
-          </a>
-          <button type="button" onClick={() => void openTask()}>
-            Start with a task
-          </button>
-        </p>
-        <NewPlatform />
-      </section>
-    );
+  const starts = STARTS(isEmpty);
   return (
     <section class="starts" aria-label="Begin">
-      <p class="lead">This folder is empty. Choose where to begin.</p>
+      {isEmpty && <p class="lead">This folder is empty. Choose where to begin.</p>}
       <Problems of={wrong.value} />
-      <div class="cards">
-        <article class="panel">
-          <h3>Simulate a drive</h3>
-          <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>
-          <p class="row">
-            <a class="button primary" href={link("simulate", EXAMPLE)}>
-              Open an example drive
-            </a>
-          </p>
-        </article>
-        <article class="panel">
-          <h3>Read recordings</h3>
-          <p>
-            Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes
-            and friction.
-          </p>
-          <p class="row">
-            <OwnFiles>Add recordings</OwnFiles> {examples}
-          </p>
-        </article>
-        <article class="panel">
-          <h3>Size a drive</h3>
-          <p>
-            State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and
-            margin.
-          </p>
-          <p class="row">
-            <button type="button" class="primary" onClick={() => void openTask()}>
-              Start with a task
-            </button>
-          </p>
-        </article>
-        <article class="panel">
-          <h3>Move a platform</h3>
-          <p>Three legs under a plate that heaves and tilts. See its workspace, its path and the forces of its legs.</p>
-          <NewPlatform isFirst />
-        </article>
-      </div>
+      {isEmpty ? (
+        <div class="cards">
+          {starts.map(([title, words, buttons]) => (
+            <article class="panel" key={title}>
+              <h3>{title}</h3>
+              <p>{words}</p>
+              <div class="row">{buttons}</div>
+            </article>
+          ))}
+        </div>
+      ) : (
+        <div class="row">{starts.map(([, , buttons]) => buttons)}</div>
+      )}
     </section>
   );
 }
@@ -175,52 +160,50 @@ export function Choose({
             Open an example drive
           </a>
         )}
-        {recordings && (
-          <>
-            <OwnFiles>Add recordings</OwnFiles>{" "}
-            <button type="button" onClick={() => void openExample()}>
-              Use example recordings
-            </button>
-          </>
-        )}
+        {recordings && <OwnFiles>Add recordings</OwnFiles>}
+        {recordings && examples}
         <span role="status" class="note">
           {taking.value}
         </span>
       </p>
-      {catalogue && <NewPlatform />}
-      {files.length > 0 && (
-        <>
-          <h3>In the folder</h3>
-          <ul class="cards">
-            {files.map((one) => (
-              <li key={one.path}>
-                <a class="panel" href={link(view, one.path)}>
-                  <b>
-                    <PathName path={one.path} />
-                  </b>
-                  <span class="note">{lines[one.path] ?? one.kind}</span>
-                  <span class="note">{day(one.changed)}</span>
-                </a>
-              </li>
-            ))}
-          </ul>
-        </>
-      )}
+      <Cards
+        title="In the folder"
+        view={view}
+        of={files.map(({ path, kind, changed }) => [path, lines[path] ?? kind, day(changed)])}
+      />
       {catalogue && (
-        <>
-          <h3>In the catalogue</h3>
-          <ul class="cards">
-            {studies.value?.catalogue.map((one) => (
-              <li key={one.path}>
-                <a class="panel" href={link(view, one.path)}>
-                  <b>{one.path.replace("catalogue:", "")}</b>
-                  <span class="note">{one.title}</span>
-                </a>
-              </li>
-            ))}
-          </ul>
-        </>
+        <Cards
+          title="In the catalogue"
+          view={view}
+          of={(studies.value?.catalogue ?? []).map((one) => [one.path, one.title])}
+        />
       )}
     </section>
+  );
+}
+
+/** Objects as cards: path, and notes below it. */
+function Cards({ title, view, of }: { title: string; view: string; of: [path: string, ...notes: string[]][] }) {
+  if (!of.length) return null;
+  return (
+    <>
+      <h3>{title}</h3>
+      <ul class="cards">
+        {of.map(([path, ...notes]) => (
+          <li key={path}>
+            <a class="panel" href={link(view, path)}>
+              <b>
+                <PathName path={path.replace("catalogue:", "")} />
+              </b>
+              {notes.map((note, index) => (
+                <span class="note" key={index}>
+                  {note}
+                </span>
+              ))}
+            </a>
+          </li>
+        ))}
+      </ul>
+    </>
   );
 }

@@ -2,7 +2,7 @@
 
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import type { CommandInput as Field } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
 import { filesOf, studies } from "./files";
@@ -54,8 +54,13 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   useEffect(() => void follow(), []);
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
-  const free = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
-  useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(free)]);
+  const free: Values = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
+  useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(start)]);
+  const proposed = useRef(free.name);
+  useEffect(() => {
+    if (typed.value[kind]?.name === proposed.current) put(kind, { name: free.name }); // a typed name is kept
+    proposed.current = free.name;
+  }, [free.name]);
   const request = requestOf(kind, given);
   const needed = (form?.fields ?? []).find(
     (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key],

@@ -20,8 +20,8 @@ interface Job {
 
 export const jobs = signal<Job[]>([]);
 const LOOK_MS = 300;
-/** Result of a finished job by kind: view, path inside the folder, text of the link. */
-const RESULTS: Record<string, [string, string, string]> = {
+/** Result of a job by kind: view, path inside the folder, text of the link. */
+const RESULTS: Record<string, [view: string, file: string, words: string]> = {
   characterise: ["friction", "/map.parquet", "Show the friction map of"],
   control: ["control", "", "Show the score card of"],
   fit: ["friction", "", "Show the fit"],
@@ -31,9 +31,7 @@ const RESULTS: Record<string, [string, string, string]> = {
   export: ["handover", "", "Show the variables of"],
   size: ["sizing", "", "Show the candidates of"],
 };
-
-/** Jobs whose results are shown while they run. */
-const WATCHED = ["control", "size"];
+const WATCHED = ["control", "size"]; // kinds whose results are shown while they run
 
 const pause = () => new Promise((resolve) => setTimeout(resolve, LOOK_MS));
 const runs = (job?: number): boolean =>
@@ -102,22 +100,13 @@ const isOpen = signal(false);
 /** Tray of the header: number of running jobs, and each job with its output. */
 export function Tray() {
   const [running, failed] = ["running", "failed"].map(
-    (state) => jobs.value.filter((one) => one.state === state).length,
+    (state) => jobs.value.filter((job) => job.state === state).length,
   );
+  const words = running ? `${running} running` : failed ? `${failed} failed` : jobs.value.length;
   return (
-    <details
-      class="tray"
-      open={isOpen.value}
-      onToggle={(event) => (isOpen.value = (event.currentTarget as HTMLDetailsElement).open)}>
+    <details class="tray" open={isOpen.value} onToggle={(event) => (isOpen.value = event.currentTarget.open)}>
       <summary>
-        Jobs{" "}
-        {running ? (
-          <b class="badge">{running} running</b>
-        ) : failed ? (
-          <b class="badge missed">{failed} failed</b>
-        ) : (
-          <b class="badge">{jobs.value.length}</b>
-        )}
+        Jobs <b class={failed && !running ? "badge missed" : "badge"}>{words}</b>
       </summary>
       {isOpen.value && (
         <div class="panel">
@@ -131,62 +120,63 @@ export function Tray() {
 /** List all jobs, jobs of some kinds, or jobs of one folder. With `output`, the view itself shows progress and cancels. */
 export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; output?: boolean }) {
   const shown = jobs.value.filter(
-    (one) => (of === undefined || one.out === of) && (!kinds || kinds.includes(one.kind)),
+    (job) => (of === undefined || job.out === of) && (!kinds || kinds.includes(job.kind)),
   );
   return (
     <>
-      {shown
-        .filter((one) => one.state === "running" && !output)
-        .map((one) => (
-          <p key={one.number} class="row">
-            {one.out} runs{one.progress && `, ${reached(one)}`}
-            {one.progress && (
-              <progress
-                aria-label={`Progress of ${one.out}`}
-                value={one.progress.done}
-                max={Math.max(one.progress.total, one.progress.done, 1)}
-              />
-            )}
-            <Cancel job={one}>Cancel {one.out}</Cancel>
-          </p>
-        ))}
       <p class="hidden" role="status">
-        {shown.map((one) => `${one.out}: ${one.state}`).join("; ")}
+        {shown.map((job) => `${job.out}: ${job.state}`).join("; ")}
       </p>
-      {shown.map((one) => (
-        <details key={one.number} class="job" data-state={one.state} open={one.state === "failed"}>
-          <summary>
-            <b>{one.out}</b>: {one.state}
-          </summary>
-          <pre tabIndex={0} role="group" aria-label={`Command of ${one.out}`}>
-            {one.command}
-          </pre>
-          {one.tail && (
-            <pre tabIndex={0} role="group" aria-label={`Output of ${one.out}`}>
-              {one.tail}
-            </pre>
-          )}
-        </details>
+      {shown.map((job) => (
+        <div key={job.number}>
+          {job.state === "running" && !output && <Progress job={job} />}
+          <details class="job" data-state={job.state} open={job.state === "failed"}>
+            <summary>
+              <b>{job.out}</b>: {job.state}
+            </summary>
+            <Lines title={`Command of ${job.out}`} text={job.command} />
+            {job.tail && <Lines title={`Output of ${job.out}`} text={job.tail} />}
+          </details>
+          <ResultLink job={job} isHere={of !== undefined} />
+        </div>
       ))}
-      {of === undefined &&
-        shown
-          .filter((one) => one.state === "running" && WATCHED.includes(one.kind))
-          .map((one) => (
-            <p key={one.number}>
-              <a href={link(RESULTS[one.kind]![0], one.out)}>Watch {one.out}</a>
-            </p>
-          ))}
-      {shown
-        .filter(
-          (one) => one.state === "done" && RESULTS[one.kind] && (one.kind !== "export" || one.out.endsWith(".fmu")),
-        ) // a library for C has no view
-        .map((one) => (
-          <p key={one.number}>
-            <a href={link(RESULTS[one.kind]![0], `${one.out}${RESULTS[one.kind]![1]}`)}>
-              {RESULTS[one.kind]![2]} {one.out}
-            </a>
-          </p>
-        ))}
     </>
+  );
+}
+
+const Lines = ({ title, text }: { title: string; text: string }) => (
+  <pre tabIndex={0} role="group" aria-label={title}>
+    {text}
+  </pre>
+);
+
+function Progress({ job }: { job: Job }) {
+  const { out, progress } = job;
+  return (
+    <p class="row">
+      {out} runs{progress && `, ${reached(job)}`}
+      {progress && (
+        <progress
+          aria-label={`Progress of ${out}`}
+          value={progress.done}
+          max={Math.max(progress.total, progress.done, 1)}
+        />
+      )}
+      <Cancel job={job}>Cancel {out}</Cancel>
+    </p>
+  );
+}
+
+/** Link to the result of a job. A library for C has no view. */
+function ResultLink({ job: { kind, out, state }, isHere }: { job: Job; isHere: boolean }) {
+  const [view, file, words] = RESULTS[kind] ?? [];
+  const isWatched = state === "running" && WATCHED.includes(kind) && !isHere;
+  if (!view || !(isWatched || state === "done") || (kind === "export" && !out.endsWith(".fmu"))) return null;
+  return (
+    <p>
+      <a href={link(view, isWatched ? out : `${out}${file}`)}>
+        {isWatched ? "Watch" : words} {out}
+      </a>
+    </p>
   );
 }

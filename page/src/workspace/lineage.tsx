@@ -2,12 +2,12 @@
 
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { link, route } from "../routes";
-import { ask, attempting, type Listed, type Problem, Refused, read } from "../server/server";
-import { viewOf } from "../views";
+import { route } from "../routes";
+import { ask, attempting, type Problem, Refused, read } from "../server/server";
 import { list, studies } from "./files";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
+import { ObjectLink } from "./tree";
 
 interface Made {
   kind: string;
@@ -96,23 +96,18 @@ export const trace = (path: string): Promise<void> =>
     if (!isOpen) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
   });
 
-const where = (files: Listed[], path: string) => {
-  const view = path.startsWith("catalogue:") ? "simulate" : viewOf(files.find((one) => one.path === path)?.kind ?? "");
-  return view ? <a href={link(view, path)}>{path}</a> : <span>{path}</span>;
-};
-
-function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
+function Inputs({ of }: { of: Made[] }) {
   if (!of.length) return null;
   return (
     <ul class="lineage">
       {of.map((one, index) => (
         <li key={index} data-input={one.path || one.name} data-state={one.state}>
-          {one.kind}: {one.path ? where(files, one.path) : one.name}{" "}
+          {one.kind}: {one.path ? <ObjectLink path={one.path} /> : one.name}{" "}
           <span class={one.state === "changed" ? "missed" : "note"}>
             {STATES[one.state]}
             {one.digest && `, SHA-256 ${one.digest}…`}
           </span>
-          <Inputs of={one.inputs} files={files} />
+          <Inputs of={one.inputs} />
         </li>
       ))}
     </ul>
@@ -120,7 +115,7 @@ function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
 }
 
 /** Lineage of the requested file. */
-export function Chain({ files }: { files: Listed[] }) {
+export function Chain() {
   const now = shown.value;
   const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
   const again = async () => {
@@ -139,12 +134,12 @@ export function Chain({ files }: { files: Listed[] }) {
             </p>
           )}
           {!now.inputs.length && <p>It does not list any input.</p>}
-          <Inputs of={now.inputs} files={files} />
+          <Inputs of={now.inputs} />
           {now.made.length > 0 && <h3>Made from it</h3>}
           <ul class="lineage">
             {now.made.map((one) => (
               <li key={one} data-made={one}>
-                {where(files, one)}
+                <ObjectLink path={one} />
               </li>
             ))}
           </ul>

@@ -245,18 +245,20 @@ export const KINDS: Record<string, string> = {
   default: "default",
 };
 
-type Cells = ComponentChildren[];
+type Data = Record<string, unknown>;
+type Cell = ComponentChildren | { text: ComponentChildren; data: Data };
+type Row = Cell[] | { cells: Cell[]; data: Data };
 
-/** Table with a name in the first cell of each row. `data` is carried by the row. Texts have units as people write them. */
-export function Table({
-  heads,
-  rows,
-  label,
-}: {
-  heads: string[];
-  rows: (Cells | { cells: Cells; data: Record<string, unknown> })[];
-  label: string;
-}) {
+/** A cell as its text and the data that it carries. A text has units as people write them. */
+function parted(cell: Cell): { text: ComponentChildren; data?: Data } {
+  const shown = cell !== null && typeof cell === "object" && "data" in cell ? cell : { text: cell };
+  return { ...shown, text: typeof shown.text === "string" ? pretty(shown.text) : shown.text } as ReturnType<
+    typeof parted
+  >;
+}
+
+/** Table with a name in the first cell of each row. `data` is carried by the row or the cell. */
+export function Table({ heads, rows, label }: { heads: string[]; rows: Row[]; label: string }) {
   return (
     <div class="scroll" tabIndex={0} role="region" aria-label={label}>
       <table>
@@ -271,19 +273,15 @@ export function Table({
         </thead>
         <tbody>
           {rows.map((row, index) => {
-            const [cells, data] = Array.isArray(row) ? [row, {}] : [row.cells, row.data];
-            const shown = cells.map((one) => (typeof one === "string" ? pretty(one) : one));
+            const [[name, ...cells], data] = Array.isArray(row) ? [row, {}] : [row.cells, row.data];
             return (
               <tr key={index} {...data}>
-                {shown.map((one, place) =>
-                  place ? (
-                    <td key={place}>{one}</td>
-                  ) : (
-                    <th scope="row" key={place}>
-                      {cells[0]}
-                    </th>
-                  ),
-                )}
+                <th scope="row">{name as ComponentChildren}</th>
+                {cells.map(parted).map((cell, place) => (
+                  <td key={place} {...cell.data}>
+                    {cell.text}
+                  </td>
+                ))}
               </tr>
             );
           })}

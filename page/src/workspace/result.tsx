@@ -12,44 +12,19 @@ import { Leading, Problems, Table } from "./parts";
 const MOST_BESIDE = 4; // columns of a table beside the figure
 
 /** Table of the values of a result. A cell carries its value in SI. */
-export function ShownTable({ view }: { view: SentView }) {
+function ShownTable({ view }: { view: SentView }) {
   const quantities = [...new Set(view.rows.map((one) => one.quantity))];
   const labels = [...new Set(view.rows.map((one) => one.label))];
-  if (!view.rows.length) return null;
-  return (
-    <div class="wide" tabIndex={0} role="region" aria-label={`Values: ${view.title}`}>
-      <table class="cards-on-phone">
-        <thead>
-          <tr>
-            {view.head.map((one, index) => (
-              <th scope="col" key={index}>
-                {one || <span class="hidden">Name</span>}
-              </th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {labels.map((label, y) => (
-            <tr key={label} data-row={label}>
-              <th scope="row">{label}</th>
-              {quantities.map((quantity, x) => {
-                const one = view.rows.find((row) => row.label === label && row.quantity === quantity);
-                return (
-                  <td
-                    key={quantity}
-                    data-head={view.head[x + 1]}
-                    data-value={one?.key}
-                    data-si={typeof one?.value === "number" ? one.value : undefined}>
-                    {view.table[y]?.[x + 1]}
-                  </td>
-                );
-              })}
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
+  const cell = (label: string, quantity: string, text: string | undefined) => {
+    const row = view.rows.find((one) => one.label === label && one.quantity === quantity);
+    const si = typeof row?.value === "number" ? row.value : undefined;
+    return { text, data: { "data-value": row?.key, "data-si": si } };
+  };
+  const rows = labels.map((label, y) => ({
+    cells: [label, ...quantities.map((quantity, x) => cell(label, quantity, view.table[y]?.[x + 1]))],
+    data: { "data-row": label },
+  }));
+  return <Table label={`Values: ${view.title}`} heads={view.head} rows={rows} />;
 }
 
 /** One plot for each pair of axes; curves of one group have one colour. */
@@ -186,7 +161,7 @@ export function Values({ view }: { view: SentView }) {
       {view.tables.map((one) => (
         <div class="panel" key={one.caption}>
           <h3>{one.caption}</h3>
-          <Table label={one.caption} heads={[...one.head]} rows={one.rows.map((row) => [...row])} />
+          <Table label={one.caption} heads={one.head} rows={one.rows} />
         </div>
       ))}
       {view.notes.length > 0 && (
@@ -201,26 +176,19 @@ export function Values({ view }: { view: SentView }) {
 
 /** A whole result: answer, figure with the values at its side, further tables and figures. */
 export function Shown({ view, label }: { view: SentView; label: string }) {
-  const hasFigure = view.figures.length > 0 || view.curves.length > 0;
   const isNarrow = view.head.length <= MOST_BESIDE && view.tables.every((one) => one.head.length <= MOST_BESIDE);
+  const isBeside = isNarrow && (view.figures.length > 0 || view.curves.length > 0);
   return (
     <section aria-label={label}>
       <Answer view={view} />
-      {hasFigure && isNarrow ? (
-        <div class="result">
-          <div class="result-figures">
-            <Figures view={view} />
-          </div>
-          <aside>
-            <Values view={view} />
-          </aside>
-        </div>
-      ) : (
+      <div class={isBeside ? "result" : "result-figures"}>
         <div class="result-figures">
           <Figures view={view} />
+        </div>
+        <div class="result-figures">
           <Values view={view} />
         </div>
-      )}
+      </div>
     </section>
   );
 }

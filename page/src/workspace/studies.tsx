@@ -27,7 +27,7 @@ export function StudiesView() {
       <Problems of={refused.value} />
       <Starts isEmpty={!found.files.length} />
       <Compare />
-      <Chain files={found.files} />
+      <Chain />
       {stale.value.unchecked > 0 && (
         <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>
       )}

@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { link, route } from "../routes";
 import { viewOf } from "../views";
-import { filesOf, GROUPS, list, nameOf, studies, take, taking } from "./files";
+import { filesOf, GROUPS, kindOf, list, nameOf, studies, take, taking } from "./files";
 
 const MOST = 200; // rows of a group; the search finds the others
 
@@ -24,34 +24,38 @@ export function PathName({ path }: { path: string }) {
   );
 }
 
-function Row({ path, view, title = "" }: { path: string; view: string | undefined; title?: string }) {
-  const isHere = route.value.path === path;
+/** Field of a label that copies files of this machine into the folder. */
+export const AddFiles = () => (
+  <input
+    type="file"
+    multiple
+    class="hidden"
+    onChange={({ currentTarget: field }) => (void take([...(field.files ?? [])]), (field.value = ""))}
+  />
+);
+
+/** Link to an object in its first view, or in the named one. An object without a view has its name only. */
+export function ObjectLink({ path, view = viewOf(kindOf(path)), title = path }: ListedObject) {
+  const name = <PathName path={path} />;
+  if (!view) return <span title={title}>{name}</span>;
   return (
-    <li>
-      {view ? (
-        <a href={link(view, path)} aria-current={isHere ? "page" : undefined} title={title || path}>
-          <PathName path={path} />
-        </a>
-      ) : (
-        <span title={path}>
-          <PathName path={path} />
-        </span>
-      )}
-    </li>
+    <a href={link(view, path)} aria-current={route.value.path === path ? "page" : undefined} title={title}>
+      {name}
+    </a>
   );
 }
 
-function Group({
-  title,
-  view,
-  rows,
-}: {
-  title: string;
-  view: string;
-  rows: { path: string; view: string | undefined; title?: string }[];
-}) {
+interface ListedObject {
+  path: string;
+  view?: string;
+  title?: string;
+}
+
+/** Objects of one kind, with a link to the list of the view that opens them. */
+function Group({ title, view, rows }: { title: string; view: string; rows: ListedObject[] }) {
   const isOpen = Boolean(search.value) || !closed.value.includes(title);
   const toggle = () => (closed.value = isOpen ? [...closed.value, title] : closed.value.filter((one) => one !== title));
+  const isHere = route.value.view === view && !route.value.path;
   return (
     <li class="group">
       <div class="head">
@@ -63,7 +67,7 @@ function Group({
           <span class="fold" />
         )}
         {view ? (
-          <a href={link(view)} aria-current={route.value.view === view && !route.value.path ? "page" : undefined}>
+          <a href={link(view)} aria-current={isHere ? "page" : undefined}>
             {title}
           </a>
         ) : (
@@ -73,8 +77,10 @@ function Group({
       </div>
       {isOpen && rows.length > 0 && (
         <ul class={title === "Catalogue" ? "" : "files"}>
-          {rows.slice(0, MOST).map((one) => (
-            <Row key={one.path} {...one} />
+          {rows.slice(0, MOST).map((row) => (
+            <li key={row.path}>
+              <ObjectLink {...row} />
+            </li>
           ))}
           {rows.length > MOST && <li class="note">{rows.length - MOST} more: search for them.</li>}
         </ul>
@@ -84,10 +90,12 @@ function Group({
 }
 
 export function Tree() {
-  const found = studies.value;
+  const folder = studies.value;
   if (!isShown.value) return null;
   const word = search.value.toLowerCase();
-  const isIn = (...texts: string[]) => texts.some((one) => one.toLowerCase().includes(word));
+  const isIn = ({ path, title = "" }: ListedObject) => `${path}\n${title}`.toLowerCase().includes(word);
+  const groups = GROUPS.map(({ title, view, kinds }) => ({ title, view, rows: filesOf(...kinds).filter(isIn) }));
+  const catalogue = folder?.catalogue.filter(isIn).map((one) => ({ ...one, view: "simulate" }));
   return (
     <nav class="tree" aria-label="Folder">
       <p class="top">
@@ -107,38 +115,23 @@ export function Tree() {
         onInput={(event) => (search.value = event.currentTarget.value)}
       />
       <ul>
-        {GROUPS.map(({ title, view, kinds }) => {
-          const rows = filesOf(...kinds)
-            .filter((one) => isIn(one.path))
-            .map(({ path, kind }) => ({ path, view: viewOf(kind) }));
-          return (rows.length > 0 || (view && !word)) && <Group key={title} title={title} view={view} rows={rows} />;
-        })}
-        {found && (
-          <Group
-            title="Catalogue"
-            view=""
-            rows={found.catalogue
-              .filter((one) => isIn(one.path, one.title))
-              .map((one) => ({ ...one, view: "simulate" }))}
-          />
+        {groups.map(
+          (group) => (group.rows.length > 0 || (group.view && !word)) && <Group key={group.title} {...group} />,
         )}
+        {catalogue && <Group title="Catalogue" view="" rows={catalogue} />}
       </ul>
       <label class="drop">
         <span class="button">Add own data</span> or drop it anywhere
-        <input
-          type="file"
-          multiple
-          class="hidden"
-          onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))}
-        />
+        <AddFiles />
       </label>
       <p class="note" role="status">
         {taking.value}
       </p>
-      {found && (
+      {folder && (
         <p class="note">
-          {found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are not UTF-8 and are left out`}
-          {found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}
+          {folder.files.length} files
+          {folder.left_out > 0 && `; ${folder.left_out} names are not UTF-8 and are left out`}
+          {folder.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}
         </p>
       )}
     </nav>
