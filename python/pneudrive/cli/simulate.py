@@ -238,7 +238,7 @@ def _design(
         path = Path(files[0])
         if path.suffix == ".toml":
             if members is None:
-                raise CommandError("--members is missing", remedy="Give the number of members from the fit.")
+                raise CommandError("--members is missing", remedy="Give the number of members to draw from the fit.")
             return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed, method=method)
         return designs.design_of(_table(drive, path), members)
     variables: dict[str, str] = {}

@@ -122,7 +122,7 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
 
 
 def check_parquet(path: Path, wanted: Sequence[str]) -> None:
-    """Check the size of columns by the header of a Parquet file, where a constant column of any length is short.
+    """Check the size of columns by the header of a Parquet file, because a long constant column takes few bytes.
 
     Raises
     ------

@@ -244,7 +244,7 @@ def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
 def on_clock(time: Array, own: Array, values: Array) -> Array:
     """Return the values of a channel with a separate clock at other times.
 
-    NaN before its first and after its last value.
+    The result is NaN before its first value and after its last one.
     """
     there = np.isfinite(own) & np.isfinite(values)
     if there.sum() < 2 or (np.diff(own[there]) < 0).any():

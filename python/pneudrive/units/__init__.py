@@ -394,7 +394,7 @@ def in_unit(text: str, unit: str) -> str:
     text : str
         Number and unit; of a pressure with ``abs`` or ``gauge``, or without.
     unit : str
-        One of `like` its unit.
+        One of the units that `like` returns for its unit.
 
     Raises
     ------

@@ -137,7 +137,7 @@ class ExtrasRequest(RunRequest):
         names = columns_in(place, columns)
         if "time_s" not in names or len(names) < 2:
             raise CommandError(
-                f"{path} is not a run of such a drive", rule="a file with the columns of pneudrive simulate"
+                f"{path} lacks the columns of this drive", rule="a file with the columns of pneudrive simulate"
             )
         found = read_columns(place, names)
         time = found["time_s"]

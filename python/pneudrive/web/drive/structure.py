@@ -262,7 +262,7 @@ class CircuitText:
         """
         named: set[str] = set()
         if not len(self._chains):
-            raise CommandError("no line would be left", remedy="Remove the file instead.")
+            raise CommandError("no connection would remain", remedy="Remove the file instead.")
         every = [*(one for one in self.wiring.parts if one not in self.gone), *self.added]
         for chain in self._chains:
             words = _words(str(chain))

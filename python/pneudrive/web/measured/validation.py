@@ -213,7 +213,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
 def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
     """Return the free run of a drive with changed values, and its agreement with each channel, %."""
     if not isinstance(drive, Drive):
-        raise CommandError("a circuit is not validated")
+        raise CommandError("a circuit cannot be validated here")
     if signals.time_s.size > MOST_LIVE:
         raise CommandError(
             f"{signals.time_s.size} samples are too many to run again while a slider moves",
