@@ -244,7 +244,7 @@ def test_tune_tries_the_law_and_warns_where_it_does_not_follow(tmp_path, capsys)
     assert run(["control", "tune", str(slow), "--law", "inversion"]) == 0
     said = capsys.readouterr()
     assert "Simulated on this drive as described, along 230 mm; 1 s: 290 mm" in said.out
-    assert re.search(r"inversion misses by up to \d\d\.?\d? mm where it was tried", said.err)
+    assert re.search(r"inversion has an error of up to \d\d\.?\d? mm in this test", said.err)
     assert run(["control", "tune", str(slow)]) == 0
     assert "misses" not in capsys.readouterr().err
 
