@@ -246,7 +246,7 @@ def test_tune_tries_the_law_and_warns_where_it_does_not_follow(tmp_path, capsys)
     assert "Simulated on this drive as described, along 230 mm; 1 s: 290 mm" in said.out
     assert re.search(r"inversion has an error of up to \d\d\.?\d? mm in this test", said.err)
     assert run(["control", "tune", str(slow)]) == 0
-    assert "misses" not in capsys.readouterr().err
+    assert "has an error" not in capsys.readouterr().err
 
 
 def test_a_controller_goes_to_another_folder_with_what_it_names(tmp_path):
