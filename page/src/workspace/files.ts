@@ -36,11 +36,15 @@ export function list(): Promise<void> {
 /** Wait until the folder is read, without a second reading. */
 export const listed = (): Promise<void> => listing ?? list();
 
-/** Read the folder, unless it still has the known state. */
+let [readings, shown] = [0, 0]; // numbers of the last reading, and of that which is shown
+
+/** Read the folder, unless it still has the known state. An older answer does not replace a newer one. */
 async function readFolder(state: string): Promise<void> {
+  const reading = ++readings;
   try {
     const folder = await read<Studies>("/api/studies", { state });
-    if (folder.state === state) return;
+    if (folder.state === state || reading < shown) return;
+    shown = reading;
     countChanges(folder.files);
     studies.value = folder;
     isOld.value = folder.build !== __BUILD__;
