@@ -127,7 +127,7 @@ def hashes_of(path: Path) -> frozenset[str]:
 
 
 def find_layout(file: Path) -> Layout | None:
-    """Load ``layout.toml`` from the folder of a file, or from the folder above; return None if there is none."""
+    """Load ``layout.toml`` from the folder of a file, or from the folder above; return None without such a file."""
     above = file.parent.parent if file.parent.parts else Path("..")  # of a bare name both would be "."
     there = [f / "layout.toml" for f in (file.parent, above) if (f / "layout.toml").is_file()]
     return Layout.load(there[0]) if there else None
