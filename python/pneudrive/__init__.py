@@ -108,6 +108,7 @@ UPPER.update(
     campaign_view="pneudrive.report.campaign",
     comparison_view="pneudrive.report.comparison",
     plot_sizing="pneudrive.report.sizing",
+    sizing_sheet="pneudrive.report.sizing",
     sizing_view="pneudrive.report.sizing",
     sheet_view="pneudrive.report.datasheet",
     characteristic_view="pneudrive.report.datasheet",

@@ -506,6 +506,7 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     page = tab.page
     page.wait_for_selector("text=<img src=x onerror=document.title=3>.toml")
     page.click("text=evil.toml")
+    page.click("summary:has-text('Circuit, as it moves')")
     page.wait_for_selector("svg.circuit")
     assert page.inner_text("h2 >> nth=0") == hostile
     assert page.locator("img").count() == 0

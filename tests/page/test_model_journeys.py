@@ -183,7 +183,8 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    assert page.inner_text("[data-answer]").startswith("Take Parker Origa OSP-P")
+    assert "Take Parker Origa OSP-P" in page.inner_text(".answer-card h2")
+    assert page.get_attribute(".answer-card", "data-state") == "good"
     page.click("text=Copy as command or Python")
     names: dict = {}
     monkeypatch.chdir(server.folder)
@@ -191,33 +192,44 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     found = names["found"]
     best = found.best
     assert best is not None
+    columns = [one.get_attribute("data-column-of") for one in page.locator("[data-column-of]").all()]
+    assert columns == [one.name for one in found.by_cylinder[:4]]
+    for name, (value, limit, unit) in best.worst.items():  # each limit of the task, its value and its range
+        words = page.inner_text(f"tr[data-limit='{name}']")
+        assert f"limit {limit:.3g}" in words or unit == "Pa"
+        assert f"{value:.3g}" in page.inner_text(f"tr[data-limit='{name}'] td >> nth=0") or unit == "Pa"
+    assert page.locator(".range.missed").count() == 0
+    assert "6 bar gauge" in page.inner_text("[data-order]")
+    assert page.get_by_text("Every simulated choice:").inner_text().endswith(str(len(found.simulated)))
+    page.click("summary:has-text('Every simulated choice')")
     row = f"[data-candidate='{best.name}']"
     assert number(tab, f"{row} [data-column=energy]") == best.energy
     assert number(tab, f"{row} [data-column=air]") == best.air_litres_anr
     assert number(tab, f"{row} [data-column=place]") == 1.0
     assert best.load_ratio is not None
     assert number(tab, f"{row} [data-column=load_ratio]") == pytest.approx(100.0 * best.load_ratio)
-    assert "…" in page.inner_text(f"{row} [data-column=energy]")
-
     assert page.locator("[data-candidate]").first.get_attribute("data-candidate") == best.name
-    assert page.locator("[data-candidate]").count() == len(found.by_cylinder)
-    page.check("label:has-text('Every simulated choice') input")
     assert page.locator("[data-candidate]").count() == len(found.simulated)
-    page.click("th >> button:text-is('Margin, %')")
-    fastest = page.locator("[data-candidate]").first
-    fastest.locator("button >> nth=0").click()
-    page.wait_for_selector("[data-limit='energy out'] td >> nth=0")
-    for words, key in (("button >> nth=0", "Enter"), ("button[aria-label^=Pin]", "Space")):
-        page.locator(row).locator(words).focus()
-        page.keyboard.press(key)
-    assert page.locator("[data-candidate]").first.get_attribute("data-candidate") == best.name  # pinned
-    assert page.locator(".candidates .ring").count() == 2
+    page.select_option("label:has-text('Order by') select", "Margin, %")
+    least = page.locator("[data-candidate]").first
+    assert float(least.locator("[data-column=margin]").get_attribute("data-si")) == pytest.approx(
+        100.0 * min(one.margin for one in found.simulated)
+    )
+    least.locator("button[aria-label^=Pin]").focus()
+    page.keyboard.press("Space")
+    pinned = least.get_attribute("data-candidate")
+    assert page.locator("[data-column-of]").first.get_attribute("data-column-of") == pinned
+    margins = next(one for one in found.simulated if one.name == pinned).margins.values()
+    assert page.locator(".range.missed").count() == sum(margin < 0.0 for margin in margins)
     assert violations(tab) == []
     tab.picture("sizing")
     with page.context.expect_page() as opened:
         page.click("text=Open the report")
     report = opened.value
     report.wait_for_selector("#verdict li")
+    for name in best.worst:  # the table of limits
+        assert report.locator(f"#candidates td:has-text('{name}')").count() > 0
+    assert f"({100.0 * best.margins['time out']:.0f}\u00a0%)" in report.inner_text("#candidates")
     line = report.inner_text("#again pre >> nth=0")
     assert line == "pneudrive size task.toml --min-candidates 10 --samples 8 --out out"
     assert "Parker Origa OSP-P50" in report.inner_text("#verdict li >> nth=0")
@@ -235,10 +247,10 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.click("button:text-is('Data sheet of the best')")
     page.wait_for_selector("[data-sheet=done]", timeout=3 * LONG)
     with page.context.expect_page() as opened:
-        page.click("[data-sheet] >> text=Open the report")
+        page.click("[data-sheet] >> text=Open the data sheet")
     opened.value.wait_for_selector("#numbers td")
     opened.value.close()
-    page.click(f"{row} >> a")
+    page.click(f"[data-column-of='{best.name}'] >> a")
     page.wait_for_selector("g[data-key=cylinder]")
     assert page.inner_text("h2 >> nth=0") == found.circuit().name
     tab.check()
@@ -250,13 +262,14 @@ def test_from_a_task_to_its_data_sheet_in_four_clicks(server: Server, open_tab: 
     page.click("a[title='push.toml']")
     page.click("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    assert page.inner_text("[data-answer]").startswith("Not ready to order: one check of the best choice is open.")
-    assert "not decided" in page.inner_text("[data-open-check='side load']")
-    assert 'guide = "ball"' in page.inner_text("[data-open-check='side load'] li >> nth=0")
+    assert "Not ready to order: one check of the best choice is open." in page.inner_text(".answer-card h2")
+    check = page.inner_text(".findings li.open:has-text('side load')")
+    assert "not decided" in check
+    assert 'guide = "ball"' in check
     page.click("button:text-is('Data sheet of the best')")
     page.wait_for_selector("[data-sheet=done]", timeout=3 * LONG)
     with page.context.expect_page() as opened:
-        page.click("[data-sheet] >> text=Open the report")
+        page.click("[data-sheet] >> text=Open the data sheet")
     opened.value.wait_for_selector("#numbers td")
     assert "datasheet" in opened.value.title()
 
@@ -277,7 +290,7 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
             break
         time.sleep(0.05)
     page.click("text=Cancel the search")
-    page.wait_for_selector("p[data-state=stopped]", timeout=LONG)
+    page.wait_for_selector("[data-state=stopped][data-simulated]", timeout=LONG)
     kept = lines.read_text().splitlines()
     tab.picture("sizing-stopped")
     page.click("button:text-is('Resume')")
@@ -286,9 +299,9 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
             break
         time.sleep(0.05)
     assert lines.read_text().splitlines()[: len(kept)] == kept
-    page.wait_for_selector("p[data-state=running]")
+    page.wait_for_selector("[data-state=running][data-simulated]")
     page.click("text=Cancel the search")
-    page.wait_for_selector("p[data-state=stopped]", timeout=LONG)
+    page.wait_for_selector("[data-state=stopped][data-simulated]", timeout=LONG)
     tab.check()
 
 
@@ -302,8 +315,8 @@ def test_a_task_that_nothing_does_is_answered_in_words_light_and_dark(server: Se
         tab = open_tab(server.address, look)
         page = tab.page
         page.click("a[title='results/none']")
-        page.wait_for_selector("[data-miss]")
-        assert found.miss.gives in page.inner_text("[data-miss]")
+        page.wait_for_selector(".findings li.bad")
+        assert found.miss.gives in page.inner_text(".findings li.bad")
         assert violations(tab) == []
         page.evaluate("() => (location.hash = '#/sizing/push.toml')")
         page.wait_for_selector("text=No problems.")

@@ -16,6 +16,7 @@ from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.sizing import FIRST
+from pneudrive.web.messages import plain
 from web.conftest import Served
 from web.test_friction import finished, post
 from web.test_recordings import get
@@ -55,10 +56,14 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
     assert listed["results/push"] == "sizing"
     shown = get(served, "/api/sizing", path="results/push")
     assert shown["task"] == "push.toml"
-    assert shown["feasible"] is True
-    assert [one["name"] for one in shown["checks"] if one["is_kept"] is not True] == ["side load"]
-    assert shown["said"][0].startswith("Not ready to order: ")
-    assert shown["meets"] == len(found.ranked) == sum(one["meets"] for one in shown["candidates"])
+    assert shown["view"] == served_view(found)
+    assert [one["state"] for one in shown["view"]["findings"]][:1] == ["open"]
+    assert "side load" in shown["view"]["findings"][0]["text"]
+    assert shown["view"]["title"].startswith("Not ready to order: ")
+    assert [row[3] for row in shown["sheet"]["tables"][0]["rows"]] == [
+        name for name in found.ranked[0].parts.values() if name != "none"
+    ]
+    assert [one["name"] for one in shown["candidates"]][: len(found.ranked)] == [one.name for one in found.ranked]
     candidates = {one["name"]: one for one in shown["candidates"]}
     assert candidates.keys() == {one.name for one in found.simulated}
     for place, one in enumerate(found.ranked):
@@ -66,9 +71,13 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
         assert mine["place"] == place
         assert (mine["air"], mine["energy"], mine["time_out"]) == (one.air_litres_anr, one.energy, one.time_out)
         assert (mine["met"], mine["binding"]) == (one.met, one.binding)
-        assert mine["intervals"]["time_out"][1] == mine["time_out"]  # 1 % of the samples pass it
-        assert mine["intervals"]["air"][0] < mine["air"] < mine["intervals"]["air"][1]
-        assert 0.0 < mine["intervals"]["load_ratio"][0] < 1e2 * mine["load_ratio"] < 1e2
+        limits = {each["name"]: each for each in mine["limits"]}
+        assert limits["time out"]["interval"][1] == mine["time_out"]  # 1 % of the samples pass it
+        low, high = limits["air of a cycle"]["interval"]
+        assert low < mine["air"] < high
+        ratio = limits["load ratio"]
+        assert 0.0 < ratio["interval"][0] < ratio["value"] < ratio["limit"]
+        assert ratio["value"] == pytest.approx(1e2 * mine["load_ratio"])
         assert pn.Circuit.load(mine["file"]).to_toml() == found.circuit(place).to_toml()
     missed = next(one for one in shown["candidates"] if one["misses"])
     energy = {one["name"]: one for one in missed["limits"]}["energy out"]
@@ -86,6 +95,11 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
 
     (served.folder / "push.toml").write_text(TASK.replace("2 kg", "3 kg"))
     assert get(served, "/api/sizing", path="results/push")["task"] == ""
+
+
+def served_view(found: SizingResult) -> dict:
+    """Return the view of a result as JSON has it."""
+    return json.loads(json.dumps(plain(found.view().data())))
 
 
 def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:

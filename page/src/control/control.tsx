@@ -5,13 +5,15 @@ import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
 import { digits } from "../plots/looks";
 import { curveOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
-import { inCatalogue, isToml, link, route } from "../routes";
+import { inCatalogue, isToml, kept, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import { ask, attempting, Live, type Problem, read } from "../server/server";
-import { studies } from "../workspace/files";
+import type { SentView } from "../server/generated";
+import { ask, attempting, Live, type Problem, read, write } from "../server/server";
+import { list, studies } from "../workspace/files";
 import { follow, JobList } from "../workspace/jobs";
 import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
-import { Gains, ScoreCard } from "./score";
+import { Answer, Notes } from "../workspace/result";
+import { Gains, ScoreCard, Strip, type StripRow } from "./score";
 
 interface Gain {
   key: string;
@@ -43,6 +45,7 @@ interface Head {
   warnings: string[];
   true: { name: string; value: string }[];
   score: { name: string; title: string; text: string; value: number | null }[];
+  view: SentView;
   events: { time_s: number; text: string; kind: string }[];
   assumed: number;
   lost: boolean;
@@ -156,38 +159,46 @@ function Start({ path }: { path: string }) {
     };
   }, []);
   return (
-    <div class="simulate">
+    <div class="simulate control">
+      <div class="top">
+        <Problems of={wrong.value} />
+        <Met />
+      </div>
+      <div class="shown">
+        <Curves />
+      </div>
       <section class="controls" aria-label="What is run">
-        <h2>A drive under control, simulated</h2>
-        <Choice
-          label="Drive"
-          value={drive.value}
-          put={(one) => (void choose(one), path && (location.hash = link("control", one)))}
-          of={all}
-        />
+        <div class="twin">
+          <Choice
+            label="Drive"
+            value={drive.value}
+            put={(one) => (void choose(one), path && (location.hash = link("control", one)))}
+            of={all}
+          />
+          <Choice
+            label="Law"
+            value={law.value}
+            put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
+            of={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
+          />
+        </div>
         <Unsaved path={drive.value} />
-        <Choice
-          label="Law"
-          value={law.value}
-          put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
-          of={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
-        />
         <ReferenceField />
-        <Choice
-          label="Setup"
-          value={setup.value}
-          put={(one) => (setup.value = one)}
-          of={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
-        />
-        <Choice
-          label="True drive"
-          value={mismatch.value}
-          put={(one) => (mismatch.value = one)}
-          of={choices.value?.mismatches ?? []}
-          none="as described"
-        />
-        <p class="row">
-          <label>
+        <div class="twin">
+          <Choice
+            label="Setup"
+            value={setup.value}
+            put={(one) => (setup.value = one)}
+            of={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
+          />
+          <Choice
+            label="True drive"
+            value={mismatch.value}
+            put={(one) => (mismatch.value = one)}
+            of={choices.value?.mismatches ?? []}
+            none="as described"
+          />
+          <label class="choice">
             Seed{" "}
             <NumberField
               low={0}
@@ -197,25 +208,35 @@ function Start({ path }: { path: string }) {
               put={(one) => (seed.value = one)}
             />
           </label>
-          <label>
+          <label class="choice">
             Duration{" "}
             <input
-              size={8}
               value={duration.value}
               placeholder="reference's"
               onChange={(event) => (duration.value = event.currentTarget.value)}
             />
           </label>
-        </p>
+        </div>
+        <Goal />
         <GainSliders />
+        {!isToml(law.value) && (
+          <p class="row">
+            <button type="button" disabled={!answer.value} onClick={() => void saveController()}>
+              Save the controller
+            </button>
+            <a class="button" href={link("handover", drive.value)}>
+              Export the drive
+            </a>
+            <span role="status">{savedAs.value}</span>
+          </p>
+        )}
         <p class="note" role="status">
           {isRunning.value ? "Running." : answer.value ? `Simulated in ${digits(answer.value.head.took_s, 2)} s.` : ""}
         </p>
-        <Problems of={wrong.value} />
-        <Compare />
       </section>
-      <div class="shown">
-        <Shown />
+      <div class="after">
+        <Details />
+        <Compare />
         <InFolder
           files={studies.value?.files.filter((one) => one.kind === "comparison") ?? []}
           title="Comparisons"
@@ -223,6 +244,88 @@ function Start({ path }: { path: string }) {
         />
       </div>
     </div>
+  );
+}
+
+const MM = 1e-3;
+
+/** Largest error that is allowed, mm, of the address. */
+const goal = kept("goal");
+const goalOf = (): number => Number(goal.value) || 0.2;
+
+const MEASURE = "max_error_m";
+
+/** The run against the goal in one sentence, with its leading values. */
+function Met() {
+  const head = answer.value?.head;
+  if (!head) return null;
+  const error = (head.score.find((one) => one.name === MEASURE)?.value ?? Infinity) / MM;
+  const isMet = error <= goalOf() && !head.lost;
+  const limit = `${digits(goalOf())} mm`;
+  const title = `${head.law} keeps the error within ${digits(error)} mm; ${limit} are allowed${head.lost ? ". Lost: the error exceeded 20 mm" : ""}.`;
+  const state = head.lost ? "bad" : isMet ? "good" : "open";
+  const leading = head.view.leading.map((value) => {
+    const own = { ...value, quantity: value.label, value: null };
+    return value.key === MEASURE ? { ...own, limit, state: isMet ? ("good" as const) : ("bad" as const) } : own;
+  });
+  return <Answer view={{ ...head.view, title, state, leading }} />;
+}
+
+const savedAs = signal("");
+
+/** Write law and gains as a controller file, which runs and comparisons offer as a law. */
+const saveController = (): Promise<void> =>
+  attempting(wrong)(async () => {
+    const gainsText = answer.value!.head.gains.map((gain) => {
+      const value = gains.value[gain.key] ?? gain.number;
+      return `${gain.key} = ${gain.unit ? `"${value} ${gain.unit}"` : value}`;
+    });
+    const stem = drive.value.replace(/^catalogue:|\.toml$/gi, "");
+    const used = new Set(filesOf("controller"));
+    let [file, number] = [`${stem}-${law.value}.toml`, 1];
+    while (used.has(file)) file = `${stem}-${law.value}-${++number}.toml`;
+    await write(file, ["schema = 1", `law = "${law.value}"`, "", "[gains]", ...gainsText, ""].join("\n"), "");
+    savedAs.value = `Saved ${file}.`;
+    await list();
+  });
+
+const tried = signal<{ of: string; rows: StripRow[] } | null>(null);
+const notTried = signal<Problem[]>([]);
+
+/** The goal, and all laws against it on a logarithmic scale. */
+function Goal() {
+  const asked = JSON.stringify({ ...request(), law: "", gains: {}, pixels: 0 });
+  const isTried = tried.value?.of === asked;
+  const all = () =>
+    attempting(notTried)(async () => {
+      tried.value = { of: asked, rows: [] };
+      for (const name of choices.value?.laws ?? []) {
+        const found = await ask<{ value: number | null }>("/api/law", { ...request(), law: name, gains: {} });
+        if (tried.value?.of !== asked) return;
+        const values = found.value === null ? [] : [{ value: found.value, title: name }];
+        tried.value = { of: asked, rows: [...tried.value.rows, { name, values }] };
+      }
+    });
+  return (
+    <fieldset>
+      <legend>Goal</legend>
+      <p class="row">
+        <NumberField
+          label="Largest error allowed, mm"
+          low={1e-6}
+          value={goalOf()}
+          put={(value) => (goal.value = String(value))}
+        />
+        mm largest error
+        <button type="button" onClick={() => void all()}>
+          Try all laws
+        </button>
+      </p>
+      <Problems of={notTried.value} />
+      {isTried && tried.value!.rows.length > 0 && (
+        <Strip title="Largest error" unit="mm" size={MM} rows={tried.value!.rows} goal={goalOf() * MM} most={300} />
+      )}
+    </fieldset>
   );
 }
 
@@ -303,20 +406,20 @@ function GainSliders() {
   );
 }
 
-function Shown() {
+const HEIGHTS = [110, 92, 64, 62, 62];
+
+/** Curves of the run. The band of the error is the goal. */
+function Curves() {
   const now = answer.value;
   if (!now) return null;
   const { head, arrays } = now;
   const time = arrays.get("time_s")!;
+  const ends = [time[0]!, time[time.length - 1]!];
+  const allowed = goalOf() * MM;
+  const band = { x: ends, low: [-allowed, -allowed], high: [allowed, allowed], look: 2 };
   return (
     <section aria-label="The run">
       {wrong.value.length > 0 && <p class="banner">Curves and numbers below belong to the last run.</p>}
-      {head.warnings.map((one) => (
-        <p class="note" key={one}>
-          {one}.
-        </p>
-      ))}
-      {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel, k, every) => (
           <Plot
@@ -326,10 +429,38 @@ function Shown() {
             title={panel.title}
             unit={panel.unit}
             size={panel.size}
+            height={HEIGHTS[k] ?? 62}
+            bands={panel.title === "Error" ? [band] : []}
             curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))}
           />
         ))}
       </section>
+    </section>
+  );
+}
+
+/** Score, events, and what the law assumes of the drive. */
+function Details() {
+  const head = answer.value?.head;
+  if (!head) return null;
+  return (
+    <section aria-label="Details of the run">
+      {head.warnings.map((one) => (
+        <p class="note" key={one}>
+          {one}.
+        </p>
+      ))}
+      <p>
+        The drive {head.drive},{" "}
+        {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}
+      </p>
+      {head.true.length > 0 && (
+        <Table
+          heads={["Deviation of the true drive", "factor, or SI"]}
+          rows={head.true.map((one) => [one.name, one.value])}
+          label="Deviations"
+        />
+      )}
       <h2>Score</h2>
       <Tiles
         label="Score"
@@ -340,46 +471,29 @@ function Shown() {
           data: { "data-score": one.name, "data-si": one.value },
         }))}
       />
-      {head.events.length > 0 && <h2>What the supervisor told</h2>}
-      <ul>
-        {head.events.map((one, index) => (
-          <li key={index}>
-            {digits(one.time_s)} s: {one.text || one.kind}
-          </li>
-        ))}
-      </ul>
-      <div class="pair">
-        <div>
-          <h2>Assumed drive</h2>
-          <p>
-            {head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms, in the setup {head.setup[0]}.{" "}
-            {head.setup[1]}
-          </p>
-          <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
+      {head.events.length > 0 && (
+        <details>
+          <summary>{head.events.length} events of the supervisor</summary>
           <ul>
-            {head.limits.map((one) => (
-              <li key={one}>{one}</li>
+            {head.events.map((one, index) => (
+              <li key={index}>
+                {digits(one.time_s)} s: {one.text || one.kind}
+              </li>
             ))}
           </ul>
-        </div>
-        <div>
-          <h2>The drive to its law</h2>
-          <Table heads={["Property", "Value"]} rows={head.plant} label="The drive to its law" />
-          <h2>True drive</h2>
-          <p>
-            The drive {head.drive},{" "}
-            {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}
-          </p>
-          {head.true.length > 0 && (
-            <Table
-              heads={["Deviation of the true drive", "factor, or SI"]}
-              rows={head.true.map((one) => [one.name, one.value])}
-              label="Deviations"
-            />
-          )}
-          <p class="note">{head.assumed} values are assumed: Drive lists those of the drive.</p>
-        </div>
-      </div>
+        </details>
+      )}
+      <details>
+        <summary>
+          Assumed drive: {head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms
+        </summary>
+        <p>
+          Setup {head.setup[0]}. {head.setup[1]} {head.assumed} values are assumed: Drive lists those of the drive.
+        </p>
+        <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
+        <Notes of={head.limits} />
+        <Table heads={["Property", "Value"]} rows={head.plant} label="The drive to its law" />
+      </details>
       <details>
         <summary>The same as a command and as Python</summary>
         <Copied command={head.command} python={head.python} />

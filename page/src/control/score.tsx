@@ -137,14 +137,15 @@ export function ScoreCard({ path }: { path: string }) {
   }, [path, along.value, ready, found?.finished]);
   return (
     <div class="score">
-      <h2>{path}</h2>
-      <p>
-        <a href={link("control")}>A run, a new benchmark, and all benchmarks</a>
-      </p>
+      <div class="row title">
+        <div>
+          <h2>{path}</h2>
+          <a href={link("control")}>A run, a new benchmark, and all benchmarks</a>
+        </div>
+        <ReportOf folder={path} changed={found?.finished} />
+      </div>
       <Problems of={[...wrong.value, ...notResumed.value]} />
       {found?.finished && <AnswerOf path={path} />}
-      {found && <About found={found} />}
-      <ReportOf folder={path} changed={found?.finished} />
       {found && !found.finished && (
         <p data-done={found.done}>
           {found.done} of {found.total} runs are done. The medians below are of those, and can change.
@@ -152,8 +153,8 @@ export function ScoreCard({ path }: { path: string }) {
       )}
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
-      {found && found.done > 0 && <Matrix found={found} />}
       {found && found.done > 0 && <Along found={found} />}
+      {found && <About found={found} />}
       {found && <Told found={found} />}
       {found && (
         <details>
@@ -172,7 +173,7 @@ function About({ found }: { found: Card }) {
   const each = found.spread ? `${found.count} members of the spread ${found.spread}` : `${found.count} seeds of noise`;
   return (
     <>
-      <p class="banner">
+      <p class="note">
         Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be
         wrong.
       </p>
@@ -290,21 +291,36 @@ function Mark({ index }: { index: number }) {
 
 function Along({ found }: { found: Card }) {
   const text = found.references.find((one) => one.name === along.value)?.text;
+  const measured = found.measures.find((one) => one.name === found.measure)!;
   const table = found.tables[along.value];
   const now = tracks.value;
   return (
     <section aria-label={`Along ${along.value}`}>
+      <div class="pair">
+        <Matrix found={found} />
+        <Strip
+          title={measured.title}
+          unit={measured.unit}
+          size={measured.size}
+          rows={found.laws.map((name) => ({
+            name,
+            values: found.each
+              .filter((run) => run.law === name && run.reference === along.value && run.value !== null)
+              .map((run) => ({ value: run.value!, title: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}` })),
+          }))}
+        />
+      </div>
       <h2>
         Along {along.value}
         {text !== along.value && `: ${text}`}
       </h2>
-      <Strip found={found} />
       {now && (
         <div class="plots">
           <Plot
             title="Tracks"
             unit="mm"
             size={1e-3}
+            height={110}
             bare
             {...zooming(zoom)}
             curves={[
@@ -318,13 +334,19 @@ function Along({ found }: { found: Card }) {
             title="Errors"
             unit={now.head.error.unit}
             size={now.head.error.size}
+            height={110}
             {...zooming(zoom)}
             curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))}
           />
         </div>
       )}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
-      {table && <Table heads={table.heads} rows={table.rows} label={`Medians along ${along.value}`} />}
+      {table && (
+        <details>
+          <summary>All measures along {along.value}</summary>
+          <Table heads={table.heads} rows={table.rows} label={`Medians along ${along.value}`} />
+        </details>
+      )}
     </section>
   );
 }
@@ -334,61 +356,81 @@ const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
 
 const ROW = 26;
 
-/** Each run as a tick on its controller's line, over a logarithmic axis. */
-function Strip({ found }: { found: Card }) {
-  const now = found.measures.find((one) => one.name === found.measure)!;
-  const runs = found.each.filter((one) => one.reference === along.value);
-  const width = fitting(700);
+/** A controller and its values on the axis, SI. */
+export interface StripRow {
+  name: string;
+  values: { value: number; title: string }[];
+}
+
+interface StripProps {
+  title: string;
+  unit: string;
+  size: number;
+  rows: StripRow[];
+  goal?: number; // largest value that is allowed, SI
+  most?: number; // width, pixels
+}
+
+/** Values of each controller on its line, over a logarithmic axis, against the goal. */
+export function Strip({ title, unit, size, rows, goal, most = 700 }: StripProps) {
+  const width = fitting(most);
   const left = Math.min(120, 0.3 * width);
-  const known = runs.filter((one) => one.value !== null && one.value > 0) as {
-    law: string;
-    seed: number;
-    value: number;
-  }[];
-  if (!known.length) return <p class="note">{now.title}: no number above zero along this reference.</p>;
-  const logs = known.map((one) => Math.log10(one.value / now.size));
+  const known = rows.map((row) => ({ ...row, values: row.values.filter(({ value }) => value > 0) }));
+  const all = known.flatMap((row) => row.values.map(({ value }) => value));
+  if (!all.length) return <p class="note">{title}: no number above zero along this reference.</p>;
+  const logs = [...all, ...(goal ? [goal] : [])].map((value) => Math.log10(value / size));
   const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
-  const at = (value: number) => left + ((Math.log10(value / now.size) - low) / (high - low)) * (width - left - 20);
-  const height = ROW * found.laws.length + 36;
+  const at = (value: number) => left + ((Math.log10(value / size) - low) / (high - low)) * (width - left - 20);
+  const height = ROW * rows.length + 36;
   const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
-  const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
+  const words = known.map((row) => `${row.name} ${row.values.map(({ value }) => digits(value / size)).join(", ")}`);
   return (
-    <figure class="plot strip">
+    <figure class="plot strip" data-strip-of={title}>
       <figcaption>
-        {now.title} of each run, {pretty(now.unit)}
+        {title} of each run, {pretty(unit)}
+        {goal !== undefined && `; dashed: the goal, ${digits(goal / size)}`}
       </figcaption>
-      <svg viewBox={`0 0 ${width} ${height}`} role="img" aria-label={said}>
+      <svg viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`${title}, ${unit}: ${words.join("; ")}`}>
         {decades.map((one) => (
           <g key={one}>
-            <line x1={at(one * now.size)} x2={at(one * now.size)} y1={4} y2={height - 30} class="grid" />
-            <text x={at(one * now.size)} y={height - 14} text-anchor="middle">
+            <line x1={at(one * size)} x2={at(one * size)} y1={4} y2={height - 30} class="grid" />
+            <text x={at(one * size)} y={height - 14} text-anchor="middle">
               {one >= 1 ? one : digits(one)}
             </text>
           </g>
         ))}
-        {found.laws.map((law, index) => {
+        {goal !== undefined && <path class="goal" d={`M${at(goal)} 0V${height - 30}`} />}
+        {known.map((row, index) => {
           const y = 4 + ROW * (index + 0.5);
           return (
-            <g key={law} data-strip={law}>
+            <g key={row.name} data-strip={row.name}>
               <text x={left - 10} y={y + 4} text-anchor="end">
-                {law}
+                {row.name}
               </text>
-              {known
-                .filter((one) => one.law === law)
-                .map((one) => (
-                  <line
-                    key={one.seed}
-                    x1={at(one.value)}
-                    x2={at(one.value)}
-                    y1={y - 8}
-                    y2={y + 8}
-                    stroke={look(index).color}
-                    stroke-width="1.6">
-                    <title>
-                      {law}, {found.spread ? "member" : "seed"} {one.seed}: {digits(one.value / now.size)} {now.unit}
-                    </title>
-                  </line>
-                ))}
+              {row.values.map(({ value, title }) => (
+                <line
+                  key={title}
+                  class={goal !== undefined && value > goal ? "over" : ""}
+                  x1={at(value)}
+                  x2={at(value)}
+                  y1={y - 8}
+                  y2={y + 8}
+                  stroke={look(index).color}
+                  stroke-width="3">
+                  <title>
+                    {title}: {digits(value / size)} {unit}
+                  </title>
+                </line>
+              ))}
+              {row.values.length === 1 && (
+                <text
+                  x={at(row.values[0]!.value) + 6}
+                  y={y + 4}
+                  class={goal && row.values[0]!.value > goal ? "missed" : ""}>
+                  {digits(row.values[0]!.value / size)}
+                  {goal !== undefined && (row.values[0]!.value > goal ? ", misses" : ", keeps")}
+                </text>
+              )}
             </g>
           );
         })}
@@ -410,25 +452,27 @@ export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
 function Told({ found }: { found: Card }) {
   return (
     <section aria-label="Told and true">
-      <h2>What the controllers assume</h2>
-      <Table
-        heads={["Drive as assumed by the controllers, near mid-stroke", ""]}
-        rows={found.plant}
-        label="The drive as its controllers assume it"
-      />
-      {Object.entries(found.told).map(([law, one]) => (
-        <details key={law}>
-          <summary>
-            {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
-          </summary>
-          <Gains gains={one.gains} of={law} />
-          <ul>
-            {one.limits.map((it) => (
-              <li key={it}>{it}</li>
-            ))}
-          </ul>
-        </details>
-      ))}
+      <details>
+        <summary>What the controllers assume of the drive</summary>
+        <Table
+          heads={["Drive as assumed by the controllers, near mid-stroke", ""]}
+          rows={found.plant}
+          label="The drive as its controllers assume it"
+        />
+        {Object.entries(found.told).map(([law, one]) => (
+          <details key={law}>
+            <summary>
+              {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
+            </summary>
+            <Gains gains={one.gains} of={law} />
+            <ul>
+              {one.limits.map((it) => (
+                <li key={it}>{it}</li>
+              ))}
+            </ul>
+          </details>
+        ))}
+      </details>
       <h2>True drive</h2>
       {found.true.length ? (
         <Table

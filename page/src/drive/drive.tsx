@@ -2,9 +2,10 @@
 
 import { effect, signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { count } from "../plots/looks";
 import { route } from "../routes";
 import type { Frame } from "../server/frame";
-import { Live, type Problem } from "../server/server";
+import { ask, Live, type Problem } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { Choose } from "../workspace/choose";
 import { list } from "../workspace/files";
@@ -24,12 +25,14 @@ import {
   set,
   setNumber,
   takeFromDisk,
+  takePart,
   useDrawing,
   valid,
 } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
 
 const name = signal("");
+const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
 export function DriveView() {
@@ -174,24 +177,23 @@ function Described() {
         ))}
       </section>
       <div>
-        <section aria-label="Values of the drive">
-          <Fields />
-        </section>
-        <section aria-label="Text">
-          <h2>{isNew ? "Text of a new file" : now.path}</h2>
-          <div ref={place} class="editor" />
+        <section aria-label="Name and state">
           <p class="row">
             {isNew ? (
               <>
                 <label>
-                  File{" "}
+                  Name of the file{" "}
                   <input
                     value={name.value}
                     placeholder="axis.toml"
                     onInput={(event) => (name.value = event.currentTarget.value)}
                   />
                 </label>
-                <button type="button" disabled={!name.value} onClick={() => void save(name.value).then(list)}>
+                <button
+                  type="button"
+                  class="primary"
+                  disabled={!name.value}
+                  onClick={() => void save(name.value).then(list)}>
                   Save as a new file
                 </button>
               </>
@@ -210,6 +212,17 @@ function Described() {
           )}
           <Problems of={problems.value} own={own} onLine={(line) => editor.current?.go(line)} />
           {!problems.value.length && <p class="note">No problems.</p>}
+        </section>
+        <section aria-label="Values of the drive">
+          <Fields />
+        </section>
+        <section aria-label="Text">
+          <details class="text" open={!isNarrow}>
+            <summary>
+              <h2>{isNew ? "Text of a new file" : now.path}</h2>
+            </summary>
+            <div ref={place} class="editor" />
+          </details>
         </section>
       </div>
     </div>
@@ -251,8 +264,34 @@ function put(field: Field, value: string): void {
     );
 }
 
+/** Values that matter first: end of the key, and name. */
+const MAIN: [end: string, name: string][] = [
+  ["bore", "Bore"],
+  ["stroke", "Stroke"],
+  ["load.mass", "Load"],
+  ["moving_mass", "Moving mass"],
+  ["incline", "Incline"],
+  ["pressure", "Supply"],
+  ["conductance", "Valve size C"],
+  ["length", "Tube"],
+  ["law", "Friction law"],
+  ["coulomb", "Friction"],
+];
+
+const isEnd = (key: string, end: string): boolean => key === end || key.endsWith(`.${end}`);
+
+/** Return the first value of each of the main names. The pressure of the surroundings is not the supply. */
+function mainOf(fields: Field[]): Map<string, string> {
+  const shown = fields.filter((field) => !field.key.startsWith("ambient."));
+  const found = MAIN.map(([end, name]) => [shown.find((field) => isEnd(field.key, end))?.key, name] as const);
+  return new Map(found.filter((pair): pair is [string, string] => pair[0] !== undefined));
+}
+
 function Fields() {
   const fields = (valid.value?.values ?? []).filter(belongs);
+  const main = mainOf(fields);
+  const rest = fields.filter((field) => !main.has(field.key));
+  const assumed = rest.filter((field) => field.kind === "assumed").length;
   return (
     <>
       <h2>
@@ -263,66 +302,139 @@ function Fields() {
           </button>
         ) : null}
       </h2>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Values">
-        <table class="fields">
-          <thead>
-            <tr>
-              <th scope="col">Key</th>
-              <th scope="col">Value</th>
-              <th scope="col">Unit</th>
-              <th scope="col" title="Slider in Simulate">
-                Slider
+      <Parts />
+      {chosen.value ? (
+        <FieldTable fields={fields} />
+      ) : (
+        <>
+          <FieldTable fields={fields.filter((field) => main.has(field.key))} names={main} />
+          {rest.length > 0 && (
+            <details>
+              <summary>
+                {count(rest.length, "other value")} {assumed > 0 && <span class="pill open">{assumed} assumed</span>}
+              </summary>
+              <FieldTable fields={rest} />
+            </details>
+          )}
+        </>
+      )}
+    </>
+  );
+}
+
+interface Part {
+  name: string;
+  title: string;
+}
+
+/** Menus that take cylinder and valve from the catalogue. */
+function Parts() {
+  const fields = valid.value?.values ?? [];
+  const isDrive = valid.value?.kind === "drive";
+  const tables = ["cylinder", "valve"].flatMap((family) => {
+    const key = isDrive
+      ? `${family}.kind`
+      : fields.find((field) => field.key.endsWith(".kind") && field.text.startsWith(`${family}/`))?.key;
+    return key ? [{ family, table: key.slice(0, -".kind".length) }] : [];
+  });
+  return (
+    <div class="twin">
+      {tables.map(({ family, table }) => (
+        <PartMenu key={family} family={family} table={table} />
+      ))}
+    </div>
+  );
+}
+
+/** Parts of the catalogue that fit a table of the text. They are asked for when the menu is reached. */
+function PartMenu({ family, table }: { family: string; table: string }) {
+  const parts = useSignal<Part[]>([]);
+  const look = async () => {
+    const { path, text } = opened.value!;
+    parts.value = (await ask<{ parts: Part[] }>("/api/parts", { path, text, table, family })).parts;
+  };
+  return (
+    <label class="choice">
+      {family[0]!.toUpperCase() + family.slice(1)} of the catalogue{" "}
+      <input
+        list={`parts-${family}`}
+        placeholder="type or choose"
+        onFocus={() => void look()}
+        onChange={({ currentTarget: field }) => {
+          const part = parts.value.find(({ title }) => title === field.value);
+          if (part) takePart(table, part.name);
+        }}
+      />
+      <datalist id={`parts-${family}`}>
+        {parts.value.map((part) => (
+          <option key={part.name} value={part.title} />
+        ))}
+      </datalist>
+    </label>
+  );
+}
+
+/** Rows of values: their names, or their keys under the names of their tables. */
+function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, string> }) {
+  return (
+    <table class="fields">
+      <thead>
+        <tr>
+          <th scope="col">Key</th>
+          <th scope="col">Value</th>
+          <th scope="col">Unit</th>
+          <th scope="col" title="Slider in Simulate">
+            Slider
+          </th>
+        </tr>
+      </thead>
+      <tbody>
+        {fields.map((field, k) => [
+          !names && split(field.key)[0] !== (k ? split(fields[k - 1]!.key)[0] : "") && (
+            <tr class="table" key={`table ${split(field.key)[0]}`}>
+              <th colSpan={4} scope="rowgroup">
+                {split(field.key)[0]}
               </th>
             </tr>
-          </thead>
-          <tbody>
-            {fields.map((one, k) => [
-              split(one.key)[0] !== (k ? split(fields[k - 1]!.key)[0] : "") && (
-                <tr class="table" key={`table ${split(one.key)[0]}`}>
-                  <th colSpan={4} scope="rowgroup">
-                    {split(one.key)[0]}
-                  </th>
-                </tr>
-              ),
-              <tr key={one.key}>
-                <th scope="row">
-                  {split(one.key)[1]
-                    .split(/(?<=[._])/)
-                    .map((part) => (
-                      <>
-                        {part}
-                        <wbr />
-                      </>
-                    ))}{" "}
-                  <span class={`kind ${one.kind}`}>
-                    {[
-                      KINDS[one.kind],
-                      one.origin.replace(/^assumed: /, ""),
-                      one.copies && `one value for ${one.copies.join(", ")}`,
-                    ]
-                      .filter(Boolean)
-                      .join(", ")}
-                  </span>
-                </th>
-                <td>
-                  <TextField label={one.key} value={bare(one)} put={(value) => put(one, value)} />
-                </td>
-                <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
-                <td>
-                  {one.low !== undefined && (
-                    <input
-                      type="checkbox"
-                      aria-label={`Slider for ${one.key} in Simulate`}
-                      checked={pinned.value.includes(one.key)}
-                      onChange={() => pin(one.key)}
-                    />
-                  )}
-                </td>
-              </tr>,
-            ])}
-          </tbody>
-        </table>
-      </div>
-    </>
+          ),
+          <tr key={field.key}>
+            <th scope="row" title={field.key}>
+              {names?.get(field.key) ??
+                split(field.key)[1]
+                  .split(/(?<=[._])/)
+                  .map((part) => (
+                    <>
+                      {part}
+                      <wbr />
+                    </>
+                  ))}{" "}
+              <span class={`kind ${field.kind}`}>
+                {[
+                  KINDS[field.kind],
+                  field.origin.replace(/^assumed: /, ""),
+                  field.copies && `one value for ${field.copies.join(", ")}`,
+                ]
+                  .filter(Boolean)
+                  .join(", ")}
+              </span>
+            </th>
+            <td>
+              <TextField label={field.key} value={bare(field)} put={(value) => put(field, value)} />
+            </td>
+            <td>{field.units && field.units.length > 1 && <Units field={field} />}</td>
+            <td>
+              {field.low !== undefined && (
+                <input
+                  type="checkbox"
+                  aria-label={`Slider for ${field.key} in Simulate`}
+                  checked={pinned.value.includes(field.key)}
+                  onChange={() => pin(field.key)}
+                />
+              )}
+            </td>
+          </tr>,
+        ])}
+      </tbody>
+    </table>
   );
 }

@@ -3,9 +3,10 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
+import { download } from "../plots/saving";
 import { link, route } from "../routes";
-import { attempting, type Problem, read } from "../server/server";
-import { filesOf, studies } from "../workspace/files";
+import { attempting, bytes, type Problem, read } from "../server/server";
+import { filesOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { InFolder, Problems, Table } from "../workspace/parts";
 
@@ -51,7 +52,13 @@ export function HandoverView() {
   return (
     <div class="handover">
       <h2>{at}</h2>
-      <p>
+      <p class="row">
+        <button
+          type="button"
+          class="primary"
+          onClick={() => void attempt(async () => download(nameOf(at), await bytes(at)))}>
+          Save the FMU
+        </button>
         <a href={link("handover")}>A new export, and all exports</a>
       </p>
       <Problems of={wrong.value} />

@@ -209,6 +209,12 @@ export function restructure(
   edits = edits.then(() => edit(into, "/api/structure", { path: into, ...what }, then));
 }
 
+/** Write the values of a part of the catalogue into a table of the text. */
+export function takePart(table: string, part: string): void {
+  const into = opened.value?.path;
+  edits = edits.then(() => edit(into, "/api/part", { table, part }));
+}
+
 async function edit(
   into: string | undefined,
   address: string,

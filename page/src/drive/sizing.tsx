@@ -1,70 +1,64 @@
-/** View of sizing: text and check of the task, the search as a job, and candidates over time and air. */
-
+/** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { count, digits, fitting, isSevere } from "../plots/looks";
-import { ticks } from "../plots/strip";
+import { FigureView } from "../plots/figure";
+import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
-import type { MachineCheck } from "../server/generated";
+import type { Finding, SentView } from "../server/generated";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
 import { list, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
+import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, useCopied } from "../workspace/parts";
+import { Answer, Notes } from "../workspace/result";
 import type { Editor } from "./editor";
 import { wasSaved } from "./opened";
 
+type Ends = [number | null, number | null] | null;
+
+/** A value that 1 % of the samples exceed, its limit, and the values between which 98 % lie. */
 interface Limit {
   name: string;
   value: number | null;
-  limit: number;
+  limit: number | null;
   unit: string;
   margin: number | null;
   interval: Ends;
 }
 
-/** Values that 99 % and 1 % of the samples exceed. Folders of earlier versions do not have them. */
-type Ends = [number | null, number | null] | null;
-
 interface Candidate {
   name: string;
-  parts: Record<string, string>;
+  title: string; // maker and type of its cylinder
+  parts: string;
+  cylinder: string;
   setting: string;
   draws: number;
   met: number;
   at_least: number;
   time_out: number | null;
   time_back: number | null;
-  end_speed: number | null;
   energy: number | null;
   air: number | null;
   load_ratio: number | null;
-  intervals: Record<string, Ends>;
   margin: number | null;
   binding: string;
-  limits: Limit[];
-  meets: boolean; // as the ranking says
+  limits: Limit[]; // those of the task first, then air and load ratio
   misses: boolean;
   place: number | null;
   file: string;
-  measure: string;
-  explains: number;
 }
 
 interface Sizing {
   name: string;
+  words: string; // of its task
   task: string;
   draws: number;
-  limits: { out: number; back: number };
-  candidates: Candidate[];
-  meets: number; // of the ranking, the one count of this view
-  checks: MachineCheck[]; // of the best, open ones first
+  candidates: Candidate[]; // the best first
+  view: SentView | null; // once it is done
+  sheet: SentView | null; // of the best
   short: number;
   done: boolean;
   searched: boolean; // by a process, of this server or not
-  feasible: boolean | null;
-  miss: { limit: string; gives: string } | null;
-  said: string[];
   asked: { least: number; draws: number } | null;
   provisional: string;
 }
@@ -89,12 +83,8 @@ const isLoaded = signal(false); // a loaded text may be empty
 const file = signal("task.toml");
 const least = signal(10); // of a search that is continued
 const found = signal<(Sizing & { folder: string }) | null>(null);
-const chosen = signal("");
 const pinned = signal<string[]>([]);
-const order = signal<{ by: string; down: boolean }>({ by: "place", down: false });
-
-/** Whether the table shows every choice, or the best of each cylinder. */
-const isWhole = signal(false);
+const orderBy = signal("Rank");
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
@@ -197,7 +187,7 @@ export function SizingView() {
   useLayoutEffect(() => {
     wrong.value = [];
     void follow();
-    if (path.value && !isFile.value) [found.value, chosen.value, pinned.value] = [null, "", []];
+    if (path.value && !isFile.value) [found.value, pinned.value] = [null, []];
     else void load(path.value);
   }, [path.value]);
   useEffect(() => {
@@ -208,27 +198,18 @@ export function SizingView() {
     const timer = setInterval(() => void look(folder), LOOK_MS);
     return () => clearInterval(timer);
   }, [path.value, state, now?.searched]);
-  if (path.value && !isFile.value)
-    return (
-      <div class="sizing">
-        <h2>{now?.name ?? path.value}</h2>
-        <All />
-        <Problems of={wrong.value} />
-        {now ? (
-          <Result now={now} folder={path.value} />
-        ) : (
-          <p>
-            {state === "running"
-              ? "There is no candidate yet."
-              : wrong.value.length
-                ? ""
-                : "No search was started in this folder."}
-          </p>
-        )}
-        <JobList of={path.value} output />
-      </div>
-    );
-  return <TaskView />;
+  if (!path.value || isFile.value) return <TaskView />;
+  return (
+    <div class="sizing">
+      {now ? <Result now={now} folder={path.value} /> : <h2>{path.value}</h2>}
+      <Problems of={wrong.value} />
+      {!now && !wrong.value.length && (
+        <p>{state === "running" ? "There is no candidate yet." : "No search was started in this folder."}</p>
+      )}
+      <JobList of={path.value} output />
+      <All />
+    </div>
+  );
 }
 
 const All = () => (
@@ -254,6 +235,8 @@ function TaskView() {
     };
   }, [path.value, isLoaded.value]);
   useEffect(() => editor.current?.show(text.value, now?.problems ?? []), [text.value, now]);
+  const values = meant.value?.values ?? [];
+  const given = values.filter((one) => one.given).length;
   const files = studies.value?.files ?? [];
   const results = files.filter((one) => one.kind === "sizing");
   const isSaved = sha256.value !== "" && text.value === saved.value;
@@ -286,17 +269,11 @@ function TaskView() {
         </section>
         <section aria-label="What the task says">
           <h2>{meant.value?.name ?? "What the task says"}</h2>
-          <Table
-            label="Values of the task"
-            heads={["Key", "Value", "Meaning"]}
-            rows={(meant.value?.values ?? []).map((one) => [
-              one.key,
-              <span>
-                {one.text} <span class="kind">{one.given ? "" : "default"}</span>
-              </span>,
-              one.meaning,
-            ])}
-          />
+          <TaskValues of={values.filter((one) => one.given)} />
+          <details>
+            <summary>{count(values.length - given, "default")}</summary>
+            <TaskValues of={values.filter((one) => !one.given)} />
+          </details>
           <ul>
             {meant.value?.follows?.map((one) => (
               <li key={one.what}>
@@ -322,170 +299,168 @@ function TaskView() {
   );
 }
 
+const TaskValues = ({ of }: { of: NonNullable<Task["values"]> }) => (
+  <Table
+    label={of[0]?.given === false ? "Defaults of the task" : "Values of the task"}
+    heads={["Key", "Value", "Meaning"]}
+    rows={of.map((one) => [one.key, one.text, one.meaning])}
+  />
+);
+
 function Result({ now, folder }: { now: Sizing; folder: string }) {
   const running = jobs.value.find((one) => one.out === folder && one.state === "running");
-  const done = now.asked && now.task ? again(folder, now) : null;
-  const [copy, copied] = useCopied(done, attempt);
+  const isDone = now.done && !running;
+  const [copy, copied] = useCopied(now.asked && now.task ? again(folder, now) : null, attempt);
+  const kept = now.view?.findings.filter((one) => one.state === "good") ?? [];
+  const state = running || now.searched ? "running" : now.done ? "done" : "stopped";
   return (
     <>
-      {(now.said[0] || now.provisional) && (
-        <p class={isSevere(now.said[0] ?? "") ? "answer severe" : "answer"} data-answer>
-          {now.said[0] ?? now.provisional}
-        </p>
-      )}
-      <OpenChecks of={now.checks.filter((one) => one.is_kept !== true)} task={now.task} />
-      <Best now={now} />
-      {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
-      <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
-      <p
-        data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"}
-        data-simulated={now.candidates.length}>
-        {count(now.candidates.length, "candidate")} simulated{now.said.length > 0 && `, ${now.meets} meet the task`};{" "}
-        {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
-        {now.task ? (
-          <a href={link("sizing", now.task)}>{now.task}</a>
-        ) : (
-          "The folder does not contain this task any more."
-        )}
-      </p>
-      <ReportOf folder={folder} changed={now.done && !running} />
-      {running && (
-        <p class="row">
-          <progress
-            aria-label="Progress of the search"
-            value={running.progress?.done ?? 0}
-            max={Math.max(running.progress?.total ?? 1, 1)}
-          />
-          {reached(running)}
-          <Cancel job={running}>Cancel the search</Cancel>
-        </p>
-      )}
-      {!running && now.searched && (
-        <p class="note">A process that this server did not start searches in this folder.</p>
-      )}
-      {!running && !now.searched && !now.done && (
-        <p class="row">
-          The search was stopped early.
-          {now.task ? (
-            <>
-              <label>
-                Smallest number of choices{" "}
-                <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
-              </label>
-              <button type="button" onClick={() => void resume(folder, now)}>
-                Resume
-              </button>
-            </>
-          ) : (
-            `It continues once the folder has its task again: ${folder}/sizing.json has the values.`
-          )}
-        </p>
-      )}
-      {now.miss && (
-        <div class="problem" data-miss={now.miss.limit}>
-          <p>
-            <b>Nothing meets the task.</b> {now.miss.gives}
+      <div class="row title">
+        <div>
+          <h2>{now.name}</h2>
+          <p class="lead" data-state={state} data-simulated={now.candidates.length}>
+            {now.words}. {count(now.candidates.length, "candidate")} simulated.{" "}
+            {now.task ? (
+              <a href={link("sizing", now.task)}>Change the task</a>
+            ) : (
+              "The folder does not contain this task any more."
+            )}
           </p>
         </div>
+        <ReportOf folder={folder} changed={isDone} />
+        <ReportOf folder={`${folder}/sheet`} changed={isDone} word="sheet" />
+      </div>
+      {now.view ? (
+        <Answer
+          view={{
+            ...now.view,
+            title: withoutFigures(now.view.title),
+            findings: now.view.findings.filter((one) => one.state !== "good"),
+          }}
+          remedy={(finding) => now.task && <Remedies of={finding} task={now.task} />}
+        />
+      ) : (
+        <p class="answer">{now.provisional}</p>
       )}
-      {done && <p>{copy}</p>}
-      {done && copied}
+      <Search now={now} folder={folder} running={running} />
       {now.candidates.length > 0 && (
-        <>
-          <div class="plots">
-            <Candidates now={now} way="out" />
-            <Candidates now={now} way="back" />
+        <div class="result">
+          <div class="panel" data-hero="ranges">
+            <Ranges now={now} />
           </div>
-          <p class="note">
-            Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of
-            98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Small ring: the search
-            ended before its last samples. Large ring: chosen or pinned.
-          </p>
-          <h2>Candidates</h2>
-          <p class="row">
-            <label>
-              <input
-                type="checkbox"
-                checked={isWhole.value}
-                onChange={(event) => (isWhole.value = event.currentTarget.checked)}
-              />{" "}
-              Every simulated choice, not only the best of each cylinder
-            </label>
-          </p>
-          <Ranking now={now} />
-          <Chosen now={now} />
-        </>
+          {now.sheet && (
+            <aside>
+              <div class="panel" data-order>
+                <h3>What to order</h3>
+                {now.sheet.figures.map((one) => (
+                  <FigureView key={one.name} shown={one} />
+                ))}
+                <ul>
+                  {now.sheet.tables[0]!.rows.map(([number, slot, type]) => (
+                    <li key={type} class={slot === "missing" ? "missed" : ""}>
+                      <b>{type}</b> ({slot}, {number})
+                    </li>
+                  ))}
+                </ul>
+              </div>
+            </aside>
+          )}
+        </div>
       )}
-      {now.said.length > 1 && (
-        <details open>
+      {now.candidates.length > 0 && <Choices now={now} />}
+      {now.view && (
+        <details class="panel">
           <summary>Reasons, savings, kept checks, and the size of the search</summary>
-          <ul>
-            {now.said
-              .slice(1)
-              .filter((one) => !isSevere(one))
-              .map((one) => (
-                <li key={one}>{one}</li>
-              ))}
-          </ul>
+          <Notes of={[...kept.map((one) => one.text), ...now.view.notes]} />
         </details>
       )}
+      <div class="row">
+        {now.sheet && <DataSheet folder={folder} />}
+        {copy}
+      </div>
+      {copied}
+      <p class="note">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
     </>
   );
 }
 
-/** Checks of the best that are not kept or not decided, with their remedies: none is folded. */
-function OpenChecks({ of, task }: { of: MachineCheck[]; task: string }) {
-  const shown = (value: number | null, unit: string) =>
-    value === null ? "not on the sheet" : `${digits(value)} ${unit}`;
+/** The answer of a sizing without the figures, which stand below it. */
+const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .*?(; limited by|$)/, "$1");
+
+/** Progress of a search, and its continuation. */
+function Search({
+  now,
+  folder,
+  running,
+}: {
+  now: Sizing;
+  folder: string;
+  running: (typeof jobs.value)[number] | undefined;
+}) {
+  if (running)
+    return (
+      <p class="row">
+        <progress
+          aria-label="Progress of the search"
+          value={running.progress?.done ?? 0}
+          max={Math.max(running.progress?.total ?? 1, 1)}
+        />
+        {reached(running)}
+        <Cancel job={running}>Cancel the search</Cancel>
+      </p>
+    );
+  if (now.searched) return <p class="note">A process that this server did not start searches in this folder.</p>;
+  if (now.done) return null;
+  if (!now.task)
+    return (
+      <p>
+        The search was stopped early. It continues once the folder has its task again: {folder}/sizing.json has the
+        values.
+      </p>
+    );
   return (
-    <>
-      {of.map((one) => (
-        <div class="problem" key={one.name} data-open-check={one.name}>
-          <p>
-            <b class="severe">
-              {one.name}: {one.is_kept === null ? "not decided" : "NOT KEPT"}
-            </b>
-          </p>
-          <p>
-            {shown(one.value, one.unit)}, limit {shown(one.limit, one.unit)} ({one.rule}).
-          </p>
-          {one.remedies.length > 0 && (
-            <ul>
-              {one.remedies.map((remedy) => (
-                <li key={remedy}>{remedy}</li>
-              ))}
-            </ul>
-          )}
-        </div>
-      ))}
-      {of.length > 0 && task && (
-        <p>
-          <a href={link("sizing", task)}>Change the task</a>
-        </p>
-      )}
-    </>
+    <p class="row">
+      The search was stopped early.
+      <label>
+        Smallest number of choices{" "}
+        <NumberField low={1} high={100} whole value={least.value} put={(number) => (least.value = number)} />
+      </label>
+      <button type="button" onClick={() => void resume(folder, now)}>
+        Resume
+      </button>
+    </p>
   );
 }
 
-/** Figures of the best candidate, each with its limit. */
-function Best({ now }: { now: Sizing }) {
-  const best = now.candidates.find((one) => one.place === 0);
-  if (!best) return null;
-  const isAssumed = now.checks.some((one) => one.rule.startsWith("assumed")); // the limit of the energy
-  const limits = best.limits.map((one) => ({
-    key: one.name,
-    title: one.name,
-    text: one.value === null ? "does not end" : `${digits(one.value)} ${one.unit}`,
-    note: `limit ${digits(one.limit)} ${one.unit}${isAssumed && one.name.startsWith("energy") ? ", assumed" : ""}`,
-    missed: one.margin === null || one.margin < 0,
-  }));
+/** Remedies of an open check as buttons: each sets its keys in the text of the task, which is shown unsaved. */
+function Remedies({ of, task }: { of: Finding; task: string }) {
+  const remedies = of.remedy.replace(/^Remedy: /, "").split("; or ");
   return (
-    <Tiles
-      label="The best candidate"
-      of={[...limits, { key: "air", title: "air of a cycle", text: `${digits(best.air)} l ANR`, note: "mean" }]}
-    />
+    <span class="row">
+      {remedies.map((remedy) => {
+        const pairs = [...remedy.matchAll(/(\w+) = ("[^"]*")/g)].map(([, key, value]) => [key!, value!.slice(1, -1)]);
+        const [words] = remedy.split(/: | = |, /);
+        if (!pairs.length) return null;
+        return (
+          <button type="button" key={remedy} title={remedy} onClick={() => void amend(task, pairs)}>
+            {remedy.includes(": ") ? `Add ${words}` : `Set ${pairs.map((pair) => pair.join(" = ")).join(", ")}`}
+          </button>
+        );
+      })}
+    </span>
   );
 }
+
+/** Set keys in the text of a task, and show it. */
+const amend = (task: string, pairs: string[][]): Promise<void> =>
+  attempt(async () => {
+    const { text: before, sha256: hash } = await read<{ text: string; sha256: string }>("/api/file", { path: task });
+    let next = drafts.get(task)?.text ?? before;
+    for (const [key, value] of pairs)
+      next = (await ask<{ text: string }>("/api/edit", { text: next, key, value })).text;
+    drafts.set(task, { text: next, sha256: drafts.get(task)?.sha256 ?? hash });
+    location.hash = link("sizing", task);
+  });
 
 /** Button that writes the data sheet of the best drive, and the link to it. */
 function DataSheet({ folder }: { folder: string }) {
@@ -499,245 +474,181 @@ function DataSheet({ folder }: { folder: string }) {
   return (
     <div class="row" data-sheet={job?.state ?? "none"}>
       <button type="button" disabled={job?.state === "running"} onClick={() => void start()}>
-        Data sheet of the best
+        {job?.state === "running" ? "The data sheet is being written" : "Data sheet of the best"}
       </button>
-      {job?.state === "running" && "The data sheet is being written."}
-      <ReportOf folder={`results/${own}`} changed={job?.state} />
+      <ReportOf folder={`results/${own}`} changed={job?.state} word="data sheet" />
     </div>
   );
 }
 
-const HEIGHT = 300;
-const EDGE = { left: 64, right: 12, top: 10, bottom: 40 };
+const MOST_COLUMNS = matchMedia("(max-width: 40rem)").matches ? 2 : 4;
+const PERCENT = 100;
 
-function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
-  const width = fitting(520);
-  const timed = (one: Candidate) => (way === "out" ? one.time_out : one.time_back);
-  const shown = now.candidates.filter((one) => timed(one) !== null && one.air !== null);
-  const airs = shown.map((one) => one.air!);
-  const limit = now.limits[way];
-  const [low, high] = [0.95 * Math.min(...airs), 1.05 * Math.max(...airs)];
-  const times = [limit, ...shown.map((one) => timed(one)!)];
-  const room = 0.1 * (Math.max(...times) - Math.min(...times)) || 0.05 * limit;
-  const [bottom, top] = [Math.max(0, Math.min(...times) - room), Math.max(...times) + room];
-  const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (width - EDGE.left - EDGE.right);
-  const y = (time: number) =>
-    HEIGHT - EDGE.bottom - ((time - bottom) / (top - bottom)) * (HEIGHT - EDGE.top - EDGE.bottom);
-  return (
-    <figure class="plot candidates" data-plot={`Stroke ${way}`}>
-      <figcaption>Stroke {way}</figcaption>
-      <svg
-        viewBox={`0 0 ${width} ${HEIGHT}`}
-        role="img"
-        aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
-        {ticks(bottom, top).map((one) => (
-          <g key={one}>
-            <line class="grid" x1={EDGE.left} x2={width - EDGE.right} y1={y(one)} y2={y(one)} />
-            <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">
-              {digits(one, 3)}
-            </text>
-          </g>
-        ))}
-        {shown.length > 0 &&
-          ticks(low, high).map((one) => (
-            <text key={one} x={x(one)} y={HEIGHT - EDGE.bottom + 16} text-anchor="middle">
-              {digits(one, 3)}
-            </text>
-          ))}
-        <text x={width / 2} y={HEIGHT - 4} text-anchor="middle">
-          air of a cycle, l ANR
-        </text>
-        <text x={12} y={HEIGHT / 2} text-anchor="middle" transform={`rotate(-90 12 ${HEIGHT / 2})`}>
-          time {way}, worst 1 %, s
-        </text>
-        <line class="limit" x1={EDGE.left} x2={width - EDGE.right} y1={y(limit)} y2={y(limit)} />
-        <text x={width - EDGE.right} y={y(limit) - 4} text-anchor="end">
-          longest time allowed
-        </text>
-        {shown.map((one) => {
-          const [cx, cy] = [x(one.air!), y(timed(one)!)];
-          const isMarked = chosen.value === one.name || pinned.value.includes(one.name);
-          return (
-            <g
-              key={one.name}
-              class={one.meets ? "meets" : one.misses ? "misses" : "unfinished"}
-              data-point={one.name}
-              onClick={() => (chosen.value = one.name)}>
-              {isMarked && <circle class="ring" cx={cx} cy={cy} r={9} />}
-              {!one.misses ? (
-                <circle cx={cx} cy={cy} r={one.meets ? 5 : 3} />
-              ) : (
-                <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />
-              )}
-              <title>{Object.values(one.parts).join(" + ")}</title>
-            </g>
-          );
-        })}
-      </svg>
-    </figure>
+/** Pinned candidates, then the best of each cylinder. */
+function columnsOf(every: Candidate[]): Candidate[] {
+  const first = every.filter((one, k) => every.findIndex((other) => other.cylinder === one.cylinder) === k);
+  const isPinned = (one: Candidate) => pinned.value.includes(one.name);
+  return [...every.filter(isPinned), ...first.filter((one) => !isPinned(one))].slice(
+    0,
+    Math.max(MOST_COLUMNS, pinned.value.length),
   );
 }
 
-const [PERCENT, FULL] = [100, 100]; // %: a load ratio above FULL does not move
+/** Candidates side by side: the range of each value against its limit. */
+function Ranges({ now }: { now: Sizing }) {
+  const shown = columnsOf(now.candidates);
+  const names = [...new Set(shown.flatMap((one) => one.limits.map((limit) => limit.name)))];
+  return (
+    <>
+      <div class="wide" tabIndex={0} role="region" aria-label="Candidates against their limits">
+        <table class="ranges">
+          <thead>
+            <tr>
+              <th scope="col">
+                <span class="hidden">Value</span>
+              </th>
+              {shown.map((one) => (
+                <th scope="col" key={one.name} data-column-of={one.name} title={one.parts}>
+                  {one.file ? <a href={link("drive", one.file)}>{one.title}</a> : one.title}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {names.map((name) => {
+              const cells = shown.map((one) => one.limits.find((limit) => limit.name === name));
+              const most = 1.1 * Math.max(...cells.flatMap((one) => [one?.limit ?? 0, one?.value ?? 0]), 1e-9);
+              const [limit] = [...new Set(cells.map((one) => one?.limit))];
+              const isCommon = typeof limit === "number" && cells.every((one) => one?.limit === limit);
+              return (
+                <tr key={name} data-limit={name}>
+                  <th scope="row">
+                    {name}
+                    {isCommon && <small>{`limit ${digits(limit)} ${cells[0]!.unit}`}</small>}
+                  </th>
+                  {cells.map((one, k) => (
+                    <td key={shown[k]!.name}>{one ? <Range of={one} most={most} isCommon={isCommon} /> : "–"}</td>
+                  ))}
+                </tr>
+              );
+            })}
+            <tr>
+              <th scope="row">margin</th>
+              {shown.map((one) => (
+                <td key={one.name}>
+                  {one.margin === null ? "–" : `${digits(PERCENT * one.margin)} %`} <small>{one.binding}</small>
+                </td>
+              ))}
+            </tr>
+            <tr>
+              <th scope="row">samples that keep all limits</th>
+              {shown.map((one) => (
+                <td key={one.name}>
+                  {one.met} of {one.draws} <small>at least {digits(PERCENT * one.at_least)} %</small>
+                </td>
+              ))}
+            </tr>
+          </tbody>
+        </table>
+      </div>
+      <p class="note">
+        Band: 98 % of the samples. Thick mark: the value that 1 % of them exceed; for air, the mean. Dashed: the limit.
+      </p>
+    </>
+  );
+}
 
-/** Text of an interval. */
-const range = (ends: Ends | undefined, unit = "") =>
-  ends && `${ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} ${unit}`;
-const between = (ends: Ends | undefined) => ends && <small>{range(ends)}</small>;
+const WIDTH = 100;
 
-const marked = (text: string, isMissed: boolean) => <span class={isMissed ? "missed" : ""}>{text}</span>;
+/** The range of a value as a bar, with the value, its mark and its limit. */
+function Range({
+  of: { value, limit, unit, margin, interval },
+  most,
+  isCommon,
+}: {
+  of: Limit;
+  most: number;
+  isCommon: boolean;
+}) {
+  const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
+  const [low, high] = interval ?? [value, value];
+  const isMissed = limit !== null && (margin === null || margin < 0);
+  return (
+    <span class={isMissed ? "range missed" : "range"}>
+      <svg viewBox={`0 0 ${WIDTH} 16`} preserveAspectRatio="none" aria-hidden="true">
+        <path class="rail" d={`M0 8H${WIDTH}`} />
+        <rect x={at(low)} y={4} width={Math.max(at(high) - at(low), 1)} height={8} />
+        <path class="mark" d={`M${at(value)} 1V15`} />
+        {limit !== null && <path class="limit" d={`M${at(limit)} 0V16`} />}
+      </svg>
+      <b>{value === null ? "does not end" : `${digits(value)} ${unit}`}</b>
+      {limit !== null && !isCommon && <small>limit {digits(limit)}</small>}
+      {isMissed && <small>above its limit</small>}
+    </span>
+  );
+}
 
-type Column = [title: string, by: string, value: (one: Candidate) => number | null, limits: string[]];
-const COLUMNS: Column[] = [
-  ["Rank", "place", (one) => (one.place === null ? null : one.place + 1), []],
-  ["Air, l ANR", "air", (one) => one.air, []],
-  ["Time out, s", "time_out", (one) => one.time_out, ["time out"]],
-  ["Time back, s", "time_back", (one) => one.time_back, ["time back"]],
-  ["At the end, m/s", "end_speed", (one) => one.end_speed, ["end speed out", "end speed back"]],
-  ["Impact, J", "energy", (one) => one.energy, ["energy out", "energy back"]],
-  ["Load ratio, %", "load_ratio", (one) => (one.load_ratio === null ? null : PERCENT * one.load_ratio), []],
-  ["At least, %", "at_least", (one) => 100 * one.at_least, []],
-  ["Margin, %", "margin", (one) => (one.margin === null ? null : 100 * one.margin), []],
+const COLUMNS: [title: string, column: string, value: (one: Candidate) => number | null][] = [
+  ["Rank", "place", (one) => (one.place === null ? null : one.place + 1)],
+  ["Air, l ANR", "air", (one) => one.air],
+  ["Time out, s", "time_out", (one) => one.time_out],
+  ["Time back, s", "time_back", (one) => one.time_back],
+  ["Impact, J", "energy", (one) => one.energy],
+  ["Load ratio, %", "load_ratio", (one) => (one.load_ratio === null ? null : PERCENT * one.load_ratio)],
+  ["Margin, %", "margin", (one) => (one.margin === null ? null : PERCENT * one.margin)],
 ];
 const MOST_ROWS = 200;
 
-/** Best choice of each cylinder and pinned choices. All choices are shown until a ranking exists. */
-function bestOfEach(every: Candidate[]): Candidate[] {
-  const ranked = every.filter((one) => one.place !== null).sort((a, b) => a.place! - b.place!);
-  if (!ranked.length) return [...every];
-  const first = new Map<string, Candidate>();
-  for (const one of ranked) if (!first.has(one.parts.cylinder!)) first.set(one.parts.cylinder!, one);
-  return every.filter((one) => pinned.value.includes(one.name) || first.get(one.parts.cylinder!) === one);
-}
-
-/** Candidates in the order of a column, pinned ones first. Values that miss their limit are marked. */
-function Ranking({ now }: { now: Sizing }) {
-  const { by, down } = order.value;
-  const value = COLUMNS.find((one) => one[1] === by)![2];
-  const at = (one: Candidate) => value(one) ?? (down ? -Infinity : Infinity); // without a value: last either way
-  const rows = (isWhole.value ? [...now.candidates] : bestOfEach(now.candidates)).sort((a, b) => {
-    const pins = Number(pinned.value.includes(b.name)) - Number(pinned.value.includes(a.name));
-    return pins || (down ? -1 : 1) * (at(a) === at(b) ? 0 : at(a) - at(b));
-  });
+/** Every simulated choice, in the order of a column. A pinned choice is a column of the ranges. */
+function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
+  const [, , value] = COLUMNS.find(([title]) => title === orderBy.value)!;
+  const rows = [...every].sort((a, b) => (value(a) ?? Infinity) - (value(b) ?? Infinity));
+  const pin = (name: string, isPinned: boolean) =>
+    (pinned.value = isPinned ? pinned.value.filter((other) => other !== name) : [...pinned.value, name]);
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label="Candidates">
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Parts</th>
-            {COLUMNS.map(([title, column]) => (
-              <th scope="col" key={column} aria-sort={by === column ? (down ? "descending" : "ascending") : undefined}>
-                <button
-                  type="button"
-                  class="link"
-                  onClick={() => (order.value = { by: column, down: by === column && !down })}>
-                  {title}
-                </button>
-              </th>
-            ))}
-            <th scope="col">What limits it</th>
-            <th scope="col">Open</th>
-          </tr>
-        </thead>
-        <tbody>
-          {rows.slice(0, MOST_ROWS).map((one) => (
-            <tr key={one.name} data-candidate={one.name} data-meets={one.meets}>
-              <th scope="row">
-                <button
-                  type="button"
-                  class="link"
-                  aria-pressed={chosen.value === one.name}
-                  onClick={() => (chosen.value = one.name)}>
-                  {Object.values(one.parts).join(" + ")}
-                </button>{" "}
-                <button
-                  type="button"
-                  class="link"
-                  aria-label={`${pinned.value.includes(one.name) ? "Unpin" : "Pin"} ${one.name}`}
-                  onClick={() =>
-                    (pinned.value = pinned.value.includes(one.name)
-                      ? pinned.value.filter((other) => other !== one.name)
-                      : [...pinned.value, one.name])
-                  }>
-                  {pinned.value.includes(one.name) ? "unpin" : "pin"}
-                </button>
-              </th>
-              {COLUMNS.map(([, column, shown, limits]) => {
-                const isOver = column === "load_ratio" && (shown(one) ?? 0) > FULL;
-                const missed =
-                  isOver ||
-                  one.limits.some(
-                    (limit) => limits.includes(limit.name) && (limit.margin === null || limit.margin < 0),
-                  );
-                return (
-                  <td key={column} data-column={column} data-si={shown(one)} class={missed ? "missed" : ""}>
-                    {digits(shown(one))} {between(one.intervals[column])}
-                    {missed && " above its limit"}
-                  </td>
-                );
-              })}
-              <td class={one.misses ? "missed" : ""}>{one.binding}</td>
-              <td>
-                {one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}
-              </td>
-            </tr>
+    <details class="panel">
+      <summary>Every simulated choice: {every.length}</summary>
+      {view?.figures.map((one) => (
+        <FigureView key={one.name} shown={one} />
+      ))}
+      <label>
+        Order by{" "}
+        <select value={orderBy.value} onChange={(event) => (orderBy.value = event.currentTarget.value)}>
+          {COLUMNS.map(([title]) => (
+            <option key={title}>{title}</option>
           ))}
-        </tbody>
-      </table>
-      {rows.length > MOST_ROWS && (
-        <p class="note">{rows.length - MOST_ROWS} more are in the plot and in choices.jsonl.</p>
-      )}
-    </div>
-  );
-}
-
-function Chosen({ now }: { now: Sizing }) {
-  const one = now.candidates.find((each) => each.name === chosen.value);
-  if (!one) return <p class="note">Choose a candidate to see its limits and its settings.</p>;
-  return (
-    <section aria-label="Chosen candidate">
-      <h2>{Object.values(one.parts).join(" + ")}</h2>
-      <p>
-        {one.setting}. {one.met} of {one.draws} draws keep all limits: at least {digits(100 * one.at_least)} % (95 %
-        confidence).
-        {one.measure && ` Measure first: ${one.measure} (${digits(100 * one.explains, 2)} % of its margin).`}
-      </p>
+        </select>
+      </label>
       <Table
-        label="Limits of the candidate"
-        heads={["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"]}
-        rows={[
-          ...one.limits.map(({ name, value, unit, interval, limit, margin }) => ({
+        label="Every simulated choice"
+        heads={["Parts", ...COLUMNS.map(([title]) => title), "What limits it", "Settings"]}
+        rows={rows.slice(0, MOST_ROWS).map((one) => {
+          const isPinned = pinned.value.includes(one.name);
+          return {
+            data: { "data-candidate": one.name, "data-meets": one.place !== null },
             cells: [
-              name,
-              marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0),
-              range(interval, unit) ?? "–",
-              `${digits(limit)} ${unit}`,
-              margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`,
+              <>
+                {one.parts}{" "}
+                <button
+                  type="button"
+                  class="link"
+                  aria-label={`${isPinned ? "Unpin" : "Pin"} ${one.name}`}
+                  onClick={() => pin(one.name, isPinned)}>
+                  {isPinned ? "unpin" : "pin"}
+                </button>
+              </>,
+              ...COLUMNS.map(([, column, shown]) => (
+                <span data-column={column} data-si={shown(one)}>
+                  {digits(shown(one))}
+                </span>
+              )),
+              <span class={one.misses ? "missed" : ""}>{one.binding}</span>,
+              one.setting,
             ],
-            data: { "data-limit": name },
-          })),
-          ...(one.load_ratio === null
-            ? []
-            : [
-                [
-                  "load ratio",
-                  marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1),
-                  range(one.intervals.load_ratio, "%"),
-                  `${FULL} %`,
-                  `${digits(PERCENT * (1 - one.load_ratio), 3)} %`,
-                ],
-              ]),
-        ]}
+          };
+        })}
       />
-      <p class="note">
-        Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of
-        both strokes. Above 100 % the drive does not move. The simulation includes all further forces.
-      </p>
-      {one.file && (
-        <p>
-          <a href={link("drive", one.file)}>Open {one.file} in the Drive view</a>
-        </p>
-      )}
-    </section>
+      {rows.length > MOST_ROWS && <p class="note">{rows.length - MOST_ROWS} more are in choices.jsonl.</p>}
+    </details>
   );
 }

@@ -153,6 +153,7 @@ function swatch(index: number): string {
 const AXIS = 34; // height of the axis of time with its label
 const HEIGHT = 200; // of the area of the curves
 const EDGE = 8; // above and below it
+const LOW_SPACE = 16; // between numbers of a low plot
 
 /** Axes of a plot, in the colours of the paper. */
 export const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
@@ -214,7 +215,10 @@ export function Plot(props: PlotProps) {
             : { range: (_, low, high) => (low === null ? [low, high] : reach(...within(latest.current, low, high))) },
         },
         legend: { show: false },
-        axes: axes(props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` }),
+        axes: axes(
+          props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` },
+          props.height ? { space: LOW_SPACE } : {},
+        ),
         series: [
           {},
           ...props.curves.map((one, index) => {

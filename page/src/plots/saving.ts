@@ -16,7 +16,7 @@ export interface Saved {
 
 const LINE = 22; // height of the title and of each line of the legend, pixels
 
-function download(name: string, blob: Blob): void {
+export function download(name: string, blob: Blob): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
   link.download = name;

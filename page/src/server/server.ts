@@ -213,6 +213,10 @@ export const write = (path: string, text: string, known: string): Promise<{ sha2
 export const drop = (file: File): Promise<{ size: number }> =>
   answered(`/api/drop?${new URLSearchParams({ path: file.name })}`, { method: "PUT", body: file });
 
+/** Return the bytes of a file of the folder. */
+export const bytes = async (path: string): Promise<Blob> =>
+  (await fetched(`/api/bytes?${new URLSearchParams({ path })}`)).blob();
+
 /** Return the bytes of a frame behind an address. */
 export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
   return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());

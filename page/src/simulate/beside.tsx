@@ -1,7 +1,7 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 
 import { computed, signal } from "@preact/signals";
-import { isPlaying, type MotionHead, pointAt as showAt, timeAt } from "../drive/moving";
+import { isPlaying, type MotionHead, timeAt } from "../drive/moving";
 import { type Field, opened } from "../drive/opened";
 import { digits } from "../plots/looks";
 import { type Curve, curveOf } from "../plots/plot";
@@ -31,10 +31,12 @@ export interface BesideHead extends MotionHead {
 
 const others = signal<string[]>([]);
 const loops = signal(false);
-const motion = signal(false);
+/** Whether the circuit is shown as it moves. */
+export const motion = signal(false);
 const energy = signal(false);
 const band = signal(false);
 const width = signal(10); // of the spreads, per cent
+const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
 
 /** Selected comparisons of the run. A spread is centred on each value that has a slider. */
 export function besides(
@@ -79,8 +81,8 @@ const MOST_OTHERS = 7;
 
 export function BesideChoices() {
   return (
-    <fieldset class="beside">
-      <legend>Beside the run</legend>
+    <details class="beside" open={!isNarrow}>
+      <summary>Compare</summary>
       <label class="choice">
         Compare with{" "}
         <select
@@ -141,21 +143,13 @@ export function BesideChoices() {
         <label>
           <input
             type="checkbox"
-            checked={motion.value}
-            onChange={(event) => (motion.value = event.currentTarget.checked)}
-          />{" "}
-          the piston as it moves
-        </label>
-        <label>
-          <input
-            type="checkbox"
             checked={energy.value}
             onChange={(event) => (energy.value = event.currentTarget.checked)}
           />{" "}
           energy
         </label>
       </p>
-    </fieldset>
+    </details>
   );
 }
 
@@ -339,8 +333,3 @@ export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) 
     </section>
   );
 }
-
-/** Time line of the plots, shown with the pistons. */
-export const timeCursor = computed(() => (motion.value ? [timeAt.value] : undefined));
-
-export const pointAt = (time: number): void => void (motion.value && showAt(time));

@@ -3,10 +3,19 @@
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { Circuit } from "../drive/circuit";
-import { MovingCircuit } from "../drive/moving";
-import { type Field, opened, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
-import { count, digits, isSevere, sentence } from "../plots/looks";
-import { type Curve, curveOf, Plot, zooming } from "../plots/plot";
+import { isPlaying, MovingCircuit, pointAt, timeAt } from "../drive/moving";
+import {
+  type Field,
+  opened,
+  restructure,
+  said,
+  set,
+  problems as textProblems,
+  useDrawing,
+  valid,
+} from "../drive/opened";
+import { count, digits, instant, isSevere, sentence } from "../plots/looks";
+import { type Curve, curveOf, indexAt, Plot, zooming } from "../plots/plot";
 import { route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { SentValue } from "../server/generated";
@@ -25,10 +34,10 @@ import {
   Energy,
   forget,
   Loops,
+  motion,
   otherCurves,
-  pointAt,
-  timeCursor,
 } from "./beside";
+import { braked, StepsPane, stepsOf, written } from "./steps";
 
 interface Panel {
   title: string;
@@ -60,6 +69,7 @@ interface Trace {
   columns: Map<string, Numbers>;
 }
 
+const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
 const command = undoable(signal("0 s: 1, 1 s: -1"));
 const duration = undoable(signal("2 s"));
 const initial = undoable(signal(""));
@@ -133,6 +143,7 @@ effect(() => {
   ranges.value = {};
   frozen.value = [];
   forget();
+  motion.value = now.kind === "circuit" && !isNarrow;
   initial.value = "";
   command.value =
     now.kind === "circuit"
@@ -192,7 +203,11 @@ function Simulated() {
     const live = new Live<Head>((frame) => {
       if (frame.head.path !== opened.value?.path) return;
       wrong.value = frame.head.problems ?? [];
-      if (!frame.head.problems) answer.value = frame;
+      if (!frame.head.problems) {
+        const [hardest] = [...(frame.head.impacts ?? [])].sort((a, b) => b.energy_j - a.energy_j);
+        if (!answer.value) timeAt.value = hardest?.time_s ?? 0;
+        answer.value = frame;
+      }
       const page = document.documentElement.dataset;
       page.sent = String(live.sent);
       page.drawn = String(frame.head.number);
@@ -211,8 +226,12 @@ function Simulated() {
   if (!valid.value) return null;
   return (
     <div class="simulate">
+      <div class="top">
+        {hasPlatform.value && <Drawn />}
+        <Refusal />
+        <Answers />
+      </div>
       <section class="controls" aria-label="What is simulated">
-        <h2>{valid.value.name}</h2>
         {said.value && (
           <p class="note" role="status">
             {said.value}
@@ -222,38 +241,32 @@ function Simulated() {
         <AddSlider />
         <Run />
         <BesideChoices />
-        <Buttons />
+        <p class="row">
+          <button type="button" onClick={freeze}>
+            Freeze the curves
+          </button>
+          {frozen.value.length > 0 && (
+            <button type="button" onClick={() => (frozen.value = [])}>
+              Remove frozen curves
+            </button>
+          )}
+          <button type="button" onClick={() => void copy()}>
+            Copy as command or Python
+          </button>
+        </p>
+        {copied.value && <Copied {...copied.value} />}
         <Notes />
       </section>
       <div class="shown">
-        <Refusal />
-        {hasPlatform.value ? <Drawn /> : <Answers />}
-        <Plots />
+        <section class="plots" aria-label="Curves" data-samples={answer.value?.head.samples}>
+          {!hasPlatform.value && <Pistons />}
+          <Plots />
+          <Commands />
+        </section>
         <Below />
         <Beside />
       </div>
     </div>
-  );
-}
-
-function Buttons() {
-  return (
-    <>
-      <p class="row">
-        <button type="button" onClick={freeze}>
-          Freeze the curves
-        </button>
-        {frozen.value.length > 0 && (
-          <button type="button" onClick={() => (frozen.value = [])}>
-            Remove frozen curves
-          </button>
-        )}
-        <button type="button" onClick={() => void copy()}>
-          Copy as command or Python
-        </button>
-      </p>
-      {copied.value && <Copied {...copied.value} />}
-    </>
   );
 }
 
@@ -268,18 +281,198 @@ function Refusal() {
   );
 }
 
-/** Leading values of the run, and findings that endanger people or the machine, above the curves. */
+/** Name and state of the run, its leading values, and findings that endanger people or the machine, with remedies. */
 function Answers() {
   const head = answer.value?.head;
-  if (!head?.leading) return null;
+  const severe = head?.warnings?.filter(isSevere) ?? [];
   return (
-    <div class="panel answer-card">
-      <Leading of={head.leading} />
-      {head.warnings?.filter(isSevere).map((one) => (
-        <p class="problem severe" role="alert" key={one}>
-          {sentence(one)}
-        </p>
+    <div class="panel answer-card" data-state={severe.length ? "bad" : "good"}>
+      <div class="row title">
+        <div>
+          <h2>{valid.value!.name}</h2>
+          <span class={`pill ${severe.length ? "bad" : ""}`}>{severe.length ? "needs you" : "simulated"}</span>{" "}
+          <span class="note">{head?.assumed ? `${count(head.assumed, "assumed value")}: Drive lists them` : ""}</span>
+        </div>
+        <Leading of={head?.leading ?? []} />
+      </div>
+      {severe.map((finding) => (
+        <div class="problem severe row" role="alert" key={finding}>
+          <span>{sentence(finding)}</span>
+          {finding.includes("impact") && <Remedies impacts={head?.impacts ?? []} />}
+        </div>
       ))}
+    </div>
+  );
+}
+
+/** Remedies of hard impacts: a brake in the command, and cushions in the text of the description. */
+function Remedies({ impacts }: { impacts: NonNullable<Head["impacts"]> }) {
+  const lines = command.value.split("\n").map(lineOf);
+  const times = impacts.map((impact) => impact.time_s);
+  const brake = () =>
+    (command.value = lines
+      .map(({ name, steps, text }) => (steps ? lineText(name, written(braked(steps, times))) : text))
+      .join("\n"));
+  const bare = answer.value?.head.cylinders?.map((cylinder) => cylinder.name) ?? [];
+  return (
+    <>
+      {lines.some(({ steps }) => steps) && (
+        <button type="button" onClick={brake}>
+          Brake the command
+        </button>
+      )}
+      {bare.length > 0 && (
+        <button type="button" onClick={() => addCushions(bare)}>
+          Add a cushion
+        </button>
+      )}
+    </>
+  );
+}
+
+/** Dimensions of a new cushion: of usual cylinders of this bore. */
+const CUSHION = {
+  length: "20 mm",
+  plunger_diameter: "16 mm",
+  needle_conductance: "0.1 dm3/(s bar)",
+  port_volume: "6 cm3",
+};
+
+/** Give each cylinder cushions at both ends. Only a circuit has cushions, so a drive becomes one. */
+function addCushions(cylinders: string[]): void {
+  const add = () => {
+    for (const name of cylinders)
+      for (const end of ["a", "b"])
+        for (const [key, value] of Object.entries(CUSHION)) void set(`components.${name}.cushion.${end}.${key}`, value);
+  };
+  if (valid.value?.kind === "circuit") {
+    add();
+    return;
+  }
+  const before = command.value;
+  restructure({ act: "open" }, () => {
+    command.value = lineText("valve", before);
+    add();
+  });
+}
+
+/** A line of the command: its valve, and its steps unless it has another form. */
+function lineOf(text: string): { name: string; text: string; steps: ReturnType<typeof stepsOf> } {
+  const [, name = "", rest = text] = /^\s*([A-Za-z_][\w.-]*)\s*:\s*(.*)$/.exec(text) ?? [];
+  return { name, text, steps: stepsOf(rest) };
+}
+
+const lineText = (name: string, steps: string): string => (name ? `${name}: ${steps}` : steps);
+
+const MOST_COMMANDS = 3;
+
+/** The command of each valve under the axis of time. */
+function Commands() {
+  const time = answer.value?.arrays.get("time_s");
+  if (!time) return null;
+  const lines = command.value.split("\n").map(lineOf);
+  const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
+  return (
+    <>
+      {lines
+        .slice(0, MOST_COMMANDS)
+        .map(
+          ({ name, steps }, k) =>
+            steps && (
+              <StepsPane
+                key={name}
+                name={name ? `Command of ${name}` : "Command"}
+                steps={steps}
+                span={span}
+                low={valid.value?.valves?.[name] ?? -1}
+                put={(next) =>
+                  (command.value = lines
+                    .map((line, other) => (other === k ? lineText(name, written(next)) : line.text))
+                    .join("\n"))
+                }
+              />
+            ),
+        )}
+    </>
+  );
+}
+
+/** The pistons at the time of the cursor, with position, speed and pressures. */
+function Pistons() {
+  const now = answer.value;
+  const time = now?.arrays.get("time_s");
+  if (!now || !time) return null;
+  const end = time[time.length - 1]!;
+  const row = indexAt(time, Math.min(timeAt.value, end));
+  const at = (column: string) => (now.arrays.get(`${column}/at`) ?? now.arrays.get(column))?.[row];
+  const cylinders = (now.head.cylinders ?? []).filter((one) => now.arrays.has(one.position)).slice(0, MOST_PISTONS);
+  if (!cylinders.length) return null;
+  return (
+    <div class="pistons">
+      <label>
+        At {instant(time[row], end / time.length)} s{" "}
+        <input
+          type="range"
+          min={0}
+          max={1000}
+          value={Math.round((1000 * time[row]!) / end)}
+          aria-label="Time of the pistons"
+          aria-valuetext={`${instant(time[row], end / time.length)} s`}
+          onInput={(event) => (
+            (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
+          )}
+        />
+      </label>
+      <div>
+        {cylinders.map((one) => (
+          <Piston
+            key={one.name}
+            name={cylinders.length > 1 ? one.name : ""}
+            share={at(one.position)! / one.stroke_m}
+            position={at(one.position)!}
+            speed={at(one.position.replace("position_m", "velocity_m_s"))}
+            pressures={one.pressures.map(at)}
+          />
+        ))}
+      </div>
+    </div>
+  );
+}
+
+const MOST_PISTONS = 3;
+const [BAR, MM] = [1e5, 1e-3];
+
+interface PistonProps {
+  name: string;
+  share: number; // of the stroke
+  position: number;
+  speed: number | undefined;
+  pressures: (number | undefined)[];
+}
+
+function Piston({ name, share, position, speed, pressures }: PistonProps) {
+  const x = 4 + 380 * Math.min(Math.max(share, 0), 1);
+  const words = pressures.map((value) => (value === undefined ? "" : `${digits(value / BAR)} bar`));
+  const most = Math.max(...pressures.map((value) => value ?? 0), BAR);
+  const tint = (k: number) => (0.6 * (pressures[k] ?? 0)) / most;
+  return (
+    <div class="piston" data-piston-at={position}>
+      <span>
+        {name} a {words[0]}
+      </span>
+      <svg
+        viewBox="0 0 400 40"
+        role="img"
+        aria-label={`Piston at ${digits(position / MM)} mm, a ${words[0]}, b ${words[1]}`}>
+        <rect class="air" x={4} y={8} width={Math.max(x - 4, 0)} height={24} fill-opacity={tint(0)} />
+        <rect class="air" x={x + 12} y={8} width={Math.max(384 - x, 0)} height={24} fill-opacity={tint(1)} />
+        <rect class="barrel" x={3} y={7} width={394} height={26} />
+        <rect class="body" x={x} y={8} width={12} height={24} />
+      </svg>
+      <span>b {words[1]}</span>
+      <b>
+        {digits(position / MM)} mm{speed === undefined ? "" : `, ${digits(settled(speed))} m/s`}
+      </b>
     </div>
   );
 }
@@ -289,17 +482,15 @@ function Notes() {
   const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
   return (
     <>
-      {head?.assumed !== undefined && (
-        <p class="note">
-          Simulated{head.assumed > 0 && `, with ${count(head.assumed, "assumed value")}: Drive lists them`}.
-        </p>
-      )}
       {notes.length > 0 && (
-        <ul class="warnings">
-          {notes.map((one) => (
-            <li key={one}>{sentence(one)}</li>
-          ))}
-        </ul>
+        <details class="note" open={!isNarrow}>
+          <summary>{count(notes.length, "more note")}</summary>
+          <ul class="warnings">
+            {notes.map((one) => (
+              <li key={one}>{sentence(one)}</li>
+            ))}
+          </ul>
+        </details>
       )}
       {head?.impacts && head.impacts.length > 0 && (
         <details class="note">
@@ -327,14 +518,17 @@ function Notes() {
   );
 }
 
+/** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
+const HEIGHTS = [92, 64, 64, 62];
+
 function Plots() {
   const head = answer.value?.head;
   return (
-    <section class="plots" aria-label="Curves" data-samples={head?.samples}>
+    <>
       {head?.panels?.map((panel, k, all) => (
-        <PanelPlot key={panel.title} panel={panel} isLast={k === all.length - 1} />
+        <PanelPlot key={panel.title} panel={panel} height={HEIGHTS[k] ?? 62} isLast={k === all.length - 1} />
       ))}
-    </section>
+    </>
   );
 }
 
@@ -352,8 +546,6 @@ function Beside() {
   );
 }
 
-const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
-
 const hasPlatform = computed(() => Boolean(answer.value?.head.platforms?.length));
 
 const isAnswered = computed(() => answer.value !== null);
@@ -363,17 +555,25 @@ function Below() {
   if (!isAnswered.value) return null;
   return (
     <div class="below">
-      {!hasPlatform.value && <Drawn />}
+      {!hasPlatform.value && (
+        <details
+          class="panel"
+          open={motion.value}
+          onToggle={(event) => (motion.value = (event.currentTarget as HTMLDetailsElement).open)}>
+          <summary>Circuit, as it moves</summary>
+          {motion.value && <Drawn />}
+        </details>
+      )}
       <Ends />
     </div>
   );
 }
 
-/** Circuit, drawn once unless its pistons move. */
+/** Circuit at the time of the cursor. */
 function Drawn() {
   const shapes = useDrawing();
   if (!shapes) return <div />;
-  if (!isMoving.value) return <Circuit drawing={shapes} />;
+  if (!answer.value!.arrays.has("motion/time_s")) return <Circuit drawing={shapes} />;
   return (
     <MovingCircuit now={answer.value!} drawing={shapes}>
       {(motion) => <Circuit drawing={shapes} motion={motion} />}
@@ -381,7 +581,7 @@ function Drawn() {
   );
 }
 
-function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
+function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; isLast: boolean }) {
   const now = answer.value!;
   const time = now.arrays.get("time_s")!;
   const curves: Curve[] = panel.curves.map((one) => curveOf(now.arrays, time, one.column, one.label));
@@ -400,12 +600,13 @@ function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
       title={panel.title}
       unit={panel.unit}
       size={panel.size}
+      height={height}
       curves={curves}
       bands={bands}
       events={events}
       bare={!isLast}
       {...zooming(zoom)}
-      cursors={timeCursor.value}
+      cursors={[timeAt.value]}
       onHover={pointAt}
     />
   );
@@ -570,18 +771,20 @@ function Run() {
       ) : (
         <FileCommand valve="" />
       )}
-      <label>
-        Duration
-        <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />
-      </label>
-      <label>
-        Start
-        <input
-          value={initial.value}
-          placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"}
-          onInput={(event) => (initial.value = event.currentTarget.value)}
-        />
-      </label>
+      <div class="twin">
+        <label>
+          Duration
+          <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />
+        </label>
+        <label>
+          Start
+          <input
+            value={initial.value}
+            placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"}
+            onInput={(event) => (initial.value = event.currentTarget.value)}
+          />
+        </label>
+      </div>
     </div>
   );
 }

@@ -373,18 +373,18 @@ export function InFolder({ files, title, view }: { files: Listed[]; title: strin
   );
 }
 
-/** Links that open or save the report of a folder. Nothing is shown without a folder. */
-export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
+/** Links that open or save the report of a folder, or its sheet. Nothing is shown without a folder. */
+export function ReportOf({ folder, changed, word = "report" }: { folder: string; changed?: unknown; word?: string }) {
   const [report] = useAnswer(folder, () => read<{ address: string }>("/api/report", { path: folder }), [changed]);
   if (!report?.address) return null;
   const { address } = report;
   return (
     <p class="row">
       <a href={address} target="_blank" rel="noopener">
-        Open the report
+        Open the {word}
       </a>
-      <a href={address} download={`${folder.slice(folder.lastIndexOf("/") + 1)}-report.html`}>
-        Save the report
+      <a href={address} download={`${folder.replace(/^.*?results\//, "").replaceAll("/", "-")}-report.html`}>
+        Save the {word}
       </a>
     </p>
   );

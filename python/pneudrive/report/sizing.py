@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
-from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
+from pneudrive.figures import Drawing, Figure, Line, Look, Markers, Panel, PenStroke, Rule
+from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.page import Items, Paragraph, Report, view_section
 from pneudrive.report.provenance import references
 from pneudrive.report.render import draw_figure
 from pneudrive.report.tables import Topic
 from pneudrive.sizing.checks import READ, read
-from pneudrive.sizing.result import WRITTEN, maker_type
+from pneudrive.sizing.choices import WITHOUT
+from pneudrive.sizing.result import WRITTEN, in_words, maker_type, yearly
 from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, follows_from
@@ -27,7 +31,6 @@ from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, Show
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from pathlib import Path
 
     import matplotlib.figure
 
@@ -43,6 +46,8 @@ FREE = (
     ("load ratio out", "load_ratio_out", 100.0, "%"),
     ("load ratio back", "load_ratio_back", 100.0, "%"),
 )
+#: Folder of the sheet beside the report.
+SHEET = "sheet"
 _KEY = re.compile(r"\[([\w-]+)\]")
 
 
@@ -177,7 +182,7 @@ def _time(drive: SizedDrive, way: str) -> float:
 
 
 def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads nothing from anywhere, its figures, and the sheet of the best choice.
 
     Parameters
     ----------
@@ -199,7 +204,99 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     parts = [candidates, *_best(found), _task(found), _method(found), *_sources(found)]
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
+    if found.best is not None:
+        sheet = Path(folder) / SHEET
+        make_subfolder(sheet)
+        sheet_report(found).write(sheet)
     return Report(f"{found.task.name}: sizing, simulated", lines, parts, synthetic=True).write(folder)
+
+
+# --- The sheet of the best choice: one page to send.
+
+
+def sizing_sheet(found: SizingResult) -> View:
+    """Return the sheet of the best choice: sketch, order list, open checks, and its ranges against the limits."""
+    topic, task, best = Topic("sizing", "sheet"), found.task, found.ranked[0]
+    number = {"cylinder": f"1, stroke {1e3 * task.stroke_m:.4g} mm", "tube": f"{2.0 * task.tube_length_m:.3g} m"}
+    number |= {"flow_control": "2"}
+    order = [
+        (number.get(slot, "1"), slot.replace("_", " "), maker_type(name), name)
+        for slot, name in best.parts.items()
+        if name not in (WITHOUT, "*")
+    ]
+    missing = [check for check in found.open_checks if "clamp" in " ".join(check.remedies)]
+    order += [("1", "missing", f"rod clamp, {math.ceil(check.value or 0.0)} N or more", "–") for check in missing]
+    return View(
+        f"{task.name}: {in_words(best.parts)}",
+        state="good" if found.ready else "open",
+        leading=tuple(_leading(found)),
+        findings=tuple(check.finding for check in found.open_checks),
+        notes=(*yearly(found), f"{best.needles}."),
+        tables=(
+            ShownTable(topic.say("order"), ("number", "", "type", "catalogue"), tuple(order)),
+            _ranges([best], topic.say("ranges")),
+        ),
+        figures=(topic.figure("sketch", sketch_figure(found)),),
+    )
+
+
+def sheet_report(found: SizingResult) -> Report:
+    """Return the sheet as a page: the state first, then the task, the order, the ranges, and the sources."""
+    topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
+    verdict = [Finding(found.answer, view.state), *view.findings]
+    given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)
+    sketch = topic.picture("sketch", view.figures[0].figure, False)
+    keys = dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin))
+    note = topic.text(version=__version__, sources="; ".join(references(keys)) or "none")
+    parts = topic.section(Paragraph(given), sketch, *view.tables, Items(view.notes), note)
+    return Report(view.title, verdict, [parts], synthetic=True)
+
+
+def sketch_figure(found: SizingResult) -> Figure:
+    """Draw load, cylinder with bore and stroke, tubes, valve and supply of the best choice, with their types."""
+    task, best = found.task, found.ranked[0]
+    bore, gauge = 1e3 * best.sizes[0], 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
+    names = {slot: maker_type(name) for slot, name in best.parts.items()}
+    is_hanging = any("hangs" in check.name for check in found.open_checks)
+
+    def box(x: float, y: float, width: float, height: float, fill: str = "") -> PenStroke:
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
+        return PenStroke(corners, fill=fill, width=1.2)
+
+    def words(
+        x: float, y: float, text: str, align: str = "left center", *, bold: bool = False, color: str = "black"
+    ) -> PenStroke:
+        return PenStroke([(x, y)], text=text, align=align, bold=bold, color=color, size=8.0)
+
+    stroke = f"{1e3 * task.stroke_m:.4g} mm"
+    strokes = [
+        box(0.6, 7.4, 1.8, 1.0, "shade"),
+        words(1.5, 7.9, f"{task.mass_kg:.3g} kg", "center center", bold=True),
+        PenStroke([(1.5, 7.4), (1.5, 4.6)], width=3.0),
+        box(0.9, 2.4, 1.2, 3.8),
+        box(0.9, 2.4, 1.2, 1.9, "band"),
+        PenStroke([(0.9, 4.45), (2.1, 4.45)], width=5.0, cap="butt"),
+        PenStroke([(0.35, 2.4), (0.35, 6.2)], color="grey"),
+        *(PenStroke([(0.2, y), (0.5, y)], color="grey") for y in (2.4, 6.2)),
+        words(0.15, 4.3, stroke, "right center", color="grey"),
+        PenStroke([(2.1, 6.0), (4.4, 6.0), (4.4, 1.9)], color="blue", width=1.4),
+        PenStroke([(2.1, 2.6), (3.6, 2.6), (3.6, 1.9)], color="blue", width=1.4),
+        box(2.95, 1.0, 2.1, 0.9),
+        *(PenStroke([(x, 1.0), (x, 1.9)]) for x in (3.65, 4.35)),
+        PenStroke([(4.0, 1.0), (4.0, 0.6)]),
+        PenStroke([(3.75, 0.2), (4.25, 0.2), (4.0, 0.6), (3.75, 0.2)]),
+        words(2.8, 8.1, names["cylinder"], bold=True),
+        words(2.8, 7.5, f"bore {bore:.3g} mm, stroke {stroke}", color="grey"),
+        words(4.6, 4.6, f"{names['tube']}, {task.tube_length_m:.3g} m", bold=True),
+        words(5.3, 1.4, names["valve"], bold=True),
+        words(4.5, 0.3, f"{gauge:.3g} bar gauge", color="grey"),
+        words(0.9, 1.9, f"incline {math.degrees(task.incline_rad):.3g} deg", color="grey"),
+    ]
+    if is_hanging:
+        strokes += [box(1.05, 6.5, 0.9, 0.5), words(2.2, 6.75, "clamp: missing", bold=True, color="red")]
+    return Figure(
+        [Panel([Drawing(strokes, (-1.4, 9.4), (0.0, 8.6), equal=True)])], row_in=2.2, rest_in=0.0, width_in=4.2
+    )
 
 
 def _best(found: SizingResult) -> list[Section]:

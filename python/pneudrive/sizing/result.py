@@ -259,7 +259,7 @@ class SizingResult(Viewed):
     @property
     def remarks(self) -> list[str]:
         """State, air of a year, savings, cheaper choices, second-best cylinder, possible values, and the search."""
-        lines, cheaper = [f"{self.task.name}: {self.state}", *self._yearly()], self.cheaper
+        lines, cheaper = [f"{self.task.name}: {self.state}", *yearly(self)], self.cheaper
         lines += [f"{saving}." for saving in self.savings]
         lines += [
             f"Next best cylinder: {in_words(drive.parts)}, {three(drive.air_litres_anr)} l ANR a cycle, "
@@ -285,25 +285,6 @@ class SizingResult(Viewed):
     def sentences(self) -> list[str]:
         """The answer, the findings with their remedies, and the remarks."""
         return [self.answer, *(f"{f.text} {f.remedy}".rstrip() for f in self.findings), *self.remarks]
-
-    def _yearly(self) -> list[str]:
-        """Return air, energy and cost of a year; empty if the task does not give the cycles per hour."""
-        task, best = self.task, self.best
-        if task.cycles_per_hour is None or best is None:
-            return []
-        cycles = task.cycles_per_hour * task.hours_per_year
-        low, high = best.intervals.get("air", (best.air, best.air))
-        air = [mass * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for mass in (low, best.air, high)]
-        energy = [volume * need for volume, need in zip(air, KWH_PER_M3, strict=True)]
-        text = (
-            f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
-            f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
-        )
-        if task.price_per_kwh is not None:
-            least, usual, most = (three(each * task.price_per_kwh) for each in energy)
-            text += f"), {usual} {task.currency} ({least} … {most} {task.currency}"
-        text += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
-        return [text]
 
     def circuit(self, place: int = 0) -> Circuit:
         """Return the circuit at a place of the ranking, with its settings, ready to run."""
@@ -336,6 +317,26 @@ class SizingResult(Viewed):
     def report(self, folder: str | Path) -> Path:
         """Write report.html into a folder; see `pneudrive.report.sizing.write_sizing_report`."""
         return upper("write_sizing_report")(self, folder)
+
+
+def yearly(found: SizingResult) -> list[str]:
+    """Return air, energy and cost of a year; empty if the task does not give the cycles per hour."""
+    task, best = found.task, found.best
+    if task.cycles_per_hour is None or best is None:
+        return []
+    cycles = task.cycles_per_hour * task.hours_per_year
+    low, high = best.intervals.get("air", (best.air, best.air))
+    air = [mass * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for mass in (low, best.air, high)]
+    energy = [volume * need for volume, need in zip(air, KWH_PER_M3, strict=True)]
+    text = (
+        f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
+        f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
+    )
+    if task.price_per_kwh is not None:
+        least, usual, most = (three(each * task.price_per_kwh) for each in energy)
+        text += f"), {usual} {task.currency} ({least} … {most} {task.currency}"
+    text += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
+    return [text]
 
 
 # --- The nearest miss.

@@ -54,6 +54,8 @@ ANSWERS = {
     "POST /api/example": "drop:add_example",
     "POST /api/check": "drive.description:checked",
     "POST /api/edit": "drive.description:edited_as_asked",
+    "POST /api/parts": "drive.description:fitting_parts",
+    "POST /api/part": "drive.description:with_part",
     "GET /api/view": "results:sent_view",
     "GET /api/forms": "signatures:forms",
     "POST /api/work": "signatures:copied_job",
@@ -86,8 +88,10 @@ ANSWERS = {
     "GET /api/cycle": "measured.campaigns:running_cycle",
     "POST /api/campaign": "measured.campaigns:ask_campaign",
     "GET /api/control": "drive.control:choices",
+    "POST /api/law": "drive.control:tried_law",
     "GET /api/comparison": "drive.control:shown_card",
     "GET /api/tracks": "drive.control:shown_tracks",
+    "GET /api/bytes": "drive.description:fmu_bytes",
     "GET /api/fmu": "drive.description:shown_fmu",
 }
 #: Modules that are imported at their first use.

@@ -39,7 +39,7 @@ PANELS = (
 )
 ANSWERED = threading.Event()  # longest run for a page
 MOST_CURVES = 8  # curves in a panel: as many as there are line styles
-MOST_IMPACTS = 3
+MOST_IMPACTS = 40
 MOST_EVENTS = 40  # moments marked above the curves
 AT_REST_M_S = 1e-3  # a piston slower than this is at rest
 LONG_REST = 20  # samples without motion that are marked as a rest

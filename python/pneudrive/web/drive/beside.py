@@ -99,9 +99,8 @@ class ExtrasRequest(RunRequest):
             columns = {name: values for name, values in compared[path].items() if name not in references}
             arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, self.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
-        head: dict[str, Any] = {"others": others}
+        head: dict[str, Any] = {"others": others, "cylinders": list(_cylinders(described, run.columns))}
         if self.motion:
-            head["cylinders"] = list(_cylinders(described, run.columns))
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
             arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=np.float64)[rows] for name in moving}

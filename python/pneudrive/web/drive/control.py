@@ -16,11 +16,11 @@ from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
 from pneudrive.control.results.card import ControlComparison, read_comparison
 from pneudrive.control.results.comparison import standard
-from pneudrive.control.results.measures import SHOWN, Score, written
+from pneudrive.control.results.measures import SHOWN, Score, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
-from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.progress import Watch
 from pneudrive.views import View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
@@ -218,6 +218,21 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
+def tried_law(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Run a law as a request says, and return its largest error, m; null if it lost the drive.
+
+    Raises
+    ------
+    PneudriveError
+        As for `ControlRequest.run`.
+    """
+    try:
+        _, run = ControlRequest.of(given).run(workspace)
+    except Cancelled:
+        raise CommandError(f"{given.get('law')} took longer than {MOST_SECONDS:g} s", remedy="Use Compare.") from None
+    return {"value": number(Score(**run.provenance["score"]).max_error_m)}
+
+
 def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
     largest = max((float(np.abs(error).max()) for error in errors_m if len(error)), default=0.0)
     return {"unit": "um", "size": 1e-6} if largest < SMALL_M else {"unit": "mm", "size": 1e-3}
@@ -250,6 +265,7 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
             for name, title, value in measures
             if value is not None
         ],
+        "view": view_of_score(about).data(),
         "events": about["events"][:20],
         "assumed": len(about["assumed"]),
         "synthetic": True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from posixpath import basename
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from tomlkit.items import InlineTable
 
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.files import toml
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
@@ -179,6 +181,40 @@ def edited_as_asked(given: Mapping[str, Any]) -> dict[str, str]:
     return {"text": edited(text, key, in_unit(str(value), unit) if isinstance(unit, str) else value)}
 
 
+def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> dict[str, Any]:
+    """List the parts of a family of the catalogue whose values fit a table of a text: name and title."""
+    found = []
+    for name, entry in entries().items():
+        if entry.kind.startswith(f"{family}/"):
+            with suppress(PneudriveError):
+                described_at(workspace, path, with_part(text, table, name)["text"])
+                found.append({"name": name, "title": entry.title})
+    return {"parts": found}
+
+
+def with_part(text: str, table: str, part: str) -> dict[str, str]:
+    """Return a text with the values of a part of the catalogue in one of its tables. A stroke made to order stays.
+
+    Raises
+    ------
+    CommandError
+        The part does not exist, or the text is not TOML.
+    """
+    if part not in entries():
+        raise CommandError(f"the catalogue has no part {part[:80]!r}", remedy="Choose one of the menu.")
+    is_circuit = table.startswith("components.")
+    for one in entries()[part].values:
+        if one.key == "stroke" and one.source is None:
+            continue
+        value = one.value.rpartition("/")[2] if one.key == "kind" and table == "cylinder" else one.value
+        value = value.partition("/")[2] if one.key == "kind" and table == "valve" else value
+        owner = "" if one.key.startswith("friction.") and not is_circuit else f"{table}."
+        pairs = value.items() if isinstance(value, dict) else (("", value),)
+        for end, each in pairs:
+            text = edited(text, f"{owner}{one.key}.{end}".rstrip("."), each)
+    return {"text": text}
+
+
 def _has_keys(entry: Any) -> bool:  # noqa: ANN401 - of tomlkit
     """Return whether an entry is a table of values, and not one value with its origin."""
     return hasattr(entry, "keys") and ("value" not in entry or hasattr(entry["value"], "keys"))
@@ -264,6 +300,11 @@ def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> d
 
         Layout.loads(text, "layout.toml")
     return {"sha256": workspace.write(path, text, if_match or None)}
+
+
+def fmu_bytes(workspace: Workspace, path: str) -> bytes:
+    """Return the content of an FMU of the workspace, to save it elsewhere."""
+    return read_bytes(workspace.path(path, FMUS), CommandError)
 
 
 def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +11,11 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
+from pneudrive.lazy_names import upper
+from pneudrive.numbers import plain as three
 from pneudrive.sizing.checks import READ
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choices
-from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult
+from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, maker_type
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import plain, problems_of
@@ -27,8 +30,7 @@ if TYPE_CHECKING:
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_TASKS = 500  # number of kept tasks
 #: Values of a sized drive that the page gets under their names.
-SENT = ("name", "draws", "met", "time_out", "time_back", "end_speed", "energy", "margin", "binding", "load_ratio")
-SENT += ("measure", "explains")
+SENT = ("name", "draws", "met", "time_out", "time_back", "energy", "margin", "binding", "load_ratio")
 
 
 def checked_or_first(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,25 +70,34 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     simulated, short = read_choices(folder / LINES)
     places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
     task = SizingTask.model_validate(about["task"])
-    fraction = 1.0 - task.margin
+    ranked = sorted(
+        simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
+    )
     return plain(
         {
             "name": task.name,
+            "words": _in_words(task),
             "task": _file_of(workspace, task),
             "draws": about["draws"][0],
-            "limits": {"out": task.outward_s * fraction, "back": task.back_s * fraction},
-            "candidates": [_candidate(one, places.get(one.name), path) for one in simulated],
-            "meets": len(places),
+            "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
+            "view": done and done.view().data(),
+            "sheet": done and done.best and upper("sizing_sheet")(done).data(),
             "short": short,
             "done": done is not None and not done.interrupted,
             "searched": is_held(folder / LOCK),
-            "feasible": done and done.feasible,
-            "checks": [check._asdict() for check in done.checks] if done else [],
-            "miss": done and done.miss and vars(done.miss),
-            "said": done.sentences if done else [],
             "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
             "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
         }
+    )
+
+
+def _in_words(task: SizingTask) -> str:
+    """Return load, stroke, times, incline, supply and tubes of a task as one sentence."""
+    gauge = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
+    return (
+        f"{three(task.mass_kg)} kg by {three(1e3 * task.stroke_m)} mm in {three(task.outward_s)} s, back in "
+        f"{three(task.back_s)} s; incline {three(math.degrees(task.incline_rad))} deg, {three(gauge)} bar gauge, "
+        f"tubes of {three(task.tube_length_m)} m"
     )
 
 
@@ -99,29 +110,30 @@ def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
     return found
 
 
-def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
-    # The load ratio has the interval of the stroke with the larger one.
-    ratios = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
-    ratio = max(ratios, key=lambda ends: ends[1], default=None)
+def _candidate(drive: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
     limits = []
-    for name, (value, limit, unit) in one.worst.items():
+    for name, (value, limit, unit) in drive.worst.items():
         factor, read = READ.get(unit, (1.0, unit))
         about = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
-        limits.append({**about, "margin": one.margins[name], "interval": _scaled(one.intervals.get(name), factor)})
+        limits.append({**about, "margin": drive.margins[name], "interval": _scaled(drive.intervals.get(name), factor)})
+    air = _scaled(drive.intervals.get("air"), ANR_LITRES_PER_KG)
+    free = {"name": "air of a cycle", "value": drive.air_litres_anr, "unit": "l ANR", "interval": air}
+    limits.append({**free, "limit": None, "margin": None})
+    # The load ratio has the interval of the stroke with the larger one.
+    ratios = [drive.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in drive.intervals]
+    if ratio := max(ratios, key=lambda ends: ends[1], default=None):
+        own = {"value": 100.0 * ratio[1], "unit": "%", "interval": _scaled(ratio, 100.0)}
+        limits.append({"name": "load ratio", **own, "limit": 100.0, "margin": 1.0 - ratio[1]})
     return {
-        **{name: getattr(one, name) for name in SENT},
-        "parts": dict(one.parts),
-        "setting": one.needles,
-        "at_least": one.probability_bound,
-        "air": one.air_litres_anr,
-        "intervals": {
-            **{name: one.intervals.get(name) for name in ("time_out", "time_back", "end_speed", "energy")},
-            "air": _scaled(one.intervals.get("air"), ANR_LITRES_PER_KG),
-            "load_ratio": _scaled(ratio, 100.0),
-        },
+        **{name: getattr(drive, name) for name in SENT},
+        "title": maker_type(drive.parts["cylinder"]),
+        "cylinder": drive.parts["cylinder"],
+        "parts": drive.part_names,
+        "setting": drive.needles,
+        "at_least": drive.probability_bound,
+        "air": drive.air_litres_anr,
         "limits": limits,
-        "meets": place is not None,
-        "misses": not one.is_feasible,
+        "misses": not drive.is_feasible,
         "place": place,
         "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
     }

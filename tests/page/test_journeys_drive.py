@@ -1,0 +1,168 @@
+"""From nothing to a tuned controller and an FMU, and from a lift to a sheet to send: at most 12 clicks each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import pneudrive as pn
+from page.conftest import Server, Tab
+from page.test_journeys import Open, settled, violations
+from page.test_model_journeys import LIFT, LONG
+from pneudrive.control.tuning import Controller
+
+MOST_CLICKS = 12
+MOST_TABS = 400
+
+
+class Hand:
+    """A user with a mouse, or with a keyboard alone. Clicks and menu choices count; typing does not."""
+
+    def __init__(self, tab: Tab, *, has_mouse: bool) -> None:
+        self.page, self.has_mouse, self.clicks = tab.page, has_mouse, 0
+
+    def reach(self, selector: str) -> None:
+        """Move the focus to an element, as Tab does it."""
+        target = self.page.locator(selector).first
+        target.wait_for(timeout=LONG)
+        if self.has_mouse:
+            return target.focus()
+        for _ in range(MOST_TABS):
+            if target.evaluate("(element) => element === document.activeElement"):
+                return None
+            self.page.keyboard.press("Tab")
+        raise AssertionError(f"Tab does not reach {selector}")
+
+    def press(self, selector: str) -> None:
+        """Press a button or a link."""
+        self.clicks += 1
+        if self.has_mouse:
+            self.page.locator(selector).first.click(timeout=LONG)
+        else:
+            self.reach(selector)
+            self.page.keyboard.press("Enter")
+
+    def type(self, selector: str, text: str) -> None:
+        """Type into a field, and leave it."""
+        self.reach(selector)
+        self.page.keyboard.press("ControlOrMeta+A")
+        self.page.keyboard.insert_text(text)
+        self.page.keyboard.press("Tab")
+
+    def choose(self, selector: str, value: str) -> None:
+        """Choose from a menu."""
+        self.clicks += 1
+        if self.has_mouse:
+            self.page.select_option(selector, value)
+            return
+        self.reach(selector)
+        self.page.keyboard.press("Home")
+        for _ in range(30):
+            if self.page.input_value(selector) == value:
+                return
+            self.page.keyboard.press("ArrowDown")
+        raise AssertionError(f"{selector} does not offer {value}")
+
+
+@pytest.mark.parametrize("has_mouse", [True, False], ids=["mouse", "keys"])
+def test_own_axis_to_tuned_controller_and_fmu(server: Server, open_tab: Open, has_mouse: bool) -> None:
+    (server.folder / "axis.toml").unlink()
+    tab = open_tab(server.address)
+    page, hand = tab.page, Hand(tab, has_mouse=has_mouse)
+    hand.press("a:text-is('Open an example drive')")
+    hand.press(".verbs a:text-is('Drive')")
+    hand.type("input[placeholder='axis.toml']", "my-axis.toml")
+    hand.press("button:text-is('Save as a new file')")
+    page.wait_for_selector(".tree a[title='my-axis.toml']")  # without a reload
+    page.wait_for_selector(".verbs a:text-is('Control')")
+    hand.reach("input[list=parts-cylinder]")
+    page.wait_for_selector("#parts-cylinder option[value^='Parker Origa OSP-P40']", state="attached")
+    title = page.locator("#parts-cylinder option[value^='Parker Origa OSP-P40']").get_attribute("value")
+    hand.type("input[list=parts-cylinder]", title)
+    page.wait_for_selector(".cm-content >> text=40 mm")
+    values = {
+        "cylinder.stroke": "300", "load.mass": "12", "cylinder.moving_mass": "1.5", "cylinder.incline": "0",
+        "friction.coulomb": "40", "valve.conductance": "4", "supply.pressure": "7",
+    }  # fmt: skip
+    for key, value in values.items():
+        hand.type(f"input[aria-label='{key}']", value)
+    page.wait_for_selector(".cm-content >> text=300 mm")
+    page.wait_for_selector("text=No problems.")
+    assert violations(tab) == []
+    hand.press("section[aria-label='Name and state'] button:text-is('Save')")
+    page.wait_for_selector("[role=status] >> text=Saved my-axis.toml.")
+    drive = pn.Drive.load(server.folder / "my-axis.toml")
+    assert (drive.cylinder.bore_m, drive.cylinder.stroke_m, drive.load.mass_kg) == pytest.approx((0.04, 0.3, 12.0))
+
+    hand.press(".verbs a:text-is('Control')")
+    page.wait_for_selector("[data-leading=max_error_m]", timeout=LONG)
+    hand.press("button:text-is('Try all laws')")
+    laws = page.locator("label:has-text('Law') option").all_inner_texts()
+    page.wait_for_selector(f"[data-strip='{laws[-1]}']", timeout=LONG)
+    hand.choose("label:has-text('Law') select", "inversion")
+    settled(tab)
+    page.wait_for_selector(".answer-card h2:has-text('inversion')")
+    hand.press("button:text-is('Save the controller')")
+    page.wait_for_selector("[role=status] >> text=Saved my-axis-inversion.toml.")
+    controller = Controller.load(server.folder / "my-axis-inversion.toml")
+    assert pn.control.run(drive, controller=controller, reference="138 mm; 0.1 s: 150 mm in 0.3 s").attrs["score"]
+
+    hand.press("a:text-is('Export the drive')")
+    hand.press("button:text-is('Export'):enabled")
+    page.wait_for_selector("text=Show the variables of results/drive.fmu", timeout=LONG)
+    assert (server.folder / "results" / "drive.fmu").stat().st_size > 0
+    assert hand.clicks <= MOST_CLICKS
+    tab.picture(f"journey-axis-{'mouse' if has_mouse else 'keys'}")
+    with page.expect_download() as saved:
+        page.click("text=Show the variables of results/drive.fmu")
+        page.click("button:text-is('Save the FMU')")
+    assert Path(saved.value.path()).read_bytes() == (server.folder / "results" / "drive.fmu").read_bytes()
+    tab.check()
+
+
+@pytest.mark.parametrize("has_mouse", [True, False], ids=["mouse", "keys"])
+def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mouse: bool) -> None:
+    (server.folder / "axis.toml").unlink()
+    tab = open_tab(server.address)
+    page, hand = tab.page, Hand(tab, has_mouse=has_mouse)
+    hand.press("button:text-is('Start with a task')")
+    page.wait_for_selector("text=No problems.")
+    hand.type(".cm-content", LIFT.replace('held_by = "machine"\n', ""))
+    page.wait_for_selector("h2:has-text('lift at 30 degrees')")
+    hand.press("button:text-is('Save')[aria-disabled=false]")
+    hand.type("label:has-text('Samples of each') input", "8")
+    hand.press("button:text-is('Size'):enabled")
+    page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
+    assert "Not ready to order" in page.inner_text(".answer-card h2")
+    assert "hangs at pressure loss" in page.inner_text(".findings li.bad")
+
+    hand.press("button:text-is('Set held_by = machine')")
+    page.wait_for_selector(".cm-content >> text=held_by")
+    hand.press("button:text-is('Save')[aria-disabled=false]")
+    hand.press("button:text-is('Size'):enabled")  # the next free name stands in the field
+    page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
+    assert page.inner_text(".answer-card h2").removeprefix("in order").strip().startswith("Take ")
+    assert page.locator(".findings li").count() == 0
+    assert violations(tab) == []
+    with page.expect_download() as saved:
+        hand.press("a:text-is('Save the sheet')")
+    sheet = Path(saved.value.path()).read_text()
+    assert saved.value.suggested_filename.endswith("-sheet-report.html")
+    assert hand.clicks <= MOST_CLICKS
+    for words in ("lift at 30 degrees", "Order list", "Parker Origa OSP-P", "time out, limit", "8 kg"):
+        assert words in sheet
+    assert "NOT KEPT" not in sheet
+    tab.picture(f"journey-lift-{'mouse' if has_mouse else 'keys'}")
+    tab.check()
+
+    printed = page.context.new_page()
+    printed.set_content(sheet)
+    assert one_page(printed)
+    printed.close()
+
+
+def one_page(page: object) -> bool:
+    """Whether a sheet prints on one A4 page."""
+    data = page.pdf(format="A4", prefer_css_page_size=True)
+    return data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") + data.count(b"/Type /Page/") == 1
