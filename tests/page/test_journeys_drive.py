@@ -28,7 +28,7 @@ class Hand:
         if self.has_mouse:
             return target.focus()
         for _ in range(MOST_TABS):
-            if target.evaluate("(element) => element === document.activeElement"):
+            if target.evaluate("(element) => element === element.getRootNode().activeElement"):
                 return None
             self.page.keyboard.press("Tab")
         raise AssertionError(f"Tab does not reach {selector}")
@@ -137,7 +137,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     hand.press("button:text-is('Save')[aria-disabled=false]")
     hand.type("label:has-text('Samples of each') input", "8")
     hand.press("button:text-is('Size'):enabled")
-    page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
+    page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
     assert "Not ready to order" in page.inner_text(".answer-card h2")
     assert "hangs at pressure loss" in page.inner_text(".findings")
 
@@ -145,7 +145,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     page.wait_for_selector(".cm-content >> text=held_by")
     hand.press("button:text-is('Save')[aria-disabled=false]")
     hand.press("button:text-is('Size'):enabled")  # the next free name stands in the field
-    page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
+    page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
     assert page.inner_text(".answer-card h2").removeprefix("in order").strip().startswith("Take ")
     assert page.locator(".findings li").count() == 0
     assert violations(tab) == []
