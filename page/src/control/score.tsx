@@ -1,11 +1,12 @@
 /** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
-import { signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { digits, fitting, look, pretty } from "../plots/looks";
 import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
 import type { Frame } from "../server/frame";
-import { ask, attempting, frame, type Problem, Refused, read } from "../server/server";
+import { ask, attempting, frame, type Problem, read } from "../server/server";
+import { useAnswer } from "../workspace/answers";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
 import { AnswerOf } from "../workspace/result";
@@ -18,7 +19,6 @@ interface ToldGain {
 }
 
 interface Card {
-  path: string;
   measure: string; // that its cells and runs are of
   drive: string;
   setup: [string, string];
@@ -41,7 +41,6 @@ interface Card {
     lost: number;
   }[];
   each: { law: string; reference: string; seed: number; value: number | null }[];
-  tables: Record<string, { heads: string[]; rows: string[][] }>;
   told: Record<string, { law: string; believes: string; period_s: number; gains: ToldGain[]; limits: string[] }>;
   plant: [string, string][];
   true: { name: string; least: string; largest: string }[];
@@ -58,83 +57,46 @@ interface Tracks {
 }
 
 const LOOK_MS = 1000; // between two looks at a comparison that runs
-const card = signal<Card | null>(null);
-const tracks = signal<Frame<Tracks> | null>(null);
 const measure = signal("max_error_m");
 const along = signal("");
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
-const wrong = signal<Problem[]>([]);
 const notResumed = signal<Problem[]>([]); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in
 const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
 
-let asked = 0;
-
-/** Read a card. Only the newest answer counts. */
-async function openCard(path: string, one: string): Promise<void> {
-  const mine = ++asked;
-  try {
-    wrong.value = [];
-    const found = await read<Card>("/api/comparison", { path, measure: one });
-    if (mine !== asked) return;
-    if (card.peek()?.path === path && found.done > card.peek()!.done) grownAt.value = Date.now();
-    card.value = { ...found, path, measure: one };
-    if (!found.references.some((it) => it.name === along.value)) along.value = found.references[0]?.name ?? "";
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    if (mine !== asked) return;
-    wrong.value = error.problems;
-    card.value = null;
-  }
-}
-
 export function ScoreCard({ path }: { path: string }) {
   const job = jobs.value.find((one) => one.out === path);
-  const found = card.value?.path === path ? card.value : null;
+  const round = useSignal(0);
+  const [found, problems] = useAnswer(
+    path,
+    async () => ({
+      ...(await read<Card>("/api/comparison", { path, measure: measure.value })),
+      measure: measure.value,
+    }),
+    [measure.value, job?.state, round.value],
+  );
+  const reference = (found?.references.find(({ name }) => name === along.value) ?? found?.references[0])?.name ?? "";
   const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
   useEffect(() => {
-    notResumed.value = [];
+    [notResumed.value, grownAt.value] = [[], 0];
     void follow();
   }, [path]);
+  const runs = useRef(0);
   useEffect(() => {
-    void openCard(path, measure.value);
-  }, [path, measure.value, job?.state]);
-  useEffect(() => {
+    if (found && found.done > runs.current && runs.current) grownAt.value = Date.now();
+    runs.current = found?.done ?? 0;
     if (job?.state !== "running" && !isUnfinished) return;
-    let gone = false;
-    const look = async () => {
-      for (;;) {
-        await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
-        if (gone) return;
-        await openCard(path, measure.value); // the next look waits for the answer
-      }
-    };
-    void look();
-    return () => {
-      gone = true;
-    };
-  }, [path, job?.state, isUnfinished]);
-  /* During a benchmark, the tracks of a controller appear after its first run along the reference. Tracks already
-     drawn stay. */
-  const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
-  useEffect(() => {
-    tracks.value = zoom.value = null;
-  }, [path, along.value]);
-  useEffect(() => {
-    if (!ready || !along.value) return;
-    let gone = false;
-    void frame<Tracks>("/api/tracks", { path, reference: along.value, pixels: "1000" }).then(
-      (one) => {
-        if (!gone) tracks.value = one;
-      },
-      (error: unknown) => {
-        if (error instanceof Refused) wrong.value = error.problems;
-      },
-    );
-    return () => {
-      gone = true;
-    };
-  }, [path, along.value, ready, found?.finished]);
+    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
+    return () => clearTimeout(timer);
+  }, [found, job?.state]);
+  /* During a benchmark, the tracks of a controller appear after its first run along the reference. */
+  const ready = new Set(found?.each.filter((run) => run.reference === reference).map((run) => run.law)).size;
+  const [tracks] = useAnswer(
+    ready ? `${path}/${reference}` : "",
+    () => frame<Tracks>("/api/tracks", { path, reference, pixels: "1000" }),
+    [ready, found?.finished],
+  );
+  useEffect(() => void (zoom.value = null), [path, reference]);
   return (
     <div class="score">
       <div class="row title">
@@ -144,7 +106,7 @@ export function ScoreCard({ path }: { path: string }) {
         </div>
         <ReportOf folder={path} changed={found?.finished} />
       </div>
-      <Problems of={[...wrong.value, ...notResumed.value]} />
+      <Problems of={[...problems, ...notResumed.value]} />
       {found?.finished && <AnswerOf path={path} />}
       {found && !found.finished && (
         <p data-done={found.done}>
@@ -153,7 +115,7 @@ export function ScoreCard({ path }: { path: string }) {
       )}
       {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
       <JobList of={path} />
-      {found && found.done > 0 && <Along found={found} />}
+      {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
       {found && <About found={found} />}
       {found && <Told found={found} />}
       {found && (
@@ -186,7 +148,7 @@ function About({ found }: { found: Card }) {
 }
 
 function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
-  const isElsewhere = card.value !== null && Date.now() - grownAt.value < STILL_MS; // asked again at each look
+  const isElsewhere = Date.now() - grownAt.value < STILL_MS; // asked again at each look
   const resume = () =>
     attempting(notResumed)(async () => {
       await ask("/api/comparisons", { resume: path });
@@ -205,7 +167,7 @@ function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
   );
 }
 
-function Matrix({ found }: { found: Card }) {
+function Matrix({ found, reference }: { found: Card; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const middle = found.spread
     ? "median, then the limit for 95 % and for all of the members"
@@ -235,7 +197,7 @@ function Matrix({ found }: { found: Card }) {
                   <button
                     type="button"
                     class="link"
-                    aria-pressed={along.value === one.name}
+                    aria-pressed={reference === one.name}
                     onClick={() => (along.value = one.name)}>
                     {one.name}
                   </button>
@@ -289,15 +251,13 @@ function Mark({ index }: { index: number }) {
   );
 }
 
-function Along({ found }: { found: Card }) {
-  const text = found.references.find((one) => one.name === along.value)?.text;
+function Along({ found, reference, now }: { found: Card; reference: string; now: Frame<Tracks> | null }) {
+  const text = found.references.find((one) => one.name === reference)?.text;
   const measured = found.measures.find((one) => one.name === found.measure)!;
-  const table = found.tables[along.value];
-  const now = tracks.value;
   return (
-    <section aria-label={`Along ${along.value}`}>
+    <section aria-label={`Along ${reference}`}>
       <div class="pair">
-        <Matrix found={found} />
+        <Matrix found={found} reference={reference} />
         <Strip
           title={measured.title}
           unit={measured.unit}
@@ -305,14 +265,14 @@ function Along({ found }: { found: Card }) {
           rows={found.laws.map((name) => ({
             name,
             values: found.each
-              .filter((run) => run.law === name && run.reference === along.value && run.value !== null)
+              .filter((run) => run.law === name && run.reference === reference && run.value !== null)
               .map((run) => ({ value: run.value!, title: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}` })),
           }))}
         />
       </div>
       <h2>
-        Along {along.value}
-        {text !== along.value && `: ${text}`}
+        Along {reference}
+        {text !== reference && `: ${text}`}
       </h2>
       {now && (
         <div class="plots">
@@ -341,12 +301,6 @@ function Along({ found }: { found: Card }) {
         </div>
       )}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
-      {table && (
-        <details>
-          <summary>All measures along {along.value}</summary>
-          <Table heads={table.heads} rows={table.rows} label={`Medians along ${along.value}`} />
-        </details>
-      )}
     </section>
   );
 }

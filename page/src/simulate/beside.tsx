@@ -8,9 +8,10 @@ import { type Curve, curveOf } from "../plots/plot";
 import { Strip } from "../plots/strip";
 import type { Frame, Numbers } from "../server/frame";
 import { studies } from "../workspace/files";
-import { NumberField } from "../workspace/parts";
+import { NumberField, Table } from "../workspace/parts";
 
 export interface BesideHead extends MotionHead {
+  ends?: Record<string, number>; // last values of the run
   others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
   loops?: string[];
   energy?: {
@@ -79,6 +80,15 @@ const choices = computed(() => {
 
 const MOST_OTHERS = 7;
 
+function Tick({ of, children }: { of: typeof band; children: string }) {
+  return (
+    <label>
+      <input type="checkbox" checked={of.value} onChange={(event) => (of.value = event.currentTarget.checked)} />{" "}
+      {children}
+    </label>
+  );
+}
+
 export function BesideChoices() {
   return (
     <details class="beside" open={!isNarrow}>
@@ -111,14 +121,7 @@ export function BesideChoices() {
         </p>
       ))}
       <p class="row">
-        <label>
-          <input
-            type="checkbox"
-            checked={band.value}
-            onChange={(event) => (band.value = event.currentTarget.checked)}
-          />{" "}
-          band of 200 members
-        </label>
+        <Tick of={band}>band of 200 members</Tick>
         <label>
           within ±{" "}
           <NumberField
@@ -132,22 +135,8 @@ export function BesideChoices() {
         </label>
       </p>
       <p class="row">
-        <label>
-          <input
-            type="checkbox"
-            checked={loops.value}
-            onChange={(event) => (loops.value = event.currentTarget.checked)}
-          />{" "}
-          p-V loops
-        </label>
-        <label>
-          <input
-            type="checkbox"
-            checked={energy.value}
-            onChange={(event) => (energy.value = event.currentTarget.checked)}
-          />{" "}
-          energy
-        </label>
+        <Tick of={loops}>p-V loops</Tick>
+        <Tick of={energy}>energy</Tick>
       </p>
     </details>
   );
@@ -187,20 +176,15 @@ interface Panel {
   curves: { column: string; label: string }[];
 }
 
-/** Table of the last values of the other runs, their differences, and the ends of the band. */
-export function Differences({
-  head,
-  panels,
-  ends,
-}: {
-  head: BesideHead;
-  panels: Panel[];
-  ends: Record<string, number>;
-}) {
+const REST = 1e-4; // of a unit: rounding of the solver
+export const settled = (value: number): number => (Math.abs(value) < REST ? 0 : value);
+
+/** Table of the last values of the run and of the others, their differences, and the ends of the band. */
+export function Differences({ head, panels }: { head: BesideHead; panels: Panel[] }) {
   const compared = head.others ?? [];
-  if (!compared.length && !head.band) return null;
+  if (!head.ends) return null;
   return (
-    <section aria-label="Beside the run" class="differences">
+    <section aria-label="At the end" class="differences ends">
       {head.band && (
         <p class="note">
           Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads
@@ -239,11 +223,13 @@ export function Differences({
             {panels.flatMap((panel) =>
               panel.curves.map(({ column, label }) => {
                 const of = (value: number | undefined) =>
-                  value === undefined ? "–" : `${digits(value / panel.size, 5)} ${panel.unit}`;
+                  value === undefined ? "–" : `${digits(settled(value / panel.size), 5)} ${panel.unit}`;
                 return (
                   <tr key={column}>
                     <th scope="row">{label}</th>
-                    <td>{of(ends[column])}</td>
+                    <td data-end={column} data-si={head.ends![column]}>
+                      {of(head.ends![column])}
+                    </td>
                     {head.band && <td data-band={column}>{head.band.ends[column]?.map(of).join(" … ")}</td>}
                     {compared.map((one) => (
                       <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>
@@ -310,25 +296,17 @@ export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) 
   return (
     <section class="energy" aria-label="Energy">
       <h2>Energy of the run</h2>
-      <table>
-        {groups.map(([title, rows, unit]) => (
-          <tbody key={title}>
-            <tr>
-              <th colspan={2} scope="rowgroup">
-                {title}
-              </th>
-            </tr>
-            {rows.map(([name, value]) => (
-              <tr key={name} data-energy={`${title.split(" ")[0]}/${name}`} data-si={value}>
-                <th scope="row">{name}</th>
-                <td>
-                  {digits(value)} {unit}
-                </td>
-              </tr>
-            ))}
-          </tbody>
-        ))}
-      </table>
+      {groups.map(([title, rows, unit]) => (
+        <Table
+          key={title}
+          label={title}
+          heads={[title, unit]}
+          rows={rows.map(([name, value]) => ({
+            cells: [name, digits(value)],
+            data: { "data-energy": `${title.split(" ")[0]}/${name}`, "data-si": value },
+          }))}
+        />
+      ))}
       <p class="note">Not explained by the accounts: {digits(found.open_share, 2)} of the energy turned over.</p>
     </section>
   );

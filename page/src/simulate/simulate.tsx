@@ -36,6 +36,7 @@ import {
   Loops,
   motion,
   otherCurves,
+  settled,
 } from "./beside";
 import { braked, StepsPane, stepsOf, written } from "./steps";
 
@@ -59,7 +60,6 @@ interface Head extends BesideHead {
   events?: { time_s: number; what: string }[];
   assumed?: number;
   samples?: number;
-  ends?: Record<string, number>;
 }
 
 interface Trace {
@@ -536,13 +536,10 @@ function Beside() {
   const now = answer.value;
   if (!now) return null;
   return (
-    <>
-      <Differences head={now.head} panels={now.head.panels ?? []} ends={now.head.ends ?? {}} />
-      <div class="plots">
-        {now.head.loops && <Loops now={now} />}
-        {now.head.energy && <Energy found={now.head.energy} />}
-      </div>
-    </>
+    <div class="plots">
+      {now.head.loops && <Loops now={now} />}
+      {now.head.energy && <Energy found={now.head.energy} />}
+    </div>
   );
 }
 
@@ -564,7 +561,7 @@ function Below() {
           {motion.value && <Drawn />}
         </details>
       )}
-      <Ends />
+      <Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
     </div>
   );
 }
@@ -609,34 +606,6 @@ function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; is
       cursors={[timeAt.value]}
       onHover={pointAt}
     />
-  );
-}
-
-const REST = 1e-4; // of a unit: rounding of the solver
-const settled = (value: number): number => (Math.abs(value) < REST ? 0 : value);
-
-/** Last value of each curve as a number, for screen readers and tests. */
-function Ends() {
-  const head = answer.value?.head;
-  if (!head?.ends) return null;
-  return (
-    <section class="ends">
-      <h2>At the end</h2>
-      <table>
-        <tbody>
-          {head.panels?.flatMap((panel) =>
-            panel.curves.map((one) => (
-              <tr key={one.column}>
-                <th scope="row">{one.label}</th>
-                <td data-end={one.column} data-si={head.ends![one.column]}>
-                  {digits(settled((head.ends![one.column] ?? Number.NaN) / panel.size))} {panel.unit}
-                </td>
-              </tr>
-            )),
-          )}
-        </tbody>
-      </table>
-    </section>
   );
 }
 

@@ -22,7 +22,6 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.progress import Watch
-from pneudrive.views import View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
@@ -379,7 +378,6 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
             job = _job(card.about["asked"], workspace, path, is_new=False)
     told = card.about["laws"]
     failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
-    tables = {track: View("", tuple(card.values(track))).table() for track in card.references if card.is_finished}
     return {
         **{key: getattr(card, key) for key in ("drive", "mismatch", "spread", "count")},
         "setup": [card.setup, str(card.about.get("setup_about", ""))],
@@ -400,7 +398,6 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
             }
             for run in card.runs[:MOST_EACH]
         ],
-        "tables": {track: {"heads": heads, "rows": rows} for track, (heads, rows) in tables.items()},
         "told": told,
         "plant": card.about["plant"],
         "true": [
