@@ -113,7 +113,7 @@ export function ScoreCard({ path }: { path: string }) {
           {found.done} of {found.total} runs are done. The medians below are of those, and can change.
         </p>
       )}
-      {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
+      {found && !found.finished && <Unfinished path={path} state={job?.state} />}
       <JobList of={path} />
       {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
       {found && <About found={found} />}
@@ -147,8 +147,9 @@ function About({ found }: { found: Card }) {
   );
 }
 
-function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
-  const isElsewhere = Date.now() - grownAt.value < STILL_MS; // asked again at each look
+function Unfinished({ path, state }: { path: string; state: string | undefined }) {
+  const isRunning = state === "running";
+  const isElsewhere = !state && Date.now() - grownAt.value < STILL_MS; // asked again at each look
   const resume = () =>
     attempting(notResumed)(async () => {
       await ask("/api/comparisons", { resume: path });
