@@ -1,4 +1,4 @@
-"""The circuits of the golden runs: each as a file that the product reads, and again as numbers of the model.
+"""The circuits of the golden runs: each as a file that the product reads (`circuits`), and here as numbers of the model.
 
 Both are written by hand, so that a unit, a sign or a default that the product takes for another shows. All values are
 chosen for the tests ("assumed"): they are typical of their size, and of no product.
@@ -34,17 +34,13 @@ from oracle.network import (
 ROOM = AMBIENT[1]
 SUPPLY = (7e5, ROOM)
 SEALS = Friction(20.0, 28.0, 0.02, 50.0, 5e4, 150.0)
-SEALS_TEXT = (
-    'friction = { law = "lugre", coulomb = "20 N", breakaway = "28 N", viscous = "50 N s/m", '
-    'stribeck_velocity = "20 mm/s", bristle_stiffness = "5e4 N/m", bristle_damping = "150 N s/m" }'
-)
 
 
 @dataclass(frozen=True)
 class Case:
     """A circuit, its start and commands, and what is compared: columns of the product and what they are here."""
 
-    text: str
+    file: str
     commands: dict[str, str]
     duration: float
     model: Network
@@ -126,41 +122,7 @@ def tanks() -> Case:
         return path(3e-8 * u * u * (3.0 - 2.0 * u), 0.3, at.gas[2], AMBIENT)
 
     return Case(
-        text="""
-schema = 1
-connections = ["mains -> reg -> one", "one -> control -> two", "one -> quick -> three"]
-[components.mains]
-kind = "reservoir"
-pressure = "12 bar abs"
-[components.reg]
-kind = "regulator"
-set_pressure = "5 bar abs"
-conductance = "2 dm3/(s bar)"
-[components.one]
-kind = "tank"
-volume = "1 l"
-heat_transfer = "0 W/(m2 K)"
-[components.two]
-kind = "tank"
-volume = "0.3 l"
-heat_transfer = "0 W/(m2 K)"
-[components.three]
-kind = "tank"
-volume = "0.2 l"
-heat_transfer = "0 W/(m2 K)"
-[components.control]
-kind = "flow-control"
-needle_conductance = "0.2 dm3/(s bar)"
-conductance = "1 dm3/(s bar)"
-[components.quick]
-kind = "quick-exhaust"
-conductance = "1 dm3/(s bar)"
-exhaust_conductance = "3 dm3/(s bar)"
-[initial]
-one = "2 bar abs"
-two = "6 bar abs"
-three = "6.5 bar abs"
-""",
+        file="tests/oracle/circuits/tanks.toml",
         commands={},
         duration=0.6,
         model=Network(
@@ -197,37 +159,7 @@ def single_acting() -> Case:
 
     middles = [0.5 * (one + two) for (one, _), (two, _) in zip(moves[::2], moves[1::2], strict=True)]
     return Case(
-        text=f"""
-schema = 1
-connections = ["supply -> valve.1", "valve.2 -> clamp.a"]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-kind = "valve/switching-3/2"
-conductance = "0.86 dm3/(s bar)"
-critical_pressure_ratio = 0.31
-exhaust_conductance = "0.2 dm3/(s bar)"
-exhaust_critical_pressure_ratio = 0.25
-time_on = "9 ms"
-time_off = "12 ms"
-[components.clamp]
-kind = "cylinder/single-acting"
-bore = "25 mm"
-rod_diameter = "10 mm"
-stroke = "100 mm"
-dead_volume = {{ a = "5 cm3", b = "4 cm3" }}
-moving_mass = "0.8 kg"
-heat_transfer = "30 W/(m2 K)"
-spring_stiffness = "5 N/mm"
-spring_preload = "15 N"
-breather_conductance = "0.3 dm3/(s bar)"
-critical_pressure_ratio = 0.35
-{SEALS_TEXT}
-[initial]
-clamp.position = "30 mm"
-clamp.a = "4.3 bar abs"
-""",
+        file="tests/oracle/circuits/single_acting.toml",
         commands={"valve": "0 s: 1, 0.25 s: 0, 0.33 s: 1"},
         duration=0.6,
         model=Network(
@@ -258,66 +190,7 @@ def two_cylinders() -> Case:
         return path(1e-9 * clip((at.gas[0][0] - set_pressure - 2e4) / 2e4), 0.3, at.gas[0], AMBIENT)
 
     return Case(
-        text=f"""
-schema = 1
-connections = [
-    "mains -> reg -> tank", "tank -> valve_l.1", "tank -> valve_r.1", "valve_l.4 -> left.a", "valve_l.2 -> left.b",
-    "valve_r.4 -> right.a", "valve_r.2 -> right.b",
-]
-[components.mains]
-kind = "reservoir"
-pressure = "9 bar abs"
-[components.reg]
-kind = "regulator"
-set_pressure = "6 bar gauge"
-conductance = "3 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-full_opening_drop = "0.6 bar"
-time_constant = "30 ms"
-relief_conductance = "0.1 dm3/(s bar)"
-relief_offset = "0.2 bar"
-relief_rise = "0.2 bar"
-[components.tank]
-kind = "tank"
-volume = "0.5 l"
-wall_area = "400 cm2"
-heat_transfer = "10 W/(m2 K)"
-[components.valve_l]
-kind = "valve/proportional-5/3"
-conductance = "2 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[components.valve_r]
-kind = "valve/proportional-5/3"
-conductance = "1.2 dm3/(s bar)"
-critical_pressure_ratio = 0.25
-[components.left]
-kind = "cylinder/single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "200 mm"
-dead_volume = {{ a = "8 cm3", b = "9 cm3" }}
-moving_mass = "3 kg"
-incline = "90 deg"
-heat_transfer = "30 W/(m2 K)"
-friction = {{ law = "lugre", coulomb = "30 N", breakaway = "40 N", viscous = "60 N s/m", \
-stribeck_velocity = "20 mm/s", bristle_stiffness = "5e4 N/m", bristle_damping = "150 N s/m" }}
-[components.right]
-kind = "cylinder/rodless"
-bore = "25 mm"
-stroke = "300 mm"
-dead_volume = {{ a = "10 cm3", b = "10 cm3" }}
-moving_mass = "2 kg"
-heat_transfer = "30 W/(m2 K)"
-{SEALS_TEXT}
-[initial]
-tank = "7.3 bar abs"
-left.position = "40 mm"
-left.a = "3.2 bar abs"
-left.b = "3 bar abs"
-right.position = "250 mm"
-right.a = "3 bar abs"
-right.b = "3 bar abs"
-""",
+        file="tests/oracle/circuits/two_cylinders.toml",
         commands={
             "valve_l": "0 s: 0, 0.05 s: 0.6, 0.13 s: -0.4, 0.3 s: 0.1",
             "valve_r": "0 s: 0, 0.1 s: -0.8, 0.18 s: 0.6, 0.3 s: 0",
@@ -378,33 +251,7 @@ def cushion() -> Case:
         return path(bore * out / (out + 2e-4), 0.3, at.gas[1], at.gas[2])
 
     return Case(
-        text=f"""
-schema = 1
-connections = ["supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b"]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-kind = "valve/proportional-5/3"
-conductance = "1 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[components.cylinder]
-kind = "cylinder/single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "200 mm"
-dead_volume = {{ a = "10 cm3", b = "2 cm3" }}
-moving_mass = "4 kg"
-heat_transfer = "40 W/(m2 K)"
-cushion_b = {{ length = "18 mm", plunger_diameter = "14 mm", needle_conductance = "0.02 dm3/(s bar)", \
-port_volume = "5 cm3", check_conductance = "0.8 dm3/(s bar)", cracking_pressure = "0.1 bar", \
-critical_pressure_ratio = 0.3, transition = "0.2 mm" }}
-{SEALS_TEXT}
-[initial]
-cylinder.position = "60 mm"
-cylinder.a = "2 bar abs"
-cylinder.b = "3 bar abs"
-""",
+        file="tests/oracle/circuits/cushion.toml",
         commands={"valve": "0 s: 0.5, 0.3 s: -0.4"},
         duration=0.5,
         model=Network(
@@ -451,36 +298,7 @@ def line() -> Case:
         paths += [through(mouth, 0.528, first, first + 1), through(mouth, 0.528, first + 5, first + 6)]
     inlet, outlet = paths[4][0], paths[5][0]
     return Case(
-        text=f"""
-schema = 1
-connections = ["supply -> valve.1", "valve.4 -> tube_a -> cylinder.a", "valve.2 -> tube_b -> cylinder.b"]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-kind = "valve/proportional-5/3"
-conductance = "1.5 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[components.tube]
-kind = "tube/distributed"
-length = "1.5 m"
-diameter = "6 mm"
-cells = 4
-heat_transfer = "{laminar!r} W/(m2 K)"
-copies = ["tube_a", "tube_b"]
-[components.cylinder]
-kind = "cylinder/rodless"
-bore = "25 mm"
-stroke = "400 mm"
-dead_volume = {{ a = "10 cm3", b = "10 cm3" }}
-moving_mass = "2 kg"
-heat_transfer = "30 W/(m2 K)"
-{SEALS_TEXT}
-[initial]
-cylinder.position = "100 mm"
-cylinder.a = "3 bar abs"
-cylinder.b = "3 bar abs"
-""",
+        file="tests/oracle/circuits/line.toml",
         commands={"valve": "0 s: 0, 0.02 s: 0.7, 0.13 s: -0.6, 0.26 s: 0"},
         duration=0.5,
         model=Network(
@@ -544,41 +362,7 @@ def two_spools() -> Case:
 
     said = [", ".join(f"{t:g} s: {command:g}" for t, command in entries) for entries in (a, b)]
     return Case(
-        text=f"""
-schema = 1
-connections = ["supply -> v_a.1", "supply -> v_b.1", "v_a.2 -> cylinder.a", "v_b.2 -> cylinder.b"]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.v]
-kind = "valve/proportional-3/2"
-copies = ["v_a", "v_b"]
-conductance = "1 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-exhaust_conductance = "1.3 dm3/(s bar)"
-exhaust_critical_pressure_ratio = 0.35
-frequency = "90 Hz"
-damping_ratio = 0.6
-stroke_time = "4 ms"
-delay = "1.5 ms"
-hysteresis = 0.02
-overlap = 0.04
-leakage = 0.01
-leakage_width = 0.05
-[components.cylinder]
-kind = "cylinder/through-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "250 mm"
-dead_volume = {{ a = "9 cm3", b = "11 cm3" }}
-moving_mass = "2.5 kg"
-heat_transfer = "30 W/(m2 K)"
-{SEALS_TEXT}
-[initial]
-cylinder.position = "100 mm"
-cylinder.a = "4 bar abs"
-cylinder.b = "4 bar abs"
-""",
+        file="tests/oracle/circuits/two_spools.toml",
         commands={"v_a": said[0], "v_b": said[1]},
         duration=0.45,
         model=Network(
@@ -635,7 +419,7 @@ def pulses() -> Case:
     seals = Friction(25.0, 35.0, 0.01, 60.0, 1e5, 300.0)
     breaks = sorted({0.0} | {t for each in moves.values() for t, _ in each if t < duration})
     return Case(
-        text="examples/pwm_axis.toml",
+        file="examples/pwm_axis.toml",
         commands={name: ", ".join(f"{t:g} s: {width:g}" for t, width in entries) for name, entries in widths.items()},
         duration=duration,
         model=Network(
@@ -674,44 +458,7 @@ def play() -> Case:
 
     guide = Friction(8.0, 10.0, 0.02, 15.0, 2e4, 60.0)
     return Case(
-        text=f"""
-schema = 1
-connections = [
-    "supply -> valve.1", "valve.4 -> cylinder.a", "valve.2 -> cylinder.b", "cylinder.rod -> coupling -> slide",
-]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-kind = "valve/proportional-5/3"
-conductance = "1.5 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[components.cylinder]
-kind = "cylinder/single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "300 mm"
-dead_volume = {{ a = "10 cm3", b = "10 cm3" }}
-moving_mass = "1.2 kg"
-heat_transfer = "30 W/(m2 K)"
-{SEALS_TEXT}
-[components.coupling]
-kind = "coupling"
-stiffness = "40 N/mm"
-damping = "60 N s/m"
-play = "2 mm"
-damping_depth = "0.1 mm"
-[components.slide]
-kind = "slide"
-mass = "3 kg"
-friction = {{ law = "lugre", coulomb = "8 N", breakaway = "10 N", viscous = "15 N s/m", \
-stribeck_velocity = "20 mm/s", bristle_stiffness = "2e4 N/m", bristle_damping = "60 N s/m" }}
-[initial]
-cylinder.position = "100 mm"
-cylinder.a = "3 bar abs"
-cylinder.b = "3.4 bar abs"
-slide.position = "100.2 mm"
-""",
+        file="tests/oracle/circuits/play.toml",
         commands={"valve": "0 s: 0, 0.01 s: 0.4, 0.13 s: -0.3, 0.3 s: 0.2"},
         duration=0.5,
         model=Network(

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def load(case: Case) -> pn.Circuit:
-    return pn.Circuit.load(case.text if "\n" in case.text else ROOT / case.text)
+    return pn.Circuit.load(ROOT / case.file)
 
 
 @pytest.mark.parametrize("name", CASES)
