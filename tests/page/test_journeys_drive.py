@@ -170,3 +170,38 @@ def one_page(page: object) -> bool:
     """Whether a sheet prints on one A4 page."""
     data = page.pdf(format="A4", prefer_css_page_size=True)
     return data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") + data.count(b"/Type /Page/") == 1
+
+
+def test_hard_impacts_have_remedies_on_one_screen(server: Server, open_tab: Open) -> None:
+    heavy = '[cylinder]\nstroke = "300 mm"\n[load]\nmass = "12 kg"\n[valve]\nconductance = "4 dm3/(s bar)"\n'
+    (server.folder / "axis.toml").write_text(f'drive = "catalogue:reference"\nname = "heavy axis"\n{heavy}')
+    tab = open_tab(server.address)
+    page = tab.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    page.click("a[title='axis.toml']")
+    page.wait_for_selector(".answer-card[data-state=bad] .severe")
+    command = "label:has-text('Command') input >> nth=0"
+    hardest = "[data-leading='hardest impact'] .number"
+    settled(tab)
+    pane = page.locator("[data-steps=Command]").bounding_box()
+    assert pane["y"] + pane["height"] <= 900  # piston, four panes and the command
+    assert page.locator("[data-piston-at]").count() == 1
+    before = float(page.inner_text(hardest).split()[0])
+    page.click("button:text-is('Brake the command')")
+    settled(tab)
+    assert len(page.input_value(command).split(",")) == 4
+    assert float(page.inner_text(hardest).split()[0]) < 0.5 * before
+
+    page.focus("[data-steps] [role=slider] >> nth=1")
+    at = page.input_value(command).split(",")[1]
+    page.keyboard.press("ArrowRight")
+    assert page.input_value(command).split(",")[1] != at
+    page.click("button:text-is('Add a cushion')")
+    page.wait_for_selector("textarea#command")  # the drive is a circuit now
+    settled(tab)
+    assert page.input_value("textarea#command").startswith("valve: 0 s: 1")
+    assert violations(tab) == []
+    page.click(".verbs a:text-is('Drive')")
+    page.wait_for_selector(".cm-content >> text=needle_conductance")
+    tab.picture("simulate-remedies")
+    tab.check()
