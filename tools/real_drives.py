@@ -16,16 +16,15 @@ import numpy as np
 import published_models
 from pneudrive.errors import PneudriveWarning
 from pneudrive.friction.characterisation import characterise_recordings as characterise
-from pneudrive.identify.compared import comparison_figure
 from pneudrive.identify.follow.driven import driven_recordings
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.follow.problem import FollowProblem, solve_follow
-from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
+from pneudrive.identify.identified import comparison_figure
+from pneudrive.identify.volume import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
 from pneudrive.report.render import render
-from pneudrive.validate.closure import Closure
-from pneudrive.validate.motion import MotionValidation, validate_motion
+from pneudrive.validate.motion import Closure, MotionValidation, validate_motion
 
 ROOT = Path(__file__).parents[1]
 DATA, FIGURES = ROOT / "data/measurements", ROOT / "docs/figures"

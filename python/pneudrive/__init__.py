@@ -48,7 +48,7 @@ with lazily(__name__) as _HOME:
     from pneudrive.describe.files.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
     from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
-    from pneudrive.ensemble.distributions import grid as grid
+    from pneudrive.ensemble.design import grid as grid
     from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
     from pneudrive.errors import PneudriveError as PneudriveError
@@ -62,13 +62,13 @@ with lazily(__name__) as _HOME:
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
     from pneudrive.identify.design import next_measurements as next_measurements
+    from pneudrive.identify.design import select_friction_law as select_friction_law
     from pneudrive.identify.dynamic import Sensor as Sensor
     from pneudrive.identify.dynamic import identify as identify
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.follow.fit import identify_motion as identify_motion
-    from pneudrive.identify.follow.regulator import identify_regulator as identify_regulator
-    from pneudrive.identify.static.laws import select_friction_law as select_friction_law
     from pneudrive.identify.static.survey import survey as survey
+    from pneudrive.identify.volume import identify_regulator as identify_regulator
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.platforms import platform as platform
     from pneudrive.results import compare_results as compare_results

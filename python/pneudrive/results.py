@@ -32,9 +32,9 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import groups_of, read_map
 from pneudrive.identify.files import common, curve_differences, read_fit
-from pneudrive.identify.follow.regulator import Regulator
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.volume import Regulator
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.report.speed import map_view

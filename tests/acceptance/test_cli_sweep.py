@@ -18,7 +18,7 @@ import xarray as xr
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.ensemble.study import EnsembleStudy
+from pneudrive.ensemble.many import EnsembleStudy
 
 CIRCUIT = str(Path(__file__).parents[2] / "examples" / "two_cylinders.toml")
 NAMES = ("left.bore", "right.friction.coulomb")

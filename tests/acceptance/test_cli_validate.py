@@ -16,7 +16,7 @@ from pneudrive.cli.main import run
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.validate.static import law_n, validate_friction
+from pneudrive.validate.motion import law_n, validate_friction
 
 CIRCUIT = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 

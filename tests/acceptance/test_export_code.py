@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run as command_line
-from pneudrive.identify.static.friction_curve import steady_friction
+from pneudrive.identify.export import steady_friction
 
 DRIVE = pn.Drive.load("catalogue:reference")
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c99", "-fsanitize=address,undefined")

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from oracle.held_out import held_out
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.identify.static.fit import row_seals_and_runs
-from pneudrive.identify.static.survey import held_out, survey
+from pneudrive.identify.static.survey import survey
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 FILES = sorted([*DATA.glob("friction/*.csv.xz"), *DATA.glob("repeatability/*.csv.xz")])
@@ -135,7 +136,7 @@ def left_out(found):
     seals, runs = row_seals_and_runs(found)
 
     def leave(**how):
-        return held_out(found.friction_map, seals, runs, probability=0.9, **how)
+        return held_out(found.friction_map, seals, runs, **how)
 
     return leave
 

@@ -14,7 +14,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings, load_recordings
-from pneudrive.validate.closure import close_balance
+from pneudrive.validate.motion import close_balance
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "data" / "measurements" / "mbari-2022-gas-spring"

@@ -14,7 +14,7 @@ distributed = pytest.importorskip("distributed")
 
 import pneudrive as pn  # noqa: E402
 from pneudrive import ensemble  # noqa: E402
-from pneudrive.ensemble.store import DaskExecutor  # noqa: E402
+from pneudrive.ensemble.many import DaskExecutor  # noqa: E402
 from pneudrive.errors import CommandError, SimulationError  # noqa: E402
 
 
@@ -64,8 +64,8 @@ def test_an_item_that_kills_its_worker_ends_the_study():
 
 
 def test_a_cluster_without_workers_ends_the_study(monkeypatch):
-    monkeypatch.setattr("pneudrive.ensemble.store.LOOK_S", 0.1)
-    monkeypatch.setattr("pneudrive.ensemble.store.NO_WORKER_S", 0.5)
+    monkeypatch.setattr("pneudrive.ensemble.many.LOOK_S", 0.1)
+    monkeypatch.setattr("pneudrive.ensemble.many.NO_WORKER_S", 0.5)
     with cluster_of(0) as client, pytest.raises(SimulationError, match=r"no worker for 0\.5 s"):
         list(DaskExecutor(client).map(abs, [1, 2]))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import SAME_SPEED
-from pneudrive.estimate.estimates import intervals_of_draws
+from pneudrive.estimate.estimates import CONFIDENCE
 from pneudrive.identify.base import Intervals
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE
 from pneudrive.identify.static.robust import estimate
@@ -167,3 +167,9 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
         step = np.linalg.lstsq(matrix, drawn @ grad, rcond=SINGULAR_SHARE**2)[0]
         out[row] = problem.values(point.eta + project @ step)
     return out
+
+
+def intervals_of_draws(names: tuple[str, ...], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
+    """Return the 95 % interval of each column of `draws`, shape (m, p), from its quantiles: name -> (lower, upper)."""
+    low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
+    return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}

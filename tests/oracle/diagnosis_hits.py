@@ -16,8 +16,8 @@ import numpy as np
 from oracle.drive_records import drive, record
 from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 from pneudrive.validate import diagnose
+from pneudrive.validate.balance import Signals
 from pneudrive.validate.diagnosis import Diagnosis
-from pneudrive.validate.signals import Signals
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import CommandError
-from pneudrive.free.derivatives import Differentiator
+from pneudrive.free.parameters import Differentiator
 
 REFERENCE = pn.Drive.load("catalogue:reference")
 STICKING = REFERENCE.replace(

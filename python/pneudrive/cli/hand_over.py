@@ -21,7 +21,6 @@ with used_later(__name__):
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
-    from pneudrive.identify.static import friction_curve
     from pneudrive.report import fit as fit_pages
     from pneudrive.report import recordings as recordings_page
     from pneudrive.studies import bracha, identified_axis
@@ -96,7 +95,7 @@ def export(
     pressures = _gauge(pressure_a, "--pressure-a"), _gauge(pressure_b, "--pressure-b")
     content = files.read_source(source)
     if isinstance(content, pn.Drive):
-        curve = friction_curve.curve_of_drive(content, between, *pressures)
+        curve = friction_export.curve_of_drive(content, between, *pressures)
     else:
         curve = content.curve(*pressures, between)
     done = friction_export.export(curve, to)

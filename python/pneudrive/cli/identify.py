@@ -28,17 +28,16 @@ with used_later(__name__):
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction.campaign import characteristics
     from pneudrive.friction.campaign.stops import dwell_models
+    from pneudrive.identify import design as law_choice
     from pneudrive.identify import files, volume
     from pneudrive.identify.dynamic import result as drive_fits
     from pneudrive.identify.dynamic import sensors as channels
     from pneudrive.identify.follow import fit as follow
-    from pneudrive.identify.follow import regulator
-    from pneudrive.identify.static import laws as law_choice
     from pneudrive.identify.static import model, survey
     from pneudrive.identify.static import result as static_fits
     from pneudrive.rig import rig_file
     from pneudrive.simulation import trajectory
-    from pneudrive.validate import static as friction_check
+    from pneudrive.validate import motion as friction_check
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -321,7 +320,7 @@ def identify(
         one_of("--follow", follow, {"motion": None})
         motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
         terminal.show_fit(motion, out, report, profile=profile)
-    elif regulator.Regulator.is_file(drive):
+    elif volume.Regulator.is_file(drive):
         terminal.show_fit(pn.identify_regulator(drive, recordings, layout), out, report, profile=profile)
     elif pn.Tank.is_file(drive):
         for name, value in (("sensor", sensor), ("robust", robust)):
@@ -376,8 +375,8 @@ def apply(
     found = files.read_fit(fit)
     if out is not None:
         found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
-    if isinstance(found, follow.FollowFit | regulator.RegulatorFit):
-        if drive is not None or isinstance(found, regulator.RegulatorFit):
+    if isinstance(found, follow.FollowFit | volume.RegulatorFit):
+        if drive is not None or isinstance(found, volume.RegulatorFit):
             raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
         described = found.apply()
     elif drive is not None:
@@ -422,8 +421,8 @@ def validate(
     pneudrive validate measured.toml other.parquet --out check
     """
     options = {"layout": layout, "progress": terminal.watch().tell}
-    if regulator.RegulatorFit.is_file(drive):
-        found: Any = pn.validate(regulator.RegulatorFit.from_toml(drive), recordings, layout=layout)
+    if volume.RegulatorFit.is_file(drive):
+        found: Any = pn.validate(volume.RegulatorFit.from_toml(drive), recordings, layout=layout)
     elif follow.FollowFit.is_file(drive) or _is_circuit(drive):
         found = pn.validate_motion(drive, recordings, **options)
     else:

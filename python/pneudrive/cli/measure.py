@@ -36,7 +36,7 @@ with used_later(__name__):
     from pneudrive.simulation import trajectory
     from pneudrive.studies import bracha
     from pneudrive.studies.bracha import pages, reproduction
-    from pneudrive.validate import closure
+    from pneudrive.validate import motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -139,7 +139,7 @@ def characterise(
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
     _show_problems(problems)
     terminal.show_view(recordings_page.characterisation_view(found, fits))
-    balances = [closure.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
+    balances = [motion.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
     terminal.show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:
         terminal.show_view(replace(curves.view(), rows=()))

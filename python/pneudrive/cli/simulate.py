@@ -23,7 +23,7 @@ with used_later(__name__):
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
     from pneudrive.ensemble import engine as samples
-    from pneudrive.ensemble import many, store, variation
+    from pneudrive.ensemble import many, variation
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
@@ -203,7 +203,7 @@ def sweep(
         raise CommandError(
             f"{study.rows.size} members are too many for one file", remedy="Give a folder: --out results"
         )
-    chunks = store.ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
+    chunks = many.ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
         typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are already computed", err=True)

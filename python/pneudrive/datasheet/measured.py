@@ -22,7 +22,7 @@ from pneudrive.friction.friction_map import write_map
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout
-from pneudrive.validate.static import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
+from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
 from pneudrive.validate.validation import Validation, validate
 from pneudrive.views import Finding
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import VolumeRecording
-    from pneudrive.validate.signals import Signals
+    from pneudrive.validate.balance import Signals
     from pneudrive.validate.validation import RecordResult
     from pneudrive.views import State
 

@@ -15,7 +15,7 @@ from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.identify.static.friction_curve import steady_friction
+from pneudrive.identify.export import steady_friction
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:

@@ -6,11 +6,14 @@ from pneudrive.lazy_names import lazily
 
 with lazily(__name__):
     from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
-    from pneudrive.ensemble.distributions import Lognormal as Lognormal
-    from pneudrive.ensemble.distributions import Normal as Normal
-    from pneudrive.ensemble.distributions import Triangular as Triangular
-    from pneudrive.ensemble.distributions import Uniform as Uniform
-    from pneudrive.ensemble.distributions import grid as grid
+    from pneudrive.ensemble.design import Lognormal as Lognormal
+    from pneudrive.ensemble.design import Normal as Normal
+    from pneudrive.ensemble.design import Triangular as Triangular
+    from pneudrive.ensemble.design import Uniform as Uniform
+    from pneudrive.ensemble.design import grid as grid
+    from pneudrive.ensemble.many import DaskExecutor as DaskExecutor
+    from pneudrive.ensemble.many import Executor as Executor
+    from pneudrive.ensemble.many import InProcess as InProcess
     from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.outputs import Output as Output
     from pneudrive.ensemble.outputs import final as final
@@ -23,6 +26,3 @@ with lazily(__name__):
     from pneudrive.ensemble.outputs import smallest as smallest
     from pneudrive.ensemble.outputs import time_when as time_when
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
-    from pneudrive.ensemble.store import DaskExecutor as DaskExecutor
-    from pneudrive.ensemble.store import Executor as Executor
-    from pneudrive.ensemble.store import InProcess as InProcess

@@ -15,7 +15,6 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.estimate.sensitivity import HALF_CELL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,11 +24,10 @@ if TYPE_CHECKING:
     from pneudrive._core import Ensemble, Outcome
     from pneudrive._core import Output as CoreOutput
     from pneudrive.describe.system import System
-    from pneudrive.ensemble.distributions import Distribution
-    from pneudrive.ensemble.outputs import Reduction
-    from pneudrive.ensemble.plans import Alike, MemberPlans
+    from pneudrive.ensemble.design import Distribution
+    from pneudrive.ensemble.outputs import Alike, MemberPlans, Reduction
     from pneudrive.ensemble.variation import CoreMembers
-    from pneudrive.estimate.transforms import Transforms
+    from pneudrive.estimate.profile import Transforms
 
     Array = NDArray[np.float64]
 
@@ -170,6 +168,8 @@ def _output(one: Reduction) -> CoreOutput:
 
 # --- The rows of a design in SI: row k is a pure function of the design and k.
 
+#: Half a cell of scipy's Sobol points, which are multiples of 2^-30: none lies on a face of the cube.
+HALF_CELL = 2.0**-31
 #: Rows of a random design that one generator makes.
 BLOCK = 4096
 #: The nearest to 0 and to 1 that a share comes.
@@ -287,7 +287,7 @@ class Marginals:
 
 @dataclass(frozen=True, eq=False)
 class NormalCoordinates:
-    """Values whose coordinates (`pneudrive.estimate.transforms`) are jointly normal: the posterior of a fit.
+    """Values whose coordinates (`pneudrive.estimate.profile`) are jointly normal: the posterior of a fit.
 
     The distribution is normal on the scale of the coordinates, as for intervals of a fit. A positive value stays
     positive. A `folded` value is nearly zero, and its absolute value is used.

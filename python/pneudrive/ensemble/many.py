@@ -1,41 +1,532 @@
-"""One drive in many variants: simulated, reduced and labelled."""
+"""One drive in many variants: a study, its chunks, their execution and storage, and the labelled results.
+
+A study is everything that determines the results of its members. A chunk of it is a pure function of its first and last
+member.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import time
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
+import numpy as np
+
+from pneudrive import __version__
+from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
-from pneudrive.ensemble.outputs import SignalNames, reductions
-from pneudrive.ensemble.plans import member_plans, parted_starts
-from pneudrive.ensemble.store import ChunkStore, results
-from pneudrive.ensemble.study import EnsembleStudy, Members
+from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
 from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.files.seal import damage
 from pneudrive.free.parameters import INITIAL
+from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
-from pneudrive.simulation.simulate import require
-from pneudrive.simulation.start import check_tolerance, start
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation.simulate import SOLVER, require
+from pneudrive.simulation.start import check_tolerance, ready, start
+from pneudrive.simulation.trajectory import meaning, save, whole, write_frame
+from pneudrive.views import View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    import numpy as np
+    import polars as pl
     import xarray as xr
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.ensemble.outputs import Output
-    from pneudrive.ensemble.plans import MemberPlans
-    from pneudrive.ensemble.store import Executor
+    from pneudrive.ensemble.engine import Rows
+    from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
 
     Array = NDArray[np.float64]
+
+
+# --- A study: everything that determines the results of its members, and the results of members.
+
+#: Members of a chunk by default.
+CHUNK = 16384
+#: Samples, of all signals that a chunk keeps or a function of the user's sees, that are in memory at a time.
+MOST_SAMPLES = 20_000_000
+
+
+class Chunk(NamedTuple):
+    """Members from `first` to before `last`."""
+
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleStudy:
+    """The work of a study, in SI and checked. It can be pickled and sent to another machine.
+
+    Attributes
+    ----------
+    variation : Variation
+        The drive and which of its numbers vary.
+    rows : Rows
+    plans : MemberPlans
+    rtol : float
+    outputs : tuple of Reduction
+    threads : int, optional
+    begin : int
+        The first member of `plans`.
+    """
+
+    variation: Variation
+    rows: Rows
+    plans: MemberPlans
+    rtol: float
+    outputs: tuple[Reduction, ...]
+    threads: int | None = None
+    begin: int = 0
+
+    def about(self) -> dict[str, Any]:
+        """Describe everything that determines the results, as plain data."""
+        return {
+            "description_hash": self.variation.drive.description_hash,
+            "initial": self.variation.start_said(),
+            **self.plans.about(),
+            "rtol": self.rtol,
+            "vary": self.rows.about,
+            "outputs": [output.about() for output in self.outputs],
+            "version": __version__,
+        }
+
+    @property
+    def study_hash(self) -> str:
+        """SHA-256 of everything that determines the results."""
+        return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
+
+    def chunks(self, members: int | None = None) -> list[Chunk]:
+        """Return the chunks of this number of members."""
+        size, step = self.rows.size, members or self._usual_chunk()
+        return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
+
+    def _usual_chunk(self) -> int:
+        sampled = sum(len(one.columns) * (round(self.plans.duration_s * one.rate_hz) + 1) for one in self._sampled())
+        return max(1, min(CHUNK, MOST_SAMPLES // max(sampled, 1)))
+
+    def _sampled(self) -> list[Reduction]:
+        return [output for output in self.outputs if output.word in ("samples", "own")]
+
+    def part(self, chunk: Chunk) -> EnsembleStudy:
+        """Return the object that runs a chunk, without other data, to be sent to another machine."""
+        return replace(self, rows=self.rows.part(*chunk), plans=self.plans.part(*chunk), begin=chunk.first)
+
+    def sample_times(self, rate_hz: float) -> Array:
+        """Return the times of samples, s."""
+        return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
+
+    def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> pl.DataFrame:
+        """Run a chunk.
+
+        Parameters
+        ----------
+        chunk : Chunk
+        look : callable, optional
+            Receives the number of finished members.
+
+        Returns
+        -------
+        polars.DataFrame
+            A row for each member: member, status, reason, varied numbers, outputs. Columns carry their units.
+
+        Raises
+        ------
+        SimulationError
+            A user function fails, or returns something other than a number for each member.
+        """
+        import polars as pl
+
+        rows = self.rows.take(*chunk)
+        requests: list[Reduction] = []
+        for output in self.outputs:
+            seen = [replace(output, word="samples", columns=(one,), function=None) for one in output.columns]
+            requests += seen if output.function is not None else [output]
+        plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
+        members = self.variation.members(rows)
+        found = engine.run(self.variation.drive.system, members, plans, self.rtol, requests, self.threads, look)
+        values = iter(found.values)
+        reasons = [found.reasons.get(k, "") for k in range(len(rows))]
+        columns: dict[str, Any] = {"member": np.arange(*chunk), "status": found.status}
+        columns["reason"] = pl.Series(reasons, dtype=pl.String)
+        for number, column in zip(self.variation.numbers, rows.T, strict=True):
+            columns[number.file_name] = np.ascontiguousarray(column)
+        for output in self.outputs:
+            own = [next(values) for _ in (output.columns if output.function is not None else "1")]
+            columns[output.file_name] = own[0] if output.function is None else self._own(output, own, found.status)
+        return pl.DataFrame(columns)
+
+    def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
+        """Call a user function for the finished members."""
+        assert output.function is not None
+        done = status == engine.DONE
+        out = np.full(len(status), np.nan)
+        if not done.any():
+            return out
+        signals = {meaning(column)[0]: x[done] for column, x in zip(output.columns, seen, strict=True)}
+        try:
+            made = output.function(signals, self.sample_times(output.rate_hz))
+            out[done] = np.broadcast_to(np.asarray(made, dtype=np.float64), (int(done.sum()),))
+        except Exception as error:
+            raise SimulationError(
+                f"output {output.name}: {type(error).__name__}: {error}",
+                rule="your function returns one number for each member, an array of shape (members,)",
+            ) from error
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The results of members as a frame, see `EnsembleStudy.run`. `failed` counts all members of the study."""
+
+    study: EnsembleStudy
+    frame: pl.DataFrame
+    failed: int
+
+    @classmethod
+    def of(cls, study: EnsembleStudy, frames: Iterable[pl.DataFrame]) -> Members:
+        """Return the members of chunks in any order."""
+        import polars as pl
+
+        frame = pl.concat(frames).sort("member")
+        return cls(study, frame, int((frame["status"] != engine.DONE).sum()))
+
+    @property
+    def values(self) -> list[Array]:
+        """One array for each output, shape (members,) or (members, samples)."""
+        return [self.frame[output.file_name].to_numpy(writable=True) for output in self.study.outputs]
+
+    def view(self) -> View:
+        """Return the spread of each output over the members that have it, and the first failure."""
+        return upper("ensemble_view")(self.dataset())
+
+    def save(self, path: Path) -> None:
+        """Write all members as .parquet, .csv or .nc.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        if path.suffix.lower() == ".nc":
+            save(self.dataset(), path)
+        else:
+            write_frame(self.frame, path, {"pneudrive": json.dumps(self.provenance(), default=str)})
+
+    def dataset(self) -> xr.Dataset:
+        """Label the arrays: dimension member, a unit and a long name for each variable."""
+        import xarray as xr
+
+        upper("Pneu")  # registers `dataset.pneu`
+
+        columns = {name: self.frame[name].to_numpy(writable=True) for name in self.frame.columns}
+        variables: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {"member": ("member", columns["member"], {"long_name": "member"})}
+        for number in self.study.variation.numbers:
+            attrs = {"units": number.unit, "long_name": number.name}
+            coordinates[number.name] = ("member", columns[number.file_name], attrs)
+        for output in self.study.outputs:
+            values, attrs = columns[output.file_name], {"units": output.unit, "long_name": output.long_name}
+            variables[output.name] = (("member", "time")[: values.ndim], values, attrs)
+            if output.word == "samples":
+                times = self.study.sample_times(output.rate_hz)
+                coordinates["time"] = ("time", times, {"units": "s", "long_name": "time"})
+        variables["status"] = ("member", columns["status"], {"units": "1", "long_name": "0: done, else failed"})
+        variables["reason"] = ("member", columns["reason"], {"units": "1", "long_name": "why a member failed"})
+        return xr.Dataset(variables, coordinates, self.provenance())
+
+    def provenance(self) -> dict[str, Any]:
+        """Describe the source of the results."""
+        study, drive = self.study, self.study.variation.drive
+        core, _ = ready(drive, study.variation.initial)
+        return {
+            "title": drive.name,
+            **study.about(),
+            "study_hash": study.study_hash,
+            "version": __version__,
+            "solver": SOLVER,
+            "statistics": {"members": study.rows.size, "failed": self.failed},
+            "warnings": [*drive.notes, *core.warnings],
+            "citations": list(dict.fromkeys([*core.citations, *drive.cited])),
+            "assumed": drive.assumed(),
+            "labels": dict(drive.labels),
+        }
+
+
+# --- Execution of chunks: in this process by default, or on the workers of a Dask cluster.
+#
+# Any object that maps a function over items is an executor. Results may come in any order, each exactly once. An item
+# that is lost with its worker is run again.
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Items on the way for each thread of the workers: one runs, the others wait there.
+AHEAD = 3
+#: How often it is looked whether workers are there, and for how long none may be, s.
+LOOK_S, NO_WORKER_S = 5.0, 300.0
+
+
+class Executor(Protocol):
+    """Executor of the chunks of a study."""
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the result of `work` for each item, in any order.
+
+        Parameters
+        ----------
+        work : callable
+            Function that can be pickled, has no side effects, and returns the same for an item on any machine.
+        items : iterable
+            Items that can be pickled. They are taken when needed.
+        """
+        ...
+
+
+class InProcess:
+    """One item after the other. The members of each item run on all processors."""
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the results in order."""
+        return map(work, items)
+
+
+class DaskExecutor:
+    """Items on the workers of a Dask cluster (``pip install pneudrive[dask]``).
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Connected to a cluster whose workers have this version of pneudrive.
+
+    Examples
+    --------
+    On this machine::
+
+        from dask.distributed import Client
+        with Client(n_workers=2, threads_per_worker=1) as client:
+            pn.simulate_many(drive, ..., executor=pn.ensemble.DaskExecutor(client))
+    """
+
+    def __init__(self, client: Any) -> None:  # noqa: ANN401 - distributed is not imported to name its class
+        self.client = client
+
+    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """Yield the results as they arrive. Dask repeats an item of a lost worker on another one.
+
+        Raises
+        ------
+        SimulationError
+            An item lost its worker repeatedly, or no worker is left.
+        """
+        from distributed import wait  # pyright: ignore[reportMissingImports]
+        from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingImports]
+
+        waiting = iter(items)
+        ahead = AHEAD * max(1, sum(self.client.nthreads().values()))
+        on_the_way = {self.client.submit(work, item, pure=False) for item in islice(waiting, ahead)}
+        seen = time.monotonic()
+        try:
+            while on_the_way:
+                try:
+                    done = wait(on_the_way, timeout=LOOK_S, return_when="FIRST_COMPLETED").done
+                    future = next(iter(done))
+                    result = future.result(timeout=LOOK_S)
+                except KilledWorker as error:
+                    raise SimulationError(
+                        "a chunk of the study lost its worker again and again",
+                        value=error,
+                        remedy="Check the memory of the workers, use smaller chunks, or let Dask try more often: its "
+                        "setting distributed.scheduler.allowed-failures.",
+                    ) from None
+                except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated
+                    seen = self._still_there(seen)
+                    continue
+                seen = time.monotonic()
+                on_the_way.discard(future)
+                on_the_way |= {self.client.submit(work, item, pure=False) for item in islice(waiting, 1)}
+                yield result
+        finally:
+            self.client.cancel(list(on_the_way))
+
+    def _still_there(self, seen: float) -> float:
+        """Return the time at which a worker was last seen. Raise an error if this is long ago."""
+        if self.client.nthreads():
+            return time.monotonic()
+        if time.monotonic() - seen > NO_WORKER_S:
+            raise SimulationError(f"the cluster has had no worker for {NO_WORKER_S:g} s", remedy="Start workers.")
+        return seen
+
+
+# --- Run of the chunks of a study, and a folder of finished chunks: a sealed Parquet file each, and the study.
+
+STUDY = "study.json"
+
+
+class ChunkStore:
+    """Chunks of one study, by their members. Existing chunks are not run again.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it does not exist.
+    study : EnsembleStudy
+    members : int, optional
+        Members of a chunk. A folder with chunks keeps its chunk size.
+
+    Raises
+    ------
+    CommandError
+        The folder contains another study or other files, or it is not writable.
+    """
+
+    def __init__(self, folder: Path, study: EnsembleStudy, members: int | None = None) -> None:
+        self.folder, self.study = folder, study
+        about = {"study": study.study_hash, "about": study.about()}
+        path = folder / STUDY
+        begun = self._begun(path)
+        if begun is None:
+            chunks = study.chunks(members)
+            about["chunk_members"] = chunks[0].last
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                why = os.strerror(error.errno) if error.errno else str(error)
+                raise CommandError(f"the folder {folder} cannot be made: {why}") from None
+            with whole(path) as temporary:
+                temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+        elif begun.get("study") != about["study"]:
+            raise CommandError(
+                f"{folder} holds results of another study",
+                where=str(path),
+                rule=f"the same {_different(begun.get('about', {}), about['about'])} as at the beginning of the folder",
+                remedy="Choose another folder, or remove this one.",
+            )
+        self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
+
+    def _begun(self, path: Path) -> dict[str, Any] | None:
+        try:
+            begun = json.loads(path.read_text("utf-8"))
+        except FileNotFoundError:
+            if self.folder.is_dir() and any(self.folder.iterdir()):
+                raise CommandError(
+                    f"{self.folder} is not empty and holds no study", remedy="Choose a new folder."
+                ) from None
+            return None
+        except (OSError, ValueError) as error:
+            raise CommandError(f"{path} cannot be read: {error}") from None
+        if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
+            raise CommandError(f"{path} is not a folder of a study", remedy="Choose another folder.")
+        return begun
+
+    def path(self, chunk: Chunk) -> Path:
+        """Return the file of a chunk."""
+        return self.folder / f"members-{chunk.first:012d}.parquet"
+
+    def missing(self) -> list[Chunk]:
+        """Return the chunks to run: those without a file, or with a damaged file."""
+        return [chunk for chunk in self.chunks if not self._is_whole(self.path(chunk))]
+
+    @staticmethod
+    def _is_whole(path: Path) -> bool:
+        try:
+            return damage(path.read_bytes()) is None
+        except FileNotFoundError:
+            return False
+
+    def write(self, frame: pl.DataFrame) -> None:
+        """Store a finished chunk.
+
+        Raises
+        ------
+        CommandError
+            The chunk cannot be written, for example on a full disk. Earlier chunks are kept.
+        """
+        first = frame["member"][0]
+        write_frame(
+            frame,
+            self.path(Chunk(first, first + frame.height)),
+            {"pneudrive": json.dumps({"study": self.study.study_hash})},
+        )
+
+    def frames(self) -> Iterator[pl.DataFrame]:
+        """Yield the chunks in order."""
+        import polars as pl
+
+        for chunk in self.chunks:
+            yield pl.read_parquet(self.path(chunk))
+
+    def failed(self) -> int:
+        """Return the number of failed members."""
+        import polars as pl
+
+        frames = (pl.read_parquet(self.path(chunk), columns=["status"]) for chunk in self.chunks)
+        return sum(int((frame["status"] != DONE).sum()) for frame in frames)
+
+    def remove(self) -> None:
+        """Remove the folder with all chunks."""
+        for chunk in self.chunks:
+            self.path(chunk).unlink(missing_ok=True)
+        (self.folder / STUDY).unlink(missing_ok=True)
+        self.folder.rmdir()
+
+
+def _different(before: dict[str, Any], now: dict[str, Any]) -> str:
+    """Name the differences between two studies."""
+    names = {"description_hash": "drive", "duration_s": "duration"}
+    differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
+    return ", ".join(differ) or "study"
+
+
+def results(
+    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
+) -> Iterator[pl.DataFrame]:
+    """Run the missing chunks of a study, store each, and yield it.
+
+    Raises
+    ------
+    Cancelled
+        The flag of `watch` is set.
+    """
+    chunks = study.chunks(members) if store is None else store.missing()
+    total = study.rows.size
+    done = total - sum(chunk.last - chunk.first for chunk in chunks)
+    # A cluster runs one chunk in each of its threads at a time.
+    here = executor is None or isinstance(executor, InProcess)
+    source = study if here else replace(study, threads=study.threads or 1)
+    items = ((source.part(chunk), chunk) for chunk in chunks)
+
+    def look(count: float) -> None:
+        watch.tell(done + count, total, "members simulated")
+
+    look(0)
+    for frame in (executor or InProcess()).map((lambda item: item[0].run(item[1], look)) if here else run_part, items):
+        if store is not None:
+            store.write(frame)
+        done += frame.height
+        look(0)
+        yield frame
+
+
+def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
+    """Run one chunk, in any process."""
+    study, chunk = item
+    return study.run(chunk)
+
+
+# --- One drive in many variants: simulated, reduced and labelled.
 
 #: Members whose results one data set holds by default.
 IN_MEMORY = 5_000_000

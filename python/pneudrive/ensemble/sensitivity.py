@@ -1,4 +1,7 @@
-"""Sensitivity of a drive's outputs to its numbers: Sobol indices and Morris' elementary effects."""
+"""Sensitivity of a drive's outputs to its numbers: Sobol indices and Morris' elementary effects.
+
+Both methods use points in the unit cube, which the distributions convert to values of the numbers.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from pneudrive.ensemble.design import design_of
-from pneudrive.ensemble.engine import Rows
-from pneudrive.ensemble.many import study_of
-from pneudrive.ensemble.store import results
-from pneudrive.ensemble.study import Members
+from pneudrive.ensemble.engine import HALF_CELL, Rows
+from pneudrive.ensemble.many import Members, results, study_of
 from pneudrive.errors import CommandError, nearest, warn
-from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 
@@ -25,9 +26,8 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
+    from pneudrive.ensemble.many import EnsembleStudy, Executor
     from pneudrive.ensemble.outputs import Output
-    from pneudrive.ensemble.store import Executor
-    from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.progress import Flag
     from pneudrive.simulation import command as commands
 
@@ -36,15 +36,16 @@ if TYPE_CHECKING:
 #: Base points of Sobol indices, trajectories of Morris' method, by default.
 BASE_POINTS, TRAJECTORIES = 1024, 50
 METHODS = ("sobol", "morris")
-#: Variables of the result -> long name, by method; those that are shares have no unit, the others that of the output.
-SOBOL = {
+#: Resamples of the bootstrap, and how many are evaluated together.
+RESAMPLES, TOGETHER = 1000, 50
+#: Variables of the result -> long name; those that are fractions have no unit, the others that of the output.
+LONG_NAMES = {
     "first": "fraction of the variance that the number causes alone",
     "total": "fraction of the variance that the number causes, with its interactions",
-}
-MORRIS = {
     "mu_star": "mean of the absolute elementary effects",
     "mu": "mean of the elementary effects",
     "sigma": "standard deviation of the elementary effects",
+    "used": "number of points used: those with finite values",
 }
 
 
@@ -133,19 +134,12 @@ def sensitivity(
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
     names, about = study.rows.names, {**study.about(), "vary": shape.about()}
     about |= {"method": method, "n": count, "seed": seed, "confidence": confidence}
-    cube = sobol_points(count, len(names), seed) if method == "sobol" else morris_points(count, len(names), seed)
+    points, indices = (sobol_points, sobol_indices) if method == "sobol" else (morris_points, elementary_effects)
+    cube = points(count, len(names), seed)
     study = replace(study, rows=Rows.table(names, shape.values(cube)))
     study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
-    if method == "sobol":
-        shares = sobol_indices(values, len(names), confidence=confidence, seed=seed)
-        found = {"first": shares.first, "total": shares.total}
-        intervals, used = {"first": shares.first_interval, "total": shares.total_interval}, shares.rows
-    else:
-        effects = elementary_effects(cube, values, confidence=confidence, seed=seed)
-        found = {"mu_star": effects.mu_star, "mu": effects.mu, "sigma": effects.sigma}
-        intervals, used = {"mu_star": effects.mu_star_interval}, effects.trajectories
-    return _labelled(study, found, intervals, used, about)
+    return _labelled(study, indices(cube, values, confidence=confidence, seed=seed), about)
 
 
 def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
@@ -160,24 +154,19 @@ def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Ar
     return values
 
 
-def _labelled(
-    study: EnsembleStudy,
-    found: Mapping[str, Array],
-    intervals: Mapping[str, Array],
-    used: NDArray[np.int64],
-    about: Mapping[str, Any],
-) -> xr.Dataset:
+def _labelled(study: EnsembleStudy, found: Mapping[str, Array], about: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     upper("Pneu")  # registers `dataset.pneu`
-    said = SOBOL | MORRIS
-    share = {"units": "1"} if "first" in found else {"units": "that of the output"}
-    plane = ("number", "output")
-    variables: dict[str, Any] = {name: (plane, x, {"long_name": said[name], **share}) for name, x in found.items()}
-    for name, ends in intervals.items():
-        long_name = f"interval of the {said[name]}"
-        variables[f"{name}_interval"] = (("end", *plane), ends, {"long_name": long_name, **share})
-    variables["used"] = ("output", used, {"long_name": "number of points used: those with finite values", "units": "1"})
+    unit = {"units": "1" if "first" in found else "that of the output"}
+    dimensions, variables = ("end", "number", "output"), {}
+    for name, x in found.items():
+        long_name = LONG_NAMES.get(name) or f"interval of the {LONG_NAMES[name.removesuffix('_interval')]}"
+        variables[name] = (
+            dimensions[-x.ndim :],
+            x,
+            {"long_name": long_name, **({"units": "1"} if x.ndim == 1 else unit)},
+        )
     coordinates = {
         "number": ("number", list(study.rows.names), {"long_name": "number of the drive"}),
         "output": ("output", [output.name for output in study.outputs], {"long_name": "output"}),
@@ -187,3 +176,156 @@ def _labelled(
     drive = study.variation.drive
     citations = ["saltelli2010", "jansen1999"] if "first" in found else ["morris1991", "campolongo2007"]
     return xr.Dataset(variables, coordinates, {"title": drive.name, **about, "citations": citations})
+
+
+def sobol_points(n: int, d: int, seed: int) -> Array:
+    """Return the points at which Sobol indices are estimated, shape (n (d + 2), d), within the unit cube.
+
+    The points are n points A, n points B, and for each argument the points A with this argument from B [saltelli2010].
+    A and B are
+    halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
+    """
+    both = qmc.Sobol(2 * d, scramble=True, rng=seed).random_base2(int(np.ceil(np.log2(n))))[:n] + HALF_CELL
+    a, b = both[:, :d], both[:, d:]
+    mixed = np.repeat(a[None], d, axis=0)
+    for k in range(d):
+        mixed[k, :, k] = b[:, k]
+    return np.concatenate([a, b, mixed.reshape(-1, d)])
+
+
+def sobol_indices(
+    points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
+) -> dict[str, Array]:
+    """Estimate Sobol indices of first and total order.
+
+    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
+    mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
+    [saltelli2010,jansen1999].
+    For each output, a base point is left out if one of its d + 2 values is not finite.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n (d + 2), d)
+        Points from `sobol_points`.
+    values : ndarray, shape (n (d + 2), s)
+        Values of s outputs there.
+    confidence : float
+        Nominal coverage probability of an interval, from a percentile bootstrap over base points.
+    resamples : int
+        Number of bootstrap samples, rounded up to a multiple of 50.
+    seed : int
+        Random seed of the bootstrap.
+
+    Returns
+    -------
+    dict
+        ``first`` and ``total``, shape (d, s), with ``first_interval`` and ``total_interval``, shape (2, d, s).
+        ``used``: base points of each output. NaN for an output that does not vary, or with less than 2 base points.
+    """
+    d, s = points.shape[1], values.shape[1]
+    each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
+    found, ends, used = np.full((2, d, s), np.nan), np.full((2, 2, d, s), np.nan), np.zeros(s, dtype=np.int64)
+    for k in range(s):
+        f = each[:, np.isfinite(each[..., k]).all(axis=0), k]
+        used[k] = m = f.shape[1]
+        if m < 2 or np.ptp(f[:2]) == 0.0:
+            continue
+        f = f - f[:2].mean()
+        found[..., k] = _indices(f, np.full((1, m), 1.0 / m))[0]
+        rng = np.random.default_rng([seed, k])
+        weights = (rng.multinomial(m, np.full(m, 1.0 / m), size=TOGETHER) / m for _ in range(0, resamples, TOGETHER))
+        again = np.concatenate([_indices(f, weight) for weight in weights])
+        ends[..., k] = np.nanquantile(again, _tails(confidence), axis=0)
+    return {
+        "first": found[0],
+        "total": found[1],
+        "first_interval": ends[:, 0],
+        "total_interval": ends[:, 1],
+        "used": used,
+    }
+
+
+def _tails(confidence: float) -> list[float]:
+    """Return the probabilities at both ends of an interval."""
+    return [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)]
+
+
+def _indices(f: Array, weights: Array) -> Array:
+    """Return first and total order of one output, shape (r, 2, d), for r weightings of its base points.
+
+    Parameters
+    ----------
+    f : ndarray, shape (d + 2, m)
+        Values at A, B, and A with each argument of B.
+    weights : ndarray, shape (r, m)
+        Weights of the base points. Each row adds up to 1.
+    """
+    a, b, mixed = f[0], f[1], f[2:]
+    mean, moved = weights @ (0.5 * (a + b)), mixed - a
+    variance = weights @ (0.5 * (a * a + b * b)) - mean * mean
+    first = weights @ (b * moved).T - mean[:, None] * (weights @ moved.T)
+    with np.errstate(invalid="ignore", divide="ignore"):  # a resample that is all one point
+        return np.stack([first, 0.5 * (weights @ (moved * moved).T)], axis=1) / variance[:, None, None]
+
+
+def morris_points(trajectories: int, d: int, seed: int, levels: int = 4) -> Array:
+    """Return Morris' trajectories through a grid in the unit cube, shape (trajectories (d + 1), d) [morris1991].
+
+    Each trajectory starts at a random point of a grid of `levels` cells. It moves one argument after the other, in
+    random order and by levels / (2 (levels - 1)) of its range. The grid uses the centres of cells, so no point is on a
+    face of the cube, where the value of a normal distribution would be infinite.
+    """
+    rng = np.random.default_rng(seed)
+    step = levels // 2
+    out = np.empty((trajectories, d + 1, d))
+    for path in out:
+        at = rng.integers(levels, size=d)
+        path[0] = at
+        for k, argument in enumerate(rng.permutation(d), start=1):
+            at[argument] += step if at[argument] < step else -step
+            path[k] = at
+    return (out.reshape(-1, d) + 0.5) / levels
+
+
+def elementary_effects(
+    points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
+) -> dict[str, Array]:
+    """Estimate Morris' measures [morris1991], with the mean of absolute effects [campolongo2007].
+
+    Parameters
+    ----------
+    points : ndarray, shape (trajectories (d + 1), d)
+        Points from `morris_points`.
+    values : ndarray, shape (trajectories (d + 1), s)
+        Values of s outputs there; a trajectory with one that is not finite is left out, output by output.
+    confidence, resamples, seed
+        As for `sobol_indices`.
+
+    Returns
+    -------
+    dict
+        ``mu_star``, ``mu`` and ``sigma``: mean of the absolute elementary effects, their mean and standard deviation,
+        shape (d, s), in units of the output over the unit range of the argument. ``mu_star_interval``, shape (2, d, s).
+        ``used``: trajectories of each output. NaN for an output with less than 2 trajectories.
+    """
+    d, s = points.shape[1], values.shape[1]
+    moves = np.diff(points.reshape(-1, d + 1, d), axis=1)
+    order = np.abs(moves).argmax(axis=2)[..., None]
+    effects = np.empty((len(moves), d, s))
+    by_step = np.diff(values.reshape(-1, d + 1, s), axis=1) / np.take_along_axis(moves, order, axis=2)
+    np.put_along_axis(effects, order, by_step, axis=1)
+    complete = np.isfinite(effects.sum(axis=1))
+    found = {name: np.full((d, s), np.nan) for name in ("mu_star", "mu", "sigma")}
+    interval = np.full((2, d, s), np.nan)
+    for k in range(s):
+        own = effects[complete[:, k], :, k]
+        if len(own) < 2:
+            continue
+        size = np.abs(own)
+        for measure, x in zip(
+            found.values(), (size.mean(axis=0), own.mean(axis=0), own.std(axis=0, ddof=1)), strict=True
+        ):
+            measure[:, k] = x
+        picks = np.random.default_rng([seed, k]).integers(len(own), size=(resamples, len(own)))
+        interval[..., k] = np.quantile(size[picks].mean(axis=1), _tails(confidence), axis=0)
+    return {**found, "mu_star_interval": interval, "used": complete.sum(axis=0)}

@@ -15,8 +15,7 @@ from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
-from pneudrive.free.circuit import AMBIENT, circuit_numbers, core_numbers, core_path
-from pneudrive.free.parameters import INITIAL, Varied, family_of, field_marks, mark_unit, numbers_of
+from pneudrive.free import parameters as free
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -44,17 +43,17 @@ NUDGE = 1e-3
 CHECKED_ROWS = 65536
 
 
-def all_numbers(described: Drive | Circuit) -> dict[str, Varied]:
+def all_numbers(described: Drive | Circuit) -> dict[str, free.Varied]:
     """Return every number of a drive or a circuit and of its start state that may vary, by name."""
     if described.system.names is None:
-        return circuit_numbers(described.circuit)
+        return free.circuit_numbers(described.circuit)
     drive = cast("Drive", described)
     written = marks(drive)
-    found = {name: Varied(name, number.unit, written.get(name)) for name, number in numbers_of(drive).items()}
+    found = {name: free.Varied(name, number.unit, written.get(name)) for name, number in free.numbers_of(drive).items()}
     starts = {
-        f"{INITIAL}{key}": mark for key, mark in field_marks(Initial).items() if key != "contact_age"
+        f"{free.INITIAL}{key}": mark for key, mark in free.field_marks(Initial).items() if key != "contact_age"
     }  # one for all
-    return found | {name: Varied(name, mark_unit(mark), mark) for name, mark in starts.items()}
+    return found | {name: free.Varied(name, free.mark_unit(mark), mark) for name, mark in starts.items()}
 
 
 class CoreMembers(NamedTuple):
@@ -109,15 +108,13 @@ class Variation:
                 raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
         self.numbers = [known[name] for name in names]
 
-    @staticmethod
-    def _read_initial(initial: Any) -> Any:  # noqa: ANN401
-        return read_initial(initial)
+    _read_initial, _made_start = staticmethod(read_initial), staticmethod(Initial.model_validate)
 
     @cached_property
     def family(self) -> DriveFamily:
         """Drives for any values of the numbers, without those of the start state."""
-        known = numbers_of(self.drive)
-        return family_of(self.drive, [known[name] for name in self.names if not name.startswith(INITIAL)])
+        known = free.numbers_of(self.drive)
+        return free.family_of(self.drive, [known[name] for name in self.names if not name.startswith(free.INITIAL)])
 
     @property
     def names(self) -> list[str]:
@@ -141,8 +138,10 @@ class Variation:
         """Return a member's changes to the description (see `Drive.replace`) and its start state, as in their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
-        start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}
-        return {self._key(name): text for name, text in texts.items() if not name.startswith(INITIAL)}, start
+        start |= {
+            name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
+        }
+        return {self._key(name): text for name, text in texts.items() if not name.startswith(free.INITIAL)}, start
 
     @staticmethod
     def _key(name: str) -> str:
@@ -150,7 +149,7 @@ class Variation:
         return name
 
     def single(self, row: Array) -> tuple[Any, Any]:
-        """Return the drive and the start state of a member.
+        """Return the drive or the circuit and the start state of a member.
 
         Raises
         ------
@@ -158,7 +157,7 @@ class Variation:
             They are not valid.
         """
         changes, start = self.changes(row)
-        return self.drive.replace(changes), Initial.model_validate(start)
+        return self.drive.replace(changes) if changes else self.drive, self._made_start(start)
 
     def try_row(self, row: Array) -> None:
         """Read a member.
@@ -201,12 +200,12 @@ class Variation:
         rows : ndarray, shape (n, names)
             SI.
         """
-        free = [place for place, name in enumerate(self.names) if not name.startswith(INITIAL)]
-        return CoreMembers(self.family.paths, self.family.many(rows[:, free]), self._starts(rows))
+        own = [place for place, name in enumerate(self.names) if not name.startswith(free.INITIAL)]
+        return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
         columns = dict(zip(self.names, rows.T, strict=True))
-        moved = [name for name in columns if name.startswith(INITIAL) or name in STARTS_FROM]
+        moved = [name for name in columns if name.startswith(free.INITIAL) or name in STARTS_FROM]
         state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
         if not moved:
             return state
@@ -218,14 +217,16 @@ class Variation:
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
         state |= start_state(self.initial or Initial(), *by)
         for name in moved:
-            if name.startswith(INITIAL):
-                key = name.removeprefix(INITIAL)
+            if name.startswith(free.INITIAL):
+                key = name.removeprefix(free.INITIAL)
                 state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
         return state
 
 
 class CircuitVariation(Variation):
     """The numbers of a circuit, and of its start state, that a design sets: names of `circuit_numbers`."""
+
+    _made_start = dict
 
     @staticmethod
     def _read_initial(initial: Any) -> Any:  # noqa: ANN401
@@ -240,43 +241,29 @@ class CircuitVariation(Variation):
 
     @staticmethod
     def _key(name: str) -> str:
-        return name if name in AMBIENT else f"components.{name}"
-
-    def single(self, row: Array) -> tuple[Any, Any]:
-        """Return the circuit and the start state of a member.
-
-        Raises
-        ------
-        DescriptionError
-            They are not valid.
-        """
-        changes, start = self.changes(row)
-        return self.drive.replace(changes) if changes else self.drive, start
+        return name if name in free.AMBIENT else f"components.{name}"
 
     def coupled(self) -> Iterator[tuple[str, str]]:
         """Yield the pairs of numbers of one component of which the first must not exceed the second."""
-        ends = [(low.partition(".")[2], high.partition(".")[2], low) for low, high in COUPLED]
         for name in self.names:
-            for low, high, whole in ends:
-                of = name.removesuffix(low)
-                high_key = (
-                    f"{of.removesuffix('friction.')}friction.{high}" if whole.startswith("friction.") else of + high
-                )
-                if name.endswith(f".{low}") and high_key in self.names:
-                    yield name, high_key
+            for pair in COUPLED:
+                low, high = (key if key.startswith("friction.") else key.partition(".")[2] for key in pair)
+                other = name.removesuffix(low) + high
+                if name.endswith(f".{low}") and other in self.names:
+                    yield name, other
 
     def _leaves(self, circuit: Circuit, start: Any) -> dict[str, float]:  # noqa: ANN401
         """Return the numbers of a member in the core's form by path, and its start values as ``initial.NAME``."""
-        starts = {f"{INITIAL}{name}": value for name, value in circuit.core_initial(start).items()}
-        return dict(core_numbers(json.loads(circuit.core_json()))) | starts
+        starts = {f"{free.INITIAL}{name}": value for name, value in circuit.core_initial(start).items()}
+        return dict(free.core_numbers(json.loads(circuit.core_json()))) | starts
 
     @cached_property
     def _moved(self) -> tuple[list[str], bool]:
         """Return the paths that the numbers change, own ones first, and whether each changes only its own path."""
         paths = [
-            INITIAL + self.drive.start_names[name.removeprefix(INITIAL)]
-            if name.startswith(INITIAL)
-            else core_path(name)
+            free.INITIAL + self.drive.start_names[name.removeprefix(free.INITIAL)]
+            if name.startswith(free.INITIAL)
+            else free.core_path(name)
             for name in self.names
         ]
         leaves = self._leaves(self.drive, self.initial)
@@ -313,8 +300,10 @@ class CircuitVariation(Variation):
             each = [self._leaves(*self.single(row)) for row in rows]
             columns = {path: np.array([leaves[path] for leaves in each], dtype=np.float64) for path in paths}
         starts: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
-        starts |= {path.removeprefix(INITIAL): column for path, column in columns.items() if path.startswith(INITIAL)}
-        varied = [path for path in paths if not path.startswith(INITIAL)]
+        starts |= {
+            path.removeprefix(free.INITIAL): column for path, column in columns.items() if path.startswith(free.INITIAL)
+        }
+        varied = [path for path in paths if not path.startswith(free.INITIAL)]
         values = np.array([columns[path] for path in varied]).reshape(len(varied), len(rows)).T.copy()
         return CoreMembers(varied, values, starts)
 
@@ -322,7 +311,7 @@ class CircuitVariation(Variation):
 class QuantityReader:
     """Reader of one number's quantities as users write them, or of numbers in SI."""
 
-    def __init__(self, number: Varied, gauge_from: float | None) -> None:
+    def __init__(self, number: free.Varied, gauge_from: float | None) -> None:
         self.number, self._gauge_from = number, gauge_from
 
     def value(self, given: object) -> float:
@@ -382,7 +371,7 @@ def _named(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]:
+def _of_row(place: int, numbers: Sequence[free.Varied], row: Array) -> Iterator[None]:
     """Add the row that is not valid."""
     try:
         yield

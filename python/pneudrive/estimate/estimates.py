@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95  # confidence of every interval
@@ -185,9 +183,3 @@ def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
 def robust_deviation(residual: NDArray[np.float64]) -> float:
     """Return the standard deviation of normal residuals from their median absolute value, robust to outliers."""
     return float(np.median(np.abs(residual))) / 0.6745
-
-
-def intervals_of_draws(names: Sequence[str], draws: NDArray[np.float64]) -> dict[str, tuple[float, float]]:
-    """Return the 95 % interval of each column of `draws`, shape (m, p), from its quantiles: name -> (lower, upper)."""
-    low, high = np.quantile(draws, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=0)
-    return {name: (float(a), float(b)) for name, a, b in zip(names, low, high, strict=True)}

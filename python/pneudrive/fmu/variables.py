@@ -12,7 +12,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.system import short_name
 from pneudrive.errors import DescriptionError
-from pneudrive.free.lines import beside, numbers
+from pneudrive.free.parameters import component_numbers, side_of
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[Fm
     if described.system.names is None:
         names = {f"{own['name']}.{key}": f"{own['name']}.{key}" for own in form["components"] for key in own["numbers"]}
     else:
-        names = {path: name for name, path, *_ in numbers(form)}
+        names = {path: name for name, path, *_ in component_numbers(form)}
     for path, name in names.items():
         of, _, key = path.partition(".")
         own = form["components"][places[of]]
@@ -306,7 +306,7 @@ def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator
     for core in start:
         last = core.rpartition(".")[2]
         if is_short and not core.startswith("cylinder.") and last == "pressure_pa":
-            followers.setdefault(f"cylinder.{beside(core)}.{last}", []).append(core)
+            followers.setdefault(f"cylinder.{side_of(core)}.{last}", []).append(core)
     follow = {core for each in followers.values() for core in each}
     for core, value in start.items():
         if core in follow or (actuator and core in (_PISTON, "cylinder.velocity_m_s")):

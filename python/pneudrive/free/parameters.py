@@ -1,40 +1,122 @@
-"""Numbers of a drive that can be free, and their names.
+"""Numbers of a drive or a circuit that can be free, and their names.
 
-Names are those of the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``); values are
-in SI, pressures absolute. Any number of the description can be free.
+Names of a drive are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). Those
+of a circuit begin with the component (``left.friction.coulomb``). Values are in SI, pressures absolute. Any number of
+the description can be free.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
-from pneudrive.describe.kinds import STATED
+from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure
+from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import derived
-from pneudrive.errors import CommandError, FitError, nearest
-from pneudrive.free import lines
+from pneudrive.describe.tables.starts import start_mark
+from pneudrive.errors import CommandError, DescriptionError, FitError, SimulationError, nearest
+from pneudrive.progress import UNWATCHED
+from pneudrive.simulation import command as commands
+from pneudrive.simulation.start import ready
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
     from pneudrive.describe.base import Described
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.system import ShortNames
     from pneudrive.describe.tables.derived import Derived
+    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
+
+
+# --- Numbers of a drive's circuit by their names in the drive file, and the gas of its tubes.
+
+#: Component of a drive's circuit -> its table in the drive file.
+_TABLES = {"spring": "load.spring"} | {
+    f"{part}_{chamber}": f"{table}.{chamber}"
+    for part, table in (("tube", "tubing"), ("flow_control", "flow_control"))
+    for chamber in "ab"
+}
+#: Keys of a cylinder in a separate table of the drive file.
+_KEYS = {
+    "dead_volume_a": "dead_volume.a",
+    "dead_volume_b": "dead_volume.b",
+    "end_stop_stiffness": "end_stop.stiffness",
+    "end_stop_damping": "end_stop.damping",
+    "end_stop_damping_depth": "end_stop.damping_depth",
+}
+CYLINDER_FRICTION = "cylinder.friction."
+
+
+def component_numbers(form: dict[str, Any]) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+    """Yield name in the drive file, path, value and the core's entry of each number of a form except friction.
+
+    The entry of a number without derivatives is marked ``discrete``.
+    """
+    for component in form["components"]:
+        own, kind = component["name"], component_kinds()[component["kind"]]
+        rows = {row["key"]: row | {"discrete": row["key"] in kind["discrete"]} for row in kind["parameters"]}
+        for key, value in component["numbers"].items():
+            yield f"{_TABLES.get(own, own)}.{_KEYS.get(key, key)}", f"{own}.{key}", value, rows[key]
+
+
+def table_of(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
+    """Return the table and the key of a path in a circuit's form."""
+    own, _, key = path.partition(".")
+    component = next((one for one in form["components"] if one["name"] == own), None)
+    if component is None:
+        return form[own], key
+    if not path.startswith(CYLINDER_FRICTION):
+        return component["numbers"], key
+    *tables, key = key.split(".")
+    for table in tables:
+        component = component[table]
+    return component, key
+
+
+def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
+    """Return the start value of an inner state of friction or of the gas of a tube, for pressures of the chambers, Pa.
+
+    Examples
+    --------
+    >>> at_rest("tube_b.pressure_pa", (3e5, 2e5), 293.15), at_rest("presliding_deflection_m", (3e5, 2e5), 293.15)
+    (200000.0, 0.0)
+    """
+    if name.endswith(".pressure_pa"):
+        return pressures["ab".index(side_of(name))]
+    return temperature_k if name.endswith(".temperature_k") else 0.0
+
+
+def side_of(name: str) -> str:
+    """Return the chamber on the side of a tube's or a joint's gas.
+
+    Examples
+    --------
+    >>> side_of("tube_a.cell_0.pressure_pa"), side_of("valve.2.pressure_pa")
+    ('a', 'b')
+    """
+    own = name.partition(".")[0]
+    return "a" if own.endswith("_a") or name.startswith("valve.4.") else "b"
+
+
+# --- Numbers of a drive that can be free, and their names.
 
 # Endings of the names in the core's form, longest first, and their units.
 _ENDINGS = {
@@ -141,8 +223,8 @@ def numbers_of(drive: Drive) -> dict[str, Parameter]:
     form = json.loads(drive.core_json())
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
     found = [_parameter(path, value, laws) for path, value in _leaves(own, "")]
-    found += [_of_component(*number) for number in lines.numbers(form)]
-    return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(lines.FRICTION, "friction."))}
+    found += [_of_component(*number) for number in component_numbers(form)]
+    return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))}
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
@@ -308,7 +390,7 @@ class DriveFamily:
         return core.shoot("command", asked, look)
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
-        return lines.place(self._form, path)
+        return table_of(self._form, path)
 
     def _has(self, *paths: str) -> bool:
         return all(key in table for table, key in map(self._place, paths))
@@ -384,3 +466,277 @@ def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
     """Return the family of a drive for some free parameters."""
     free = [p.core for p in parameters]
     return DriveFamily(json.loads(drive.core_json()), free, derived(drive), drive.system.names)
+
+
+# --- Numbers of a circuit by name, and circuits for any values of some of them.
+
+#: Path of a parameter of a friction law in a component of the core's form.
+LAW = "friction.parameters."
+#: Names in a design -> keys of the circuit file.
+AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
+#: Relative step of the differences that give what follows from a number.
+CIRCUIT_STEP = 1e-5
+
+
+def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
+    """Return every number of a circuit and of its start state that may vary, by name.
+
+    Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
+    ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
+    """
+    found = {}
+    for name, one in circuit.components.items():
+        written = field_marks(type(one))
+        for key in one.numbers(circuit.ambient.pressure_pa):
+            found[f"{name}.{key}"] = written[key]
+        friction = getattr(one, "friction", None)
+        if friction is not None:
+            quantities = parameter_quantities(friction.entry)
+            found |= {f"{name}.friction.{key}": quantities[key] for key in friction.parameters}
+    ambient = field_marks(type(circuit.ambient))
+    found |= {name: ambient[name.partition(".")[2]] for name in AMBIENT}
+    starts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
+    found |= {f"{INITIAL}{key}": start_mark(last)[1] for key, last in starts.items() if last != "contact_age_s"}
+    return {name: Varied(name, mark_unit(mark), mark) for name, mark in found.items()}
+
+
+class CircuitFamily:
+    """Circuits for any values of some numbers, with the numbers that follow from them.
+
+    Parameters
+    ----------
+    circuit : Circuit
+    names : sequence of str
+        See `circuit_numbers`, without the start state.
+
+    Attributes
+    ----------
+    parameters : list of Parameter
+    paths : list of str
+        Numbers of the core's form: the named ones, then those that follow from them.
+
+    Raises
+    ------
+    CommandError
+        A name is unknown or repeated.
+    """
+
+    def __init__(self, circuit: Circuit, names: Sequence[str]) -> None:
+        self.circuit = circuit
+        known = {name: one for name, one in circuit_numbers(circuit).items() if not name.startswith(INITIAL)}
+        for name in names:
+            if name not in known:
+                raise CommandError(f"{name} is not a number of this circuit", remedy=nearest(name, known))
+        if len(set(names)) < len(names):
+            raise CommandError("a parameter is given twice", value=", ".join(names))
+        self.numbers = [known[name] for name in names]
+        values = self._at(circuit)
+        self.parameters = [
+            Parameter(number.name, path, number.unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
+            for number in self.numbers
+            if (path := core_path(number.name))
+        ]
+        self.paths = [parameter.core for parameter in self.parameters]
+        start = np.array([parameter.value for parameter in self.parameters])
+        for place in range(len(start)):
+            low, high = self._ends(start, place)
+            self.paths += [path for path, value in high.items() if value != low[path] and path not in self.paths]
+
+    @staticmethod
+    def _at(circuit: Circuit) -> dict[str, float]:
+        return dict(core_numbers(json.loads(circuit.core_json())))
+
+    def _with(self, values: Array) -> Circuit:
+        changes = {
+            one.name if one.name in AMBIENT else f"components.{one.name}": one.written(float(value))
+            for one, begun, value in zip(self.numbers, self.parameters, values, strict=True)
+            if value != begun.value
+        }
+        return self.circuit.replace(changes) if changes else self.circuit
+
+    def _ends(self, values: Array, place: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the numbers of the core's form a step below and a step above a value, or at it where it is a bound."""
+        step = np.zeros_like(values)
+        step[place] = CIRCUIT_STEP * self.parameters[place].size
+
+        def end(sign: float) -> dict[str, float]:
+            try:
+                return self._at(self._with(values + sign * step))
+            except DescriptionError:
+                return self._at(self._with(values))
+
+        return end(-1.0), end(1.0)
+
+    def core(self, values: Array) -> CoreCircuit:
+        """Return the core's circuit with these values.
+
+        Raises
+        ------
+        DescriptionError
+            The values are not valid.
+        """
+        return compiled(self._with(values).core_json())
+
+    def by_free(self, values: Array) -> Array:
+        """Return the derivatives of the numbers at `paths` by the named numbers, shape (paths, names)."""
+        count = len(self.parameters)
+        out = np.zeros((len(self.paths), count))
+        out[:count] = np.eye(count)
+        for place in range(count) if len(self.paths) > count else ():
+            low, high = self._ends(values, place)
+            width = high[self.paths[place]] - low[self.paths[place]]
+            out[count:, place] = [(high[path] - low[path]) / width for path in self.paths[count:]]
+        return out
+
+
+def core_path(name: str) -> str:
+    """Return the path of a number in the core's form.
+
+    Examples
+    --------
+    >>> core_path("left.friction.coulomb"), core_path("left.bore"), core_path("ambient.pressure")
+    ('left.friction.parameters.coulomb', 'left.bore', 'ambient.pressure_pa')
+    """
+    of, _, key = name.partition(".")
+    if name in AMBIENT:
+        return AMBIENT[name]
+    return f"{of}.{LAW}{key.removeprefix('friction.')}" if key.startswith("friction.") else name
+
+
+def core_numbers(form: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of the core's form in which members may differ, by their paths."""
+    yield from ((path, form["ambient"][path.partition(".")[2]]) for path in AMBIENT.values())
+    for one in form["components"]:
+        yield from ((f"{one['name']}.{key}", value) for key, value in one["numbers"].items() if math.isfinite(value))
+        for key, value in ((one["friction"] or {}).get("parameters") or {}).items():
+            yield f"{one['name']}.{LAW}{key}", value
+
+
+# --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Columns of a trajectory and their derivatives by numbers of the drive.
+
+    Attributes
+    ----------
+    columns : list of str
+        Names as in a trajectory file.
+    values : ndarray, shape (n, c)
+    derivatives : ndarray, shape (n, c, p)
+        SI; by each parameter including its derived values, see `pneudrive.describe.tables.derived`.
+    parameters : list of Parameter
+    """
+
+    columns: list[str]
+    values: Array
+    derivatives: Array
+    parameters: list[Parameter]
+
+
+class Differentiator:
+    """Simulation of a drive for any values of some of its numbers, with derivatives by them.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    names : sequence of str
+        Names in the file, ``"friction.coulomb"``; in a circuit ``"left.friction.coulomb"``.
+    command : as for `pneudrive.simulate`
+        A function of time is not accepted, because the steps must be known in advance.
+    initial : as for `pneudrive.simulate`
+        The start state is held and does not depend on the numbers.
+    rtol : float
+
+    Raises
+    ------
+    CommandError
+        A name is unknown or repeated, the command is a function, or the contact at the start has an age.
+    """
+
+    def __init__(
+        self,
+        drive: Drive | Circuit,
+        names: Sequence[str],
+        command: commands.Commands,
+        initial: Initial | Mapping[str, object] | str | None = None,
+        rtol: float = 1e-6,
+    ) -> None:
+        if callable(command):
+            raise CommandError(
+                "derivatives of a run need a command known in advance, not a function of time",
+                remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
+            )
+        names = [names] if isinstance(names, str) else names
+        self._family: DriveFamily | CircuitFamily
+        if drive.system.names is None:
+            self._family = CircuitFamily(drive.circuit, names)
+            self.parameters = self._family.parameters
+        else:
+            self.parameters = find(cast("Drive", drive), names)
+            self._family = family_of(cast("Drive", drive), self.parameters)
+        self._commands = commands.inputs(command, drive.commandable)
+        core, start = ready(drive, initial)
+        if not self._commands:  # a run has one command
+            self._commands = [
+                (next(name for name, *_ in core.inputs if name.endswith("load_force_n")), ((0.0,), (0.0,)))
+            ]
+        if any(value for name, value in start.items() if name.endswith("contact_age_s")):
+            raise CommandError("derivatives of a run that starts with an aged contact are not available")
+        self._start = start
+        self._rtol = rtol
+
+    def run(
+        self,
+        values: ArrayLike,
+        times: Array,
+        columns: Sequence[str],
+        *,
+        derivatives: bool = True,
+        watch: Watch = UNWATCHED,
+    ) -> Sensitivities:
+        """Simulate the drive.
+
+        Parameters
+        ----------
+        values : array_like, shape (p,)
+            Values of the parameters, SI.
+        times : ndarray, shape (n,)
+            Times of the samples, s, increasing from the start.
+        columns : sequence of str
+            Columns of a trajectory file.
+        derivatives : bool
+            False: no derivatives; their last axis has length 0.
+        watch : Watch
+            May end the run.
+
+        Raises
+        ------
+        SimulationError
+            The solver cannot continue, or the core rejects the values.
+        """
+        family, numbers = self._family, np.asarray(values, dtype=float)
+        try:
+            core = family.core(numbers)
+            (first, (begun, held)), *others = self._commands
+            asked: Shooting = {
+                "times": list(begun),
+                "commands": list(held),
+                "others": [(name, list(times), list(steps)) for name, (times, steps) in others],
+                "sample_times": times,
+                "starts": [0],
+                "initial": np.array([[self._start.get(name, 0.0) for name in core.segment_names]]),
+                "parameters": family.paths if derivatives else [],
+                "outputs": list(columns),
+                "rtol": self._rtol,
+            }
+            found = core.shoot(first, asked, lambda _: watch.look())
+        except ValueError as error:
+            raise SimulationError(str(error)) from None
+        if found["failures"][0] is not None:
+            raise SimulationError(found["failures"][0])
+        by_free = found["sensitivities"]
+        if derivatives:
+            by_free = by_free @ family.by_free(numbers)
+        return Sensitivities(list(columns), found["values"], by_free, self.parameters)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.ensemble.outputs import SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.free.derivatives import Differentiator
+from pneudrive.free.parameters import Differentiator
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import start
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import Output, Reduction
-    from pneudrive.free.derivatives import Sensitivities
+    from pneudrive.free.parameters import Sensitivities
     from pneudrive.simulation.command import Commands
 
     Array = NDArray[np.float64]

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StrictBool, StrictStr, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
 
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
-from pneudrive.identify.compared import FittedData, comparison_figure
-from pneudrive.identify.identified import Identified, correlations_of, joined
-from pneudrive.identify.static.friction_curve import middle_of
+from pneudrive.identify.export import export, middle_of
+from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import whole
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Self
 
-    from pneudrive.identify.export import Exported
-    from pneudrive.identify.static.friction_curve import SlidingCurve
+    from pneudrive.identify.export import Exported, SlidingCurve
 
     Array = NDArray[np.float64]
 
@@ -166,7 +164,7 @@ class FitFile(_Table):
     Attributes
     ----------
     groups : list of dict
-        Tables of values: name -> entry.
+        Tables of values, those of the drive first: name -> entry.
     content : dict
         All tables of the file.
     """
@@ -177,23 +175,13 @@ class FitFile(_Table):
     undetermined: list[StrictStr | Undetermined] = Field(default_factory=list)
     statistics: dict[StrictStr, Number]
     provenance: _Provenance
-    _groups: list[dict[str, FitEntry]] = PrivateAttr(default_factory=list)
-    _content: dict[str, Any] = PrivateAttr(default_factory=dict)
-
-    @property
-    def groups(self) -> list[dict[str, FitEntry]]:
-        """Return the tables of values, those of the drive first."""
-        return self._groups
-
-    @property
-    def content(self) -> dict[str, Any]:
-        """Return all tables of the file."""
-        return self._content
+    groups: list[dict[StrictStr, FitEntry]]
+    content: dict[str, Any]
 
     @property
     def entries(self) -> dict[str, FitEntry]:
         """Return the entries of all values, by name."""
-        return {name: entry for group in self._groups for name, entry in group.items()}
+        return {name: entry for group in self.groups for name, entry in group.items()}
 
     @classmethod
     def read(cls, content: dict[str, Any], title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
@@ -215,18 +203,15 @@ class FitFile(_Table):
         FitError
             A key is missing, or its value has another type.
         """
-        key: tuple[str, ...] = ()
+        present = [group for group in groups if group in content or group == groups[0]]
+        values = [content.get(group, _MISSING) for group in present]
         try:
-            file = cls.model_validate(content)
-            file._content = content
-            for group in groups:
-                key = (group,)
-                if group in content or group == groups[0]:
-                    file._groups.append(_ENTRIES.validate_python(content.get(group, _MISSING)))
+            return cls.model_validate({**content, "groups": values, "content": content})
         except ValidationError as error:
             # the problem with the longest key belongs to the alternative that fits best
             problem = max(error.errors(include_url=False), key=lambda one: len(one["loc"]))
-            parts = (*key, *problem["loc"])
+            of_values = problem["loc"][0] == "groups"
+            parts = (present[int(problem["loc"][1])], *problem["loc"][2:]) if of_values else problem["loc"]
             name = ".".join(str(part) for part in parts if part not in ("_Recording", "Undetermined", "str"))
             is_missing = problem.get("input") is _MISSING
             rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
@@ -236,11 +221,9 @@ class FitFile(_Table):
                 where=f"{where}:{line}" if line else where,
                 remedy="Give a fit.toml as pneudrive fit or pneudrive identify wrote it.",
             ) from None
-        return file
 
 
 _MISSING = object()
-_ENTRIES = TypeAdapter(dict[str, FitEntry])
 
 
 SCHEMA = 1
@@ -493,8 +476,6 @@ class Fit(Viewed):
         FitError
             The tool is unknown, or the fit has no range of measured speeds.
         """
-        from pneudrive.identify.export import export
-
         done = export(self.curve(gauge_a_pa, gauge_b_pa, speeds_m_s), to)
         if out is not None:
             done.write(out)

@@ -9,12 +9,11 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import OF_A_CIRCUIT
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.identify.dynamic.presliding import Presliding
+from pneudrive.identify.dynamic.fit import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.fit import FollowFit
-from pneudrive.identify.follow.regulator import RegulatorFit
 from pneudrive.identify.static.result import FrictionFit, LawFit
-from pneudrive.identify.volume import VolumeFit
+from pneudrive.identify.volume import RegulatorFit, VolumeFit
 
 if TYPE_CHECKING:
     from pathlib import Path

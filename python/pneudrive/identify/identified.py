@@ -1,6 +1,6 @@
-"""Identified values for a drive: values by their names in the drive file, intervals, recordings.
+"""Parts of every fit: its sentences, measured values with those of the model, and identified values for a drive.
 
-Fits of friction maps and of recordings both use these types, so that a drive file can state the origin of each value.
+Fits of friction maps and of recordings both use `Identified`, so that a drive file can state the origin of each value.
 """
 
 from __future__ import annotations
@@ -8,10 +8,16 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
+from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
 from pneudrive.describe.marks import Quantity, StatedPressure
@@ -19,16 +25,103 @@ from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, warn
+from pneudrive.figures import MODEL, RESIDUAL, SPEED, Figure, Line, Look, Markers, Panel, Rule, thin
 from pneudrive.free.parameters import with_shape
+from pneudrive.simulation.trajectory import meaning
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.figures import Axis, Mark
 
+    Array = NDArray[np.float64]
+
+
+# --- Sentences of fits, from sentences.toml.
+
+
+@lru_cache(maxsize=1)
+def _table() -> dict[str, Any]:
+    return toml.read(Path(__file__).with_name("sentences.toml"))[0]
+
+
+def sentences(topic: str) -> dict[str, Any]:
+    """Return the sentences of a topic, by name."""
+    return _table()[topic]
+
+
+def stated(topic: str, key: str, **values: object) -> dict[str, str]:
+    """Return the parts of a message, such as what, rule and remedy, with these values."""
+    return {part: text.format(**values) for part, text in sentences(topic)[key].items()}
+
+
+def sentence(topic: str, key: str, **values: object) -> str:
+    """Return a sentence of a topic with these values."""
+    return sentences(topic)[key].format(**values)
+
+
+_ANY = "record motion that depends on it, or fix it"
+
+
+def remedy_for(name: str) -> str:
+    """Return the recording that would determine a value, in words."""
+    plain = name.partition(" [")[0]
+    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
+
+
+# --- Measured values and those of a model, and their figure.
+
+#: Number of points from which values are a line; rows of a figure.
+MANY, MOST_ROWS = 200, 12
+#: Columns of the horizontal axis -> axis.
+AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
+
+
+@dataclass(frozen=True)
+class FittedData:
+    """Measured values and those of the model, SI, shape (n,) each.
+
+    ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
+    """
+
+    x: str
+    y: str
+    at: Array
+    measured: Array
+    model: Array
+
+
+def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
+    """Draw a row for each pair: measured values with those of the model, and their difference."""
+    panels = []
+    for name in list(every)[thin(every, MOST_ROWS)]:
+        data, is_line = every[name], every[name].at.size > MANY
+        part, x = thin(data.at), AXES.get(data.x, data.x)
+        (column, si_unit, _), rest = meaning(data.y), data.measured - data.model
+        unit = readable(si_unit)[1]
+        unit = f" / ({unit})" if "/" in unit else f" / {unit}" if unit else ""
+        model = Look("orange", "-", "x")
+        marks: list[Mark] = [
+            Markers(data.at, data.measured, "measured", size=3.0),
+            Markers(data.at, data.model, "model", model),
+        ]
+        gap: Mark = Markers(data.at, rest, look=RESIDUAL, size=3.0)
+        if is_line:
+            marks = [
+                Line(data.at[part], data.measured[part], "measured"),
+                Line(data.at[part], data.model[part], "model", MODEL),
+            ]
+            gap = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6)
+        panels.append(Panel(marks, name, x, f"{column.replace('_', ' ')}{unit}"))
+        panels.append(Panel([gap, Rule(y=0.0)], "measured - model", x, f"difference{unit}"))
+    return Figure(panels, columns=2, row_in=1.7, rest_in=0.5)
+
+
+# --- Identified values for a drive: values by their names in the drive file, intervals, recordings.
 
 #: Digits of the ends of an interval, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
@@ -176,10 +269,10 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
     """Return the quantities of tubes and flow controls, by their names in the drive file."""
     if not drive.lines:
         return {}
-    from pneudrive.free.lines import numbers
+    from pneudrive.free.parameters import component_numbers
 
     form = json.loads(drive.core_json())
-    own = (number for number in numbers(form) if number[0].startswith(("tubing.", "flow_control.")))
+    own = (number for number in component_numbers(form) if number[0].startswith(("tubing.", "flow_control.")))
     return {name: parameter_quantity(entry) for name, _, _, entry in own}
 
 

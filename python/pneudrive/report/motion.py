@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.figures import Figure, Line, Look, Markers, Panel
-from pneudrive.identify.compared import comparison_figure
 from pneudrive.identify.follow.fit import fitted_pressures
+from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Picture, view_report
 from pneudrive.report.tables import Topic
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.report.page import Section
-    from pneudrive.validate.closure import Closure
-    from pneudrive.validate.motion import MotionValidation
+    from pneudrive.validate.motion import Closure, MotionValidation
 
 MOST_RECORDS = 4
 

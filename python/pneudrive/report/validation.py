@@ -28,7 +28,7 @@ from pneudrive.figures import (
 from pneudrive.report.page import Paragraph, Picture, view_report
 from pneudrive.report.tables import MOST_SHOWN, Topic, plural, quantity, spread_evenly
 from pneudrive.validate.balance import BALANCES, moving_mass
-from pneudrive.validate.static import STATIC_FIT_PERCENT
+from pneudrive.validate.motion import STATIC_FIT_PERCENT
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
@@ -38,9 +38,8 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.drive import Drive
     from pneudrive.report.page import Section
-    from pneudrive.validate.balance import Scene
-    from pneudrive.validate.signals import Signals
-    from pneudrive.validate.static import FrictionCurve, FrictionValidation
+    from pneudrive.validate.balance import Scene, Signals
+    from pneudrive.validate.motion import FrictionCurve, FrictionValidation
     from pneudrive.validate.validation import RecordResult, Validation
     from pneudrive.views import State
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pneudrive._core import SimulationResult
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.free.derivatives import Sensitivities
+    from pneudrive.free.parameters import Sensitivities
     from pneudrive.progress import Flag
 
 MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
@@ -263,7 +263,7 @@ def _derivatives(
     watch: Watch,
 ) -> Sensitivities:
     """Return the derivatives of the columns of a run, made under the same command, start state and tolerance."""
-    from pneudrive.free.derivatives import Differentiator
+    from pneudrive.free.parameters import Differentiator
 
     differentiator = Differentiator(drive, names, *conditions)
     values = [parameter.value for parameter in differentiator.parameters]

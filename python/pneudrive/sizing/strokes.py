@@ -22,8 +22,7 @@ from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
 from pneudrive.ensemble import engine
-from pneudrive.ensemble.outputs import Reduction
-from pneudrive.ensemble.plans import MemberPlans
+from pneudrive.ensemble.outputs import MemberPlans, Reduction
 from pneudrive.ensemble.variation import CoreMembers
 from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, choices
 

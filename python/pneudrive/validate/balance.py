@@ -1,34 +1,377 @@
-"""Balances of force and of both pressures along a recording: the drive's equations at measured states, and residuals.
+"""Signals of a recording, the balances along it, runs of its command, and metrics of their residuals.
 
-The core evaluates the equations (``Drive.along``). The residuals are in weak form, so that no measured signal is
-differentiated. With a smooth kernel k of compact support, integration by parts moves derivatives to the kernel:
-
-    e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
-    e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s
-
-Each residual is the part of the measurement that the model does not explain.
+The residual is measurement minus model. Bounds of correlations are valid for white residuals. The residual of a wrong
+model's free run is never white, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from pneudrive import _core
-from pneudrive.errors import SimulationError
+from pneudrive.errors import FitError, SimulationError
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.free.parameters import at_rest
 from pneudrive.identify.dynamic.result import MODEL_SHARE
+from pneudrive.identify.dynamic.sensors import CHANNELS, Sensor, channels_of, command_delay
+from pneudrive.numbers import plain
 from pneudrive.signals.motion import noise_level
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from numpy.typing import NDArray
 
+    from pneudrive._core import Shooting
     from pneudrive.describe.drive import Drive
-    from pneudrive.validate.signals import Signals
+    from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
+
+
+# --- Metrics of the residual between measurement and model, and tests whether it is noise.
+
+LAGS = 25
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Metrics of the residual of one channel.
+
+    Attributes
+    ----------
+    rms : float
+        Root mean square, SI.
+    largest : float
+        Greatest absolute residual, SI.
+    nrmse : float
+        rms / (max - min of the measurement).
+    fit_percent : float
+        100 (1 - ||e|| / ||y - mean y||); negative if the mean would fit better.
+    samples : int
+    """
+
+    rms: float
+    largest: float
+    nrmse: float
+    fit_percent: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Whiteness:
+    """Test of a residual for whiteness.
+
+    Attributes
+    ----------
+    autocorrelation : ndarray, shape (LAGS,)
+        Values at lags 1 to LAGS.
+    bound : float
+        1.96 / sqrt(N): 95 % of the values of white noise are within it.
+    outside : float
+        Share of the lags beyond the bound.
+    ljung_box, p : float
+        Statistic of Ljung and Box over all lags, and its p-value for white noise.
+    """
+
+    autocorrelation: Array
+    bound: float
+    outside: float
+    ljung_box: float
+    p: float
+
+
+@dataclass(frozen=True)
+class CrossCorrelation:
+    """Strongest correlation of a residual with a signal within +/- LAGS samples; `lag_s` > 0: the residual is later."""
+
+    signal: str
+    value: float
+    lag_s: float
+    bound: float
+
+
+def metrics(measured: Array, model: Array) -> Metrics:
+    """Return the metrics of a model against a measurement; samples where the model is NaN are left out.
+
+    Examples
+    --------
+    >>> found = metrics(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 2.2]))
+    >>> round(found.nrmse, 4), round(found.fit_percent, 2)
+    (0.0577, 85.86)
+    """
+    there = np.isfinite(model)
+    y, e = measured[there], (measured - model)[there]
+    if not e.size:
+        return Metrics(np.nan, np.nan, np.nan, np.nan, 0)
+    rms = float(np.sqrt(np.mean(e * e)))
+    span, spread = float(np.ptp(y)), float(np.linalg.norm(y - y.mean()))
+    return Metrics(
+        rms=rms,
+        largest=float(np.abs(e).max()),
+        nrmse=rms / span if span > 0.0 else np.nan,
+        fit_percent=100.0 * (1.0 - float(np.linalg.norm(e)) / spread) if spread > 0.0 else np.nan,
+        samples=int(e.size),
+    )
+
+
+def whiteness(residual: Array) -> Whiteness:
+    """Test a residual for whiteness with its first LAGS autocorrelations."""
+    from scipy.stats import chi2
+
+    e = residual[np.isfinite(residual)]
+    e = e - e.mean() if e.size else e
+    n, power = e.size, float(e @ e)
+    lags = np.arange(1, min(LAGS, n - 1) + 1)
+    if power == 0.0 or lags.size < 1:
+        return Whiteness(np.zeros(lags.size), np.nan, 0.0, 0.0, 1.0)
+    r = np.array([float(e[k:] @ e[:-k]) / power for k in lags])
+    bound = NORMAL_95 / np.sqrt(n)
+    statistic = float(n * (n + 2) * np.sum(r * r / (n - lags)))
+    outside = float(np.mean(np.abs(r) > bound))
+    return Whiteness(r, bound, outside, statistic, float(chi2.sf(statistic, lags.size)))
+
+
+def cross_correlations(residual: Array, signals: Mapping[str, Array], step_s: float) -> tuple[CrossCorrelation, ...]:
+    """Find the strongest correlation of a residual with each signal that changes; strongest first."""
+    there = np.isfinite(residual)
+    e = np.where(there, residual, 0.0) - (residual[there].mean() if there.any() else 0.0)
+    e[~there] = 0.0
+    bound = NORMAL_95 / np.sqrt(max(int(there.sum()), 1))
+    out = []
+    for name, values in signals.items():
+        s = np.where(there, values - values[there].mean(), 0.0) if there.any() else np.zeros_like(e)
+        scale = float(np.linalg.norm(e) * np.linalg.norm(s))
+        if scale == 0.0:
+            continue
+        best = max(range(-LAGS, LAGS + 1), key=lambda k: abs(_lagged(e, s, k)))
+        out.append(CrossCorrelation(name, _lagged(e, s, best) / scale, best * step_s, bound))
+    return tuple(sorted(out, key=lambda c: -abs(c.value)))
+
+
+def _lagged(e: Array, s: Array, k: int) -> float:
+    """Return the sum of e(t + k) s(t)."""
+    return float(e[k:] @ s[: s.size - k]) if k >= 0 else float(e[:k] @ s[-k:])
+
+
+# --- Recordings that made a fit, and recordings that were held out: only the latter test the fit.
+
+MADE, HELD_OUT = "made the fit", "held out"  # badges of a recording
+NONE_HELD_OUT = "no recording was held out: all of them made the fit, so nothing tests its predictions"
+
+
+def sources_of(drive: Drive) -> dict[str, str]:
+    """Return the recordings of the identified values of a drive, without hashes. A drive file lists the first six."""
+    texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
+    return {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
+
+
+def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:
+    """Return the badge of a recording; empty if no recordings of a fit are known.
+
+    Parameters
+    ----------
+    name, sha256 : str
+        Of the recording.
+    fitted : mapping
+        Name of each recording of the fit -> its hash, empty if unknown. Hashes decide if there are any.
+    """
+    if not fitted:
+        return ""
+    hashes = set(fitted.values()) - {""}
+    return MADE if (sha256 in hashes if hashes else name in fitted) else HELD_OUT
+
+
+def held_out_notes(badges: Iterable[str]) -> list[str]:
+    """Return a sentence if no recording was held out, or if the verdicts leave out recordings of the fit."""
+    found = list(badges)
+    if MADE not in found:
+        return []
+    if HELD_OUT not in found:
+        return [NONE_HELD_OUT]
+    return [f"recordings held out of the fit: {found.count(HELD_OUT)} of {len(found)}. Only they count in the verdicts"]
+
+
+# --- Signals derived from a recording: velocity, acceleration, start states of a model.
+
+#: Half of the window of the polynomial for velocity and acceleration, s (assumed: shorter than a servo drive needs to
+#: change its acceleration).
+HALF_WINDOW_S = 8e-3
+LEAST_HALF = 3
+#: Samples on each side over which a pressure is averaged.
+PRESSURE_HALF = 2
+#: Standard deviations of its noise above which a speed counts as motion.
+MOVES = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Recording on a uniform time base, with derivatives.
+
+    Attributes
+    ----------
+    recording : DriveRecording
+    time_s, command, position_m, pressure_a_pa, pressure_b_pa : ndarray, shape (n,)
+        Values on the uniform time base with `step_s`.
+    """
+
+    recording: DriveRecording
+    step_s: float
+    time_s: Array
+    command: Array
+    position_m: Array
+    pressure_a_pa: Array
+    pressure_b_pa: Array
+
+    @classmethod
+    def of(cls, recording: DriveRecording) -> Signals:
+        """Resample a recording to a uniform time base; a uniform one keeps its samples."""
+        time = recording.time_s
+        steps = np.diff(time)
+        step = float(recording.duration_s / (time.size - 1))
+        channels = ("position_m", "pressure_a_pa", "pressure_b_pa")
+        if np.abs(steps - step).max() <= 1e-3 * step:
+            return cls(recording, step, time, recording["command"], *(recording[c] for c in channels))
+        step = float(np.median(steps))
+        even: Array = np.arange(round(recording.duration_s / step) + 1, dtype=np.float64) * step
+        held = recording["command"][np.searchsorted(time, even, side="right") - 1]
+        x, a, b = (np.asarray(np.interp(even, time, recording[c]), dtype=np.float64) for c in channels)
+        return cls(recording, step, even, held, x, a, b)
+
+    @property
+    def half(self) -> int:
+        """Number of samples on each side in the window of derivatives."""
+        return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
+
+    def smooth(self, values: Array) -> Array:
+        """Return the values of the local cubics that also give velocity and acceleration; NaN stays NaN."""
+        width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
+        return np.asarray(savgol_filter(values, width, 3), dtype=np.float64)
+
+    @cached_property
+    def velocity_unsure_m_s(self) -> Array:
+        """Uncertainty of the velocity from its window, for each sample: the change if the window is halved."""
+        if "velocity_m_s" in self.recording:
+            return np.zeros_like(self.position_m)
+        return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
+
+    def _derivative(self, order: int, half: int | None = None) -> Array:
+        width = min(2 * (half or self.half) + 1, (self.position_m.size - 1) // 2 * 2 - 1)
+        return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=np.float64)
+
+    @cached_property
+    def velocity_m_s(self) -> Array:
+        """Velocity: the measured one, or the slope of a local cubic."""
+        if "velocity_m_s" in self.recording:
+            measured = self.recording["velocity_m_s"]
+            same = measured.size == self.time_s.size
+            return measured if same else np.interp(self.time_s, self.recording.time_s, measured)
+        return self._derivative(1)
+
+    @cached_property
+    def acceleration_m_s2(self) -> Array:
+        """Acceleration from a local cubic of the position."""
+        return self._derivative(2)
+
+    @cached_property
+    def velocity_noise_m_s(self) -> float:
+        """Standard deviation of the noise of `velocity_m_s`, from that of the position."""
+        if "velocity_m_s" in self.recording:
+            return noise_level(self.velocity_m_s)
+        weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)
+        return float(np.sqrt(weights @ weights)) * noise_level(self.position_m)
+
+    @property
+    def direction(self) -> Array:
+        """Sign of the velocity, 0 at rest."""
+        return np.where(self.moving, np.sign(self.velocity_m_s), 0.0)
+
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """Mask of samples with a speed beyond its noise."""
+        return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
+
+    def start_temperatures(self, drive: Drive) -> list[float]:
+        """Return the measured temperatures at the first sample, or the ambient one, K."""
+        names = ("temperature_a_k", "temperature_b_k")
+        return [float(self.recording[n][0]) if n in self.recording else drive.ambient.temperature_k for n in names]
+
+    def state(self, i: int) -> tuple[float, float, float, float, float]:
+        """Return time, position, velocity and both pressures at sample `i`, smoothed."""
+        around = slice(max(i - PRESSURE_HALF, 0), i + PRESSURE_HALF + 1)
+        near = slice(max(i - self.half, 0), i + self.half + 1)
+        t = self.time_s[near] - self.time_s[i]
+        x = float(np.polyfit(t, self.position_m[near], min(2, t.size - 1))[-1])
+        v = float(self.velocity_m_s[i]) if self.moving[i] else 0.0
+        pressures = [
+            float(np.polyfit(self.time_s[around] - self.time_s[i], p[around], 1)[-1])
+            for p in (self.pressure_a_pa, self.pressure_b_pa)
+        ]
+        return (float(self.time_s[i]), x, v, pressures[0], pressures[1])
+
+
+# --- Correction of a recording for known errors of its sensors, before it is compared with a model.
+
+
+def corrected(
+    recording: DriveRecording, sensors: Mapping[str, Sensor | Mapping[str, Any]] | None
+) -> tuple[DriveRecording, list[str]]:
+    """Correct a recording for offsets, gains and the delay of the command; return it with a note.
+
+    Parameters
+    ----------
+    recording : DriveRecording
+    sensors : mapping or None
+        Channel -> `Sensor` or its keywords, as of `identify`; offset, gain and lag are numbers here.
+
+    Raises
+    ------
+    FitError
+        The recording lacks a channel, or a number is free.
+    """
+    if not sensors:
+        return recording, []
+    delay = command_delay(sensors)
+    present = [name for name, column in CHANNELS.items() if column in recording]
+    columns, said = dict(recording.columns), []
+    if delay.free or any(channel.free for channel in channels_of(present, sensors)):
+        raise FitError("validate fits no numbers", remedy="Fit free numbers by identify, and pass its fit to validate.")
+    for channel in channels_of(present, sensors):
+        if channel.offset != 0.0 or channel.gain != 1.0:
+            columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain
+            factor, unit = readable(channel.unit)
+            gain = f", gain {plain(channel.gain, 5)}" if channel.gain != 1.0 else ""
+            said.append(f"{channel.name} offset {plain(channel.offset / factor)} {unit}{gain}")
+        if channel.lag > 0.0:
+            said.append(f"{channel.name} lag of {plain(1e3 * channel.lag)} ms, which is not corrected")
+    if delay.value_s != 0.0:
+        time, command = recording.time_s, recording["command"]
+        held = np.searchsorted(time, time - delay.value_s + 1e-9 * recording.duration_s, side="right") - 1
+        columns["command"] = command[np.clip(held, 0, time.size - 1)]
+        said.append(f"command that acts {plain(1e3 * delay.value_s)} ms late")
+    if not said:
+        return recording, []
+    note = f"{recording.name}: corrected for known errors of its sensors: {'; '.join(said)}"
+    return replace(recording, columns=columns), [note]
+
+
+# --- Balances of force and of both pressures along a recording: the drive's equations at measured states, and
+# residuals.
+#
+# The core evaluates the equations (``Drive.along``). The residuals are in weak form, so that no measured signal
+# is differentiated. With a smooth kernel k of compact support, integration by parts moves derivatives to the
+# kernel:
+#
+#     e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
+#     e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s
+#
+# Each residual is the part of the measurement that the model does not explain.
 
 Values = tuple["Array", "Array", "Array"]
 BALANCES = ("force", "pressure a", "pressure b")
@@ -267,3 +610,160 @@ def bending_m(drive: Drive) -> float:
     if not stiffness:
         return LEAST_BENDING_M
     return float(np.clip(BENT * level / stiffness, LEAST_BENDING_M, MOST_BENDING_M))
+
+
+# --- Simulation of a recorded command: free runs, runs with resets to measured states, and breakaway after stops.
+
+RTOL = 1e-6
+#: Result of a run of a drive as its circuit.
+LINES_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
+#: Shortest stop, s; shorter rests are reversals.
+LEAST_STOP_S = 0.05
+#: Longest simulated part of a rest before its end, s.
+MOST_STOP_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ModelRun:
+    """Simulation of a recorded command.
+
+    Attributes
+    ----------
+    columns : dict
+        Columns of a trajectory file at the samples of `Signals`; NaN after a failure.
+    restarts : ndarray of int
+        Samples with a reset to the measured state; the first is 0.
+    failures : tuple of str
+        Messages of failed segments.
+    """
+
+    columns: dict[str, Array]
+    restarts: NDArray[np.int64]
+    failures: tuple[str, ...]
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+
+@dataclass(frozen=True)
+class RecordedBreakaway:
+    """A stop that is followed by motion.
+
+    Attributes
+    ----------
+    start_s, onset_s : float
+        Times at which the piston came to rest, and started to move.
+    measured_n, model_n : float
+        Peak of the friction force in the direction of motion, N.
+    model_moved : bool
+        Whether the model broke away before the next stop; if not, its peak is its largest force at rest.
+    """
+
+    start_s: float
+    onset_s: float
+    measured_n: float
+    model_n: float
+    model_moved: bool
+
+    @property
+    def error(self) -> float:
+        """Relative error of the model."""
+        return (self.model_n - self.measured_n) / abs(self.measured_n)
+
+
+def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None = None) -> ModelRun:
+    """Simulate the recorded command with resets to the measured state at the given samples; None: only at the first.
+
+    A reset sets position, velocity and pressures; temperatures and inner states of friction continue. At the start,
+    temperatures are measured or ambient, and the bristles balance the force of the pressures.
+    """
+    at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
+    states = np.array([signals.state(int(i)) for i in at])
+    # A noisy position is limited to the stroke plus the possible depth in the end stops.
+    states[:, 1] = np.clip(states[:, 1], -1e-3, drive.cylinder.stroke_m + 1e-3)
+    change = np.r_[True, np.diff(signals.command) != 0.0]
+    steps = (signals.time_s[change], signals.command[change])
+    if not drive.is_plain:
+        return _run_as_circuit(drive, signals, at, states, steps)
+    end_s, rate = float(signals.time_s[-1]), 1.0 / signals.step_s
+    columns, failures = drive.system.compiled().restarted(
+        *steps, end_s, rate, states, signals.start_temperatures(drive), RTOL
+    )
+    n = signals.time_s.size
+    even = {name: values[:n] for name, values in columns.items()}
+    if next(iter(even.values())).size < n:  # rounding of duration times rate
+        even = {name: np.interp(signals.time_s, columns["time_s"], values) for name, values in even.items()}
+    return ModelRun(even, at, tuple(failures))
+
+
+def _run_as_circuit(
+    drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array, steps: tuple[Array, Array]
+) -> ModelRun:
+    """Simulate the segments one after the other; the gas in tubes and joints continues from segment to segment.
+
+    Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.
+    """
+    core = drive.system.compiled()
+    t_a, t_b = signals.start_temperatures(drive)
+    _, x, v, p_a, p_b = states[0]
+    inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.segment_names[6:]]
+    state = np.array([[x, v, p_a, t_a, p_b, t_b, *inner]])
+    columns = {name: np.full(signals.time_s.size, np.nan) for name in LINES_COLUMNS}
+    ends = [*at[1:].tolist(), signals.time_s.size - 1]
+    for k, (begin, end) in enumerate(zip(at.tolist(), ends, strict=True)):
+        if k:
+            state[0, [0, 1, 2, 4]] = states[k][1:]
+        request: Shooting = {
+            "times": steps[0],
+            "commands": steps[1],
+            "sample_times": signals.time_s[begin : end + 1],
+            "starts": [0],
+            "initial": state,
+            "outputs": LINES_COLUMNS,
+            "rtol": RTOL,
+        }
+        segment = core.shoot("command", request)
+        for name, values in zip(LINES_COLUMNS, segment["values"].T, strict=True):
+            columns[name][begin : end + 1] = values
+        if segment["failures"][0] is not None:
+            return ModelRun(columns, at, (segment["failures"][0],))
+        state = segment["ends"].copy()
+    return ModelRun(columns, at, ())
+
+
+def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
+    """Compare the model's breakaway with the measured one at each stop, from the measured state in the stop.
+
+    The peak occurs before the piston has moved by the deflection of bristles. Both forces are smoothed in the same way.
+    """
+    still, touching = ~signals.moving, near_stops(drive, signals)
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
+    least = round(LEAST_STOP_S / signals.step_s)
+    rests = [
+        (start, onset)
+        for start, onset in edges.reshape(-1, 2).tolist()
+        if onset - start >= least and onset < still.size and not touching[start:onset].any()
+    ]
+    if not rests:
+        return ()
+    starts = [max(start, onset - round(MOST_STOP_S / signals.step_s)) for start, onset in rests]
+    run = run_model(drive, signals, np.unique(np.r_[0, starts]))
+    # All forces on the moving mass except friction, minus m a, N in -x.
+    others = signals.smooth(Scene.of(drive, signals).terms.force_n)
+    measured = others - moving_mass(drive) * signals.acceleration_m_s2
+    model, position = signals.smooth(run["friction_force_n"]), signals.smooth(signals.position_m)
+    bend, out = bending_m(drive), []
+    for (start, onset), begin, end in zip(rests, starts, [*starts[1:], still.size], strict=True):
+        part, sign = slice(begin, end), float(np.sign(signals.velocity_m_s[onset]))
+        peak, moved = _peak(sign * measured[part], position[part], bend)
+        model_peak, model_moved = _peak(sign * model[part], run["position_m"][part], bend)
+        if moved and peak > 0.0 and np.isfinite(model_peak):
+            times = (float(signals.time_s[start]), float(signals.time_s[onset]))
+            out.append(RecordedBreakaway(*times, peak, model_peak, model_moved))
+    return tuple(out)
+
+
+def _peak(force: Array, position: Array, bend: float) -> tuple[float, bool]:
+    """Return the largest force before the piston has moved by `bend`, and whether it has moved by `bend`."""
+    beyond = np.flatnonzero(np.abs(position - position[0]) > bend)
+    return float(np.max(force[: int(beyond[0]) + 1] if beyond.size else force)), bool(beyond.size)

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Flag
-    from pneudrive.validate.balance import Values
-    from pneudrive.validate.signals import Signals
+    from pneudrive.validate.balance import Signals, Values
 
     Array = NDArray[np.float64]
 

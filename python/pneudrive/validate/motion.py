@@ -1,47 +1,467 @@
-"""Validation of a circuit along recorded motions: only start and delay of each recording are fitted."""
+"""Validation of a friction law, of a circuit along recorded motions, and of a regulator; balance of measured forces.
+
+Along motions, only start and delay of each recording are fitted.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
-from pneudrive.errors import CommandError
-from pneudrive.identify.compared import FittedData, comparison_figure
+from pneudrive.errors import CommandError, RecordingError
+from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.identify.export import steady_friction
+from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
-from pneudrive.identify.follow.fit import (
-    POOR,
-    FollowFit,
-    FollowRecord,
-    check_readings,
-    described_circuit,
-    follow_record,
-    hold_values,
-    open_recordings,
-    other_readings,
-    poor_fit,
-)
+from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.signals.drive_recording import read_volume_recordings
+from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
+from pneudrive.signals.pressure_delay import pressure_delay
 from pneudrive.signals.recording import Recording
-from pneudrive.simulation.trajectory import whole
-from pneudrive.validate.closure import Closure, close_balance
-from pneudrive.validate.metrics import HELD_OUT, MADE, NONE_HELD_OUT, badge_of, held_out_notes
+from pneudrive.simulation.trajectory import columns_in, whole
+from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
 from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from numpy.typing import NDArray
+
+    from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.problem import FollowSolution
-    from pneudrive.identify.follow.regulator import RegulatorFit
+    from pneudrive.identify.volume import RegulatorFit
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
+    from pneudrive.signals.pressure_delay import PressureDelay
 
+    Array = NDArray[np.float64]
+
+
+# --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
+
+OF_MAPS = ("friction_n", "velocity_m_s", "balance_n")
+#: Flag of a row of a map that knows one direction only.
+UNPAIRED = "unpaired"
+#: Target (assumed, as those of free runs).
+STATIC_FIT_PERCENT = 98.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurve:
+    """Measured friction of one condition against the law.
+
+    Attributes
+    ----------
+    condition : str
+    direction : int
+        +1, -1, or 0 for the mean of both.
+    speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
+        Measured values with their 95 % band.
+    model_n : ndarray, shape (m,)
+        Friction of the law at these speeds and pressures.
+    """
+
+    condition: str
+    direction: int
+    speed_m_s: Array
+    friction_n: Array
+    low_n: Array
+    high_n: Array
+    model_n: Array
+
+    @property
+    def inside(self) -> float:
+        """Fraction of the points with the law within their 95 % band."""
+        return float(np.mean((self.model_n >= self.low_n) & (self.model_n <= self.high_n)))
+
+    @property
+    def metrics(self) -> Metrics:
+        """Metrics of this condition."""
+        return metrics(self.friction_n, self.model_n)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionValidation(Viewed):
+    """Validation of a friction law against measured sliding friction."""
+
+    drive: Drive
+    source: Path
+    curves: tuple[FrictionCurve, ...]
+    synthetic: bool
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """Metrics over all points."""
+        measured = np.concatenate([c.friction_n for c in self.curves])
+        return metrics(measured, np.concatenate([c.model_n for c in self.curves]))
+
+    @property
+    def inside(self) -> float:
+        """Fraction of all points with the law within their 95 % band."""
+        sizes = np.array([c.speed_m_s.size for c in self.curves])
+        return float(np.average([c.inside for c in self.curves], weights=sizes))
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is reached."""
+        return self.metrics.fit_percent > STATIC_FIT_PERCENT
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write friction.csv, with a row for each measured point, into an existing folder."""
+        import polars as pl
+
+        from pneudrive.simulation.trajectory import check_target, write_frame
+
+        target = check_target(Path(folder) / "friction.csv", (".csv",))
+        names = ("condition", "direction", "speed_m_s", "friction_n", "low_n", "high_n", "model_n")
+        write_frame(pl.concat(pl.DataFrame({n: getattr(c, n) for n in names}) for c in self.curves), target)
+        return [target]
+
+    def view(self) -> View:
+        """Return the agreement over all conditions and for each, with its figure."""
+        return upper("friction_view")(self)
+
+    def report(self, folder: str | Path) -> Path:
+        """Write the page of the validation into an existing folder."""
+        return upper("write_friction_report")(self, folder)
+
+
+def is_friction(path: str | Path) -> bool:
+    """Return whether a path is a friction map or a campaign folder, not a recording of a drive.
+
+    Raises
+    ------
+    RecordingError
+        The file does not exist or is damaged.
+    """
+    path = Path(path)
+    return path.is_dir() or (path.suffix in (".parquet", ".csv") and len(columns_in(path, OF_MAPS)) == len(OF_MAPS))
+
+
+def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
+    """Compare the steady curve of a drive's friction law with measured friction.
+
+    Parameters
+    ----------
+    drive : Drive
+    path : path-like
+        Friction map (map.parquet, map.csv) or campaign folder.
+
+    Raises
+    ------
+    RecordingError, CampaignError
+        The data cannot be read, or contain no sliding friction.
+    """
+    path = Path(path)
+    curves = _of_campaign(drive, path) if path.is_dir() else _of_map(drive, path)
+    if not curves:
+        raise RecordingError("the data contain no sliding friction", where=str(path))
+    return FrictionValidation(drive, path, tuple(curves), False)
+
+
+def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
+    """Return the steady friction of the drive's law, N, against the motion, at velocities and gauge pressures."""
+    return steady_friction(drive.friction, velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
+
+
+def _model(drive: Drive, direction: int, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
+    """Return the law's friction in one direction; for direction 0 the mean of both, as a paired measurement is."""
+    signs = (direction,) if direction else (1, -1)
+    return np.mean([law_n(drive, sign * speed_m_s, gauge_a_pa, gauge_b_pa) for sign in signs], axis=0)
+
+
+def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
+    from pneudrive.friction.friction_map import AMBIENT, read_map
+
+    rows = read_map(path)
+    ambient = rows.attrs.get(AMBIENT, drive.ambient.pressure_pa)  # the law counts from the air around the seal
+    velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()
+    band = NORMAL_95 * np.hypot(rows["stderr_n"].to_numpy(), rows["u_systematic_n"].to_numpy())
+    flags = rows["flags"].to_numpy()
+    stuck, alone = (np.array([word in flag for flag in flags]) for word in ("stick_slip", UNPAIRED))
+    good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
+    direction_of = np.where(alone, np.sign(velocity), 0.0)  # otherwise friction_n is the mean of both directions
+    gauges = [rows[f"pressure_{c}_pa"].to_numpy() - ambient for c in "ab"]
+    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # pressures equal to 0.1 bar are one condition
+    out = []
+    for a, b in np.unique(rounded[good], axis=0):
+        for direction in (0, 1, -1):
+            mine = good & (rounded == (a, b)).all(axis=1) & (direction_of == direction)
+            if not mine.any():
+                continue
+            order = np.flatnonzero(mine)[np.argsort(np.abs(velocity[mine]))]
+            gauge_a, gauge_b = (float(g[order].mean()) for g in gauges)
+            speed = np.abs(velocity[order])
+            model = _model(drive, direction, speed, gauge_a, gauge_b)
+            low, high = friction[order] - band[order], friction[order] + band[order]
+            name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
+            out.append(FrictionCurve(name, direction, speed, friction[order], low, high, model))
+    return out
+
+
+def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
+    from pneudrive.friction.campaign.characteristics import campaign_friction
+
+    found = campaign_friction(path)
+    ambient = found.identity.ambient_pressure_pa
+    out = []
+    signed = {curve.condition for curve in found.curves if curve.direction != 0}
+    for curve in found.curves:
+        if curve.direction == 0 and curve.condition in signed:
+            continue  # the mean, where both directions exist
+        at = curve.measured
+        speed = curve.speed_m_s[at]
+        if not speed.size:
+            continue
+        gauges = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
+        model = _model(drive, curve.direction, speed, *gauges)
+        values = (curve.friction_n[at], curve.low_n[at], curve.high_n[at])
+        out.append(FrictionCurve(curve.condition.label(ambient), curve.direction, speed, *values, model))
+    return out
+
+
+# --- Force balance of a dragged piston: closure of measured force, pressures and parallel forces, and likely errors.
+
+INSIDE = 0.12  # of the travel, at both ends, where the motion turns
+SLOWEST = 0.03  # of the largest speed: slower samples do not slide
+SLOPE_S = 0.06  # half width of the slope that is the speed, s
+ONE_SPEED = 1.3  # speeds of a direction within this ratio do not determine a slope
+BLOCK_S = 5.0  # blocks of time for the covariance
+TARGET = 0.01  # of the force range (assumed)
+CLEARLY = 0.5  # another reading is the cause if its residual is below this share
+VISIBLE = 3.0  # the gas force must change by this multiple of the friction for its gain to count
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Balance of one recording.
+
+    Attributes
+    ----------
+    name : str
+    rms_n, share : float
+        Residual at declared areas, with an offset and friction ``d + e |v|`` per direction: N, share of the range.
+    friction_n : dict
+        Direction -> friction at rest and its slope over speed, N and N s/m.
+    offset_n : float
+    gains : dict
+        Parallel force -> its gain if it is free, with its 95 % interval; ``gas`` that of the gas force.
+    viscous : Estimate
+        Slope of the friction in +x while the gains are free, N s/m.
+    correlation : float or None
+        Of the first parallel force's gain with that slope.
+    range_n, fastest_m_s : float
+        Range of the measured force; largest speed in sliding.
+    time_s, residual_n : ndarray
+        Residuals of the samples in sliding.
+    doubts : tuple of str
+        Likely causes of a balance that does not close.
+    delay : PressureDelay or None
+        Delay of the pressures of closed chambers after the motion. A clear delay was removed before the balance.
+    recorded : Closure or None
+        Balance with the delay of the recording, if a clear delay was removed.
+    """
+
+    name: str
+    rms_n: float
+    share: float
+    friction_n: dict[int, tuple[float, float]]
+    offset_n: float
+    gains: dict[str, Estimate]
+    viscous: Estimate
+    correlation: float | None
+    range_n: float
+    fastest_m_s: float
+    time_s: Array = field(repr=False)
+    residual_n: Array = field(repr=False)
+    doubts: tuple[str, ...] = ()
+    delay: PressureDelay | None = None
+    recorded: Closure | None = field(default=None, repr=False)
+
+    def friction_at(self, speed_m_s: float) -> float:
+        """Return the friction at a speed in its direction, N, positive if it opposes the motion."""
+        at_rest, slope = self.friction_n[1 if speed_m_s > 0.0 else -1]
+        return at_rest + slope * abs(speed_m_s)
+
+    def __str__(self) -> str:
+        """Return the result in sentences."""
+        lines = [
+            f"{self.name}: the balance closes within {self.rms_n:.3g} N, {100 * self.share:.2f} % of the force range"
+        ]
+        if self.recorded is not None:
+            lines.append(f"{self.delay}: this delay is removed")
+            for way in self.friction_n:
+                speed = way * self.fastest_m_s
+                lines.append(
+                    f"friction at {speed:.2g} m/s: {self.friction_at(speed):.4g} N, with the delay as recorded "
+                    f"{self.recorded.friction_at(speed):.4g} N"
+                )
+        for name, gain in self.gains.items():
+            lines.append(f"gain of {name}, if free: {gain.value:.3f} [{gain.low:.3f}, {gain.high:.3f}]")
+        if self.correlation is not None:
+            lines.append(
+                f"this gain and the viscous friction correlate at {self.correlation:.2f}: friction over speed depends "
+                "on the stated area"
+            )
+        return "; ".join([*lines, *self.doubts])
+
+
+def close_balance(recording: Recording) -> Closure:
+    """Return the force balance of a recording.
+
+    A clear delay between the pressures of closed chambers and the motion is removed first. Force and position are
+    assumed to have one clock.
+
+    Parameters
+    ----------
+    recording : Recording
+        With force, pressures and parallel forces.
+    """
+    delay, begin = pressure_delay(recording), float(recording.time_s[0])
+    if delay is None or not delay.is_clear:
+        return replace(_balance(recording, begin), delay=delay)
+    return replace(_balance(delay.removed(recording), begin), delay=delay, recorded=_balance(recording, begin))
+
+
+def _balance(recording: Recording, begin_s: float) -> Closure:
+    """Return the balance of a recording as it is; times count from `begin_s`."""
+    time = recording.time_s - begin_s
+    sliding = _sliding(recording, time)
+    base, balance = sliding.base, recording.balance_n()[sliding.use]
+    found, *_ = np.linalg.lstsq(base, balance, rcond=None)
+    residual = balance - base @ found
+    span, rms = float(np.ptp(recording.force_n)) or 1.0, float(np.sqrt(np.mean(residual**2)))
+    value = dict(zip(sliding.names, found.tolist(), strict=True))
+    friction, offset = _friction(value)
+    extra = {force.name: -force.force_n[sliding.use] for force in recording.parallel}
+    gas = _gas(recording)[sliding.use]
+    least = [abs(d) for d, _ in friction.values() if np.isfinite(d)]
+    if np.ptp(gas) > VISIBLE * max(*least, NOISE_FACTOR * noise_level(recording.force_n)):
+        extra["gas"] = -gas
+    gains, viscous, correlation = _free_gains(time[sliding.use], sliding, balance, extra)
+    doubts = tuple(_doubts(recording, sliding, rms / span))
+    return Closure(
+        recording.name, rms, rms / span, friction, offset, gains, viscous, correlation, span,
+        float(np.abs(sliding.speed).max()), time[sliding.use], residual, doubts,
+    )  # fmt: skip
+
+
+class _Sliding(NamedTuple):
+    """Samples in sliding, the columns of friction with their names, and the signed speed."""
+
+    use: NDArray[np.bool_]
+    base: Array
+    names: list[str]
+    speed: Array
+
+
+def _sliding(recording: Recording, time: Array) -> _Sliding:
+    usual = float(np.median(np.diff(time)))
+    speed = local_slope(time, recording.position_m, max(int(SLOPE_S / usual), 1))
+    inside = (recording.position_m - recording.position_m.min()) / np.ptp(recording.position_m)
+    use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (np.abs(speed) > SLOWEST * np.abs(speed).max())
+    v, columns = speed[use], {}
+    for way in (1, -1):
+        there = np.sign(v) == way
+        if there.any():
+            columns[f"d{way}"] = there * 1.0
+            low, high = np.quantile(np.abs(v[there]), (0.05, 0.95))
+            if high > ONE_SPEED * low:
+                columns[f"e{way}"] = np.where(there, v, 0.0)
+    return _Sliding(use, np.column_stack([*columns.values()]), list(columns), v)
+
+
+def _friction(value: dict[str, float]) -> tuple[dict[int, tuple[float, float]], float]:
+    """Return friction at rest and its slope by direction, and the offset: half the sum of both directions."""
+    both = "d1" in value and "d-1" in value
+    offset = 0.5 * (value["d1"] + value["d-1"]) if both else 0.0
+    found = {
+        way: (way * (value[f"d{way}"] - offset), value.get(f"e{way}", 0.0)) for way in (1, -1) if f"d{way}" in value
+    }
+    return found, offset
+
+
+def _gas(recording: Recording) -> Array:
+    ambient = recording.ambient_pressure_pa
+    a = recording.area_a_m2 * (recording.pressure_a_pa - ambient)
+    return a - recording.area_b_m2 * (recording.pressure_b_pa - ambient)
+
+
+def _free_gains(
+    time_s: Array, sliding: _Sliding, balance: Array, extra: dict[str, Array]
+) -> tuple[dict[str, Estimate], Estimate, float | None]:
+    """Return gains of forces relative to their stated areas, with blocks of time for their covariance."""
+    base, names = sliding.base, sliding.names
+    matrix = np.column_stack([base, *extra.values()])
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
+    solution = inverse @ ((matrix / scale).T @ balance)
+    rest = balance - (matrix / scale) @ solution
+    edges = np.unique(np.floor(time_s / BLOCK_S), return_index=True)[1]
+    scores = np.add.reduceat((matrix / scale) * rest[:, None], edges, axis=0)
+    blocks = len(edges)
+    covariance = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - matrix.shape[1], 1)
+    value, deviation = solution / scale, np.sqrt(np.diag(covariance)) / scale
+    freedom, n = max(blocks - matrix.shape[1], 3), base.shape[1]
+    gains = {
+        name: Estimate.of(1.0 + float(value[n + i]), float(deviation[n + i]), freedom, "")
+        for i, name in enumerate(extra)
+    }
+    place = names.index("e1") if "e1" in names else len(names) - 1
+    viscous = Estimate.of(float(value[place]), float(deviation[place]), freedom, "N s/m")
+    if not extra or next(iter(extra)) == "gas":
+        return gains, viscous, None
+    correlation = covariance[place, n] / np.sqrt(covariance[place, place] * covariance[n, n])
+    return gains, viscous, float(correlation)
+
+
+def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
+    """Return likely causes of a balance that does not close, or in which friction drives the motion."""
+    at, base = sliding.use, sliding.base
+    if share < TARGET and _drives(base, recording.balance_n()[at], sliding) > 0.0:
+        return []
+    turned = replace(recording, force_n=-recording.force_n)
+    swapped = replace(recording, pressure_a_pa=recording.pressure_b_pa, pressure_b_pa=recording.pressure_a_pa)
+    others = {'the force has the other sign: change its "positive" in the layout': turned}
+    others["pressure_a and pressure_b are swapped"] = swapped
+    for place, force in enumerate(recording.parallel):
+        parallel = list(recording.parallel)
+        parallel[place] = force._replace(force_n=-force.force_n)
+        others[f'the {force.name} acts in the other direction: change its "positive" in the layout'] = replace(
+            recording, parallel=tuple(parallel)
+        )
+    span, sizes = float(np.ptp(recording.force_n)) or 1.0, {}
+    for words, other in others.items():
+        balance = other.balance_n()[at]
+        if _drives(base, balance, sliding) > 0.0:
+            rest = balance - base @ np.linalg.lstsq(base, balance, rcond=None)[0]
+            sizes[words] = float(np.sqrt(np.mean(rest**2))) / span
+    best = min(sizes, key=lambda words: sizes[words], default="")
+    if best and (sizes[best] < CLEARLY * share or share < TARGET):
+        return [f"{best}: the balance would close within {100 * sizes[best]:.2f} % of the force range"]
+    if share < TARGET:
+        return ["friction would drive the motion: check the signs of force and position"]
+    return [
+        "the residual depends on speed and direction like a force in parallel that the layout lacks, such as that of a "
+        "hydraulic ram: describe it as [[force]]"
+    ]
+
+
+def _drives(base: Array, balance: Array, sliding: _Sliding) -> float:
+    """Return the mean power of the fitted friction, positive if it brakes."""
+    found, *_ = np.linalg.lstsq(base, balance, rcond=None)
+    return float(np.mean((base @ found) * sliding.speed))
+
+
+# --- Validation of a circuit along recorded motions: only start and delay of each recording are fitted.
 
 PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and force (assumed)
 LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks, if its interval excludes 0
@@ -68,7 +488,7 @@ class MotionValidation(Viewed):
     """
 
     circuit: Circuit
-    records: tuple[FollowRecord, ...]
+    records: tuple[motions.FollowRecord, ...]
     closures: tuple[Closure, ...]
     open: tuple[str, ...]
     doubts: tuple[str, ...]
@@ -127,7 +547,7 @@ class MotionValidation(Viewed):
 
 
 def validate_motion(
-    circuit: FollowFit | Circuit | str | Path,
+    circuit: motions.FollowFit | Circuit | str | Path,
     recordings: str | Path | Recording | Iterable[str | Path | Recording],
     *,
     layout: Layout | str | Path | None = None,
@@ -158,19 +578,19 @@ def validate_motion(
     """
     watch = Watch(progress, cancel)
     recordings = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    described, fit = described_circuit(circuit)
+    described, fit = motions.described_circuit(circuit)
     fitted = {} if fit is None else fit.hashes
     records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
     if not records:
         raise CommandError("no recording is given")
-    doubts = check_readings(driven, records)
-    idle = open_recordings(driven, records)
+    doubts = motions.check_readings(driven, records)
+    idle = motions.open_recordings(driven, records)
     used = [record for record in records if record not in idle]
     solution, found = None, ()
     if used:
-        solution = hold_values(described, used, watch)
-        found = tuple(follow_record(solution, at) for at in range(len(used)))
-        doubts += [*poor_fit(solution), *other_readings(solution), *_late(found)]
+        solution = motions.hold_values(described, used, watch)
+        found = tuple(motions.follow_record(solution, at) for at in range(len(used)))
+        doubts += [*motions.poor_fit(solution), *motions.other_readings(solution), *_late(found)]
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
     closures = tuple(close_balance(force) for force in forces)
     badges = {r.name: badge_of(r.name, r.recording.sha256 or "", fitted) for r in records}
@@ -180,13 +600,13 @@ def validate_motion(
     )
 
 
-def _late(records: tuple[FollowRecord, ...]) -> list[str]:
+def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
     """Return the loggers whose clock differs from that of the position."""
     return [
         f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
         f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
         for r in records
-        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1]) and max(r.rms) < POOR
+        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1]) and max(r.rms) < motions.POOR
     ]
 
 

@@ -16,28 +16,15 @@ from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
-from pneudrive.identify.follow.regulator import RegulatorFit
+from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
+from pneudrive.validate import balance
 from pneudrive.validate.diagnosis import diagnose
-from pneudrive.validate.metrics import (
-    HELD_OUT,
-    CrossCorrelation,
-    Metrics,
-    Whiteness,
-    badge_of,
-    cross_correlations,
-    held_out_notes,
-    metrics,
-    sources_of,
-    whiteness,
-)
 from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
-from pneudrive.validate.signals import Signals, corrected
-from pneudrive.validate.simulation import ModelRun, RecordedBreakaway, breakaways, run_model
 from pneudrive.views import Viewed
 
 if TYPE_CHECKING:
@@ -91,10 +78,10 @@ class ChannelResult:
     """
 
     channel: str
-    free: Metrics
-    restarted: Metrics
-    whiteness: Whiteness
-    cross: tuple[CrossCorrelation, ...]
+    free: balance.Metrics
+    restarted: balance.Metrics
+    whiteness: balance.Whiteness
+    cross: tuple[balance.CrossCorrelation, ...]
     window_rms: Array
     off_s: float | None
 
@@ -103,11 +90,11 @@ class ChannelResult:
 class RecordResult(Shown):
     """Results of one recording."""
 
-    signals: Signals
-    free: ModelRun
-    restarted: ModelRun
+    signals: balance.Signals
+    free: balance.ModelRun
+    restarted: balance.ModelRun
     channels: dict[str, ChannelResult]
-    breakaways: tuple[RecordedBreakaway, ...]
+    breakaways: tuple[balance.RecordedBreakaway, ...]
 
     @property
     def recording(self) -> DriveRecording:
@@ -169,26 +156,26 @@ class Validation(Viewed):
 
     def badge(self, record: RecordResult) -> str:
         """Return whether a recording ``made the fit`` or was ``held out``; empty if it is not known."""
-        return badge_of(record.recording.name, record.recording.sha256, self.fitted)
+        return balance.badge_of(record.recording.name, record.recording.sha256, self.fitted)
 
     @property
     def synthetic(self) -> bool:
         """Whether all recordings come from simulations."""
         return all(r.recording.synthetic for r in self.records)
 
-    def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> Metrics:
+    def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> balance.Metrics:
         """Return the metrics over all recordings; for several channels, those of the worst channel."""
         found = []
         for channel in channels:
             runs = [(r.restarted if restarted else r.free)[channel] for r in self.records]
             measured = np.concatenate([getattr(r.signals, channel) for r in self.records])
-            found.append(metrics(measured, np.concatenate(runs)))
+            found.append(balance.metrics(measured, np.concatenate(runs)))
         return max(found, key=lambda m: np.inf if np.isnan(m.nrmse) else m.nrmse)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdicts on all targets, from the recordings that were held out of the fit, if there are any."""
-        held_out = tuple(r for r in self.records if self.badge(r) == HELD_OUT)
+        held_out = tuple(r for r in self.records if self.badge(r) == balance.HELD_OUT)
         if 0 < len(held_out) < len(self.records):
             return replace(self, records=held_out).verdicts
         fit = self.pooled(["position_m"]).fit_percent
@@ -409,16 +396,16 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     watch = Watch(progress, cancel)
-    read, known, fitted = [], [], fitted or sources_of(drive)
+    read, known, fitted = [], [], fitted or balance.sources_of(drive)
     for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
-        without, said = corrected(recording, own)
+        without, said = balance.corrected(recording, own)
         read.append(without)
         known += said
-    records = tuple(_record(drive, Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
-    badges = [badge_of(r.name, r.sha256, fitted) for r in read]
-    notes = (*held_out_notes(badges), *known, *_notes(records), *time_gaps(read))
+    records = tuple(_record(drive, balance.Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
+    badges = [balance.badge_of(r.name, r.sha256, fitted) for r in read]
+    notes = (*balance.held_out_notes(badges), *known, *_notes(records), *time_gaps(read))
     found = Validation(drive, records, window_s, notes, fitted)
     found.diagnosis(progress, cancel)
     return found
@@ -453,14 +440,14 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 def _is_crossed(record: RecordResult) -> bool:
     """Whether the pressures of the free run fit only the recorded pressures of the other chamber (swapped columns)."""
     a, b = "pressure_a_pa", "pressure_b_pa"
-    crossed = [metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
+    crossed = [balance.metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
     return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))
 
 
-def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
-    free = run_model(drive, signals)
+def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordResult:
+    free = balance.run_model(drive, signals)
     every = max(round(window_s / signals.step_s), 2)
-    restarted = run_model(drive, signals, np.arange(0, max(signals.time_s.size - every // 2, 1), every))
+    restarted = balance.run_model(drive, signals, np.arange(0, max(signals.time_s.size - every // 2, 1), every))
     stimuli = {
         "command": signals.command,
         "direction": signals.direction,
@@ -476,14 +463,14 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
         beyond = ~(np.abs(residual) <= OFF_SHARE * float(np.ptp(measured)))
         channels[channel] = ChannelResult(
             channel,
-            metrics(measured, free[channel]),
-            metrics(measured, restarted[channel]),
-            whiteness(residual),
-            cross_correlations(residual, stimuli, signals.step_s),
+            balance.metrics(measured, free[channel]),
+            balance.metrics(measured, restarted[channel]),
+            balance.whiteness(residual),
+            balance.cross_correlations(residual, stimuli, signals.step_s),
             np.array([float(np.sqrt(np.mean(w * w))) for w in windows]),
             float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
-    return RecordResult(signals, free, restarted, channels, breakaways(drive, signals))
+    return RecordResult(signals, free, restarted, channels, balance.breakaways(drive, signals))
 
 
 def run_name(number: int) -> str:
@@ -534,5 +521,5 @@ def _record_table(record: RecordResult) -> dict[str, Any]:
     return out | {"breakaway": [vars(b) | {"error": b.error} for b in record.breakaways]}
 
 
-def _metrics(found: Metrics) -> dict[str, object]:
+def _metrics(found: balance.Metrics) -> dict[str, object]:
     return {name: value for name, value in vars(found).items() if np.isfinite(value)}

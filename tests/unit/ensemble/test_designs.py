@@ -12,7 +12,7 @@ import xarray as xr
 from scipy import stats
 
 import pneudrive as pn
-from pneudrive.ensemble.distributions import Lognormal, Normal, Triangular, Uniform
+from pneudrive.ensemble.design import Lognormal, Normal, Triangular, Uniform
 from pneudrive.ensemble.variation import Variation
 from pneudrive.errors import CommandError
 from pneudrive.identify.dynamic import DriveFit

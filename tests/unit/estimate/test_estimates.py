@@ -18,9 +18,8 @@ from pneudrive.estimate.autocorrelation import (
     stderr_of_mean,
 )
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, mean_estimate, student
-from pneudrive.estimate.profile import profile_interval
-from pneudrive.estimate.separable import corrected_criterion, refined, scan
-from pneudrive.estimate.transforms import Transforms, intervals
+from pneudrive.estimate.mixed import corrected_criterion, refined, scan
+from pneudrive.estimate.profile import Transforms, intervals, profile_interval
 
 RNG = np.random.default_rng(4)
 ONE, TWO = RNG.normal(0.4, 1.0, 9), RNG.normal(0.0, 2.0, 14)

@@ -9,7 +9,7 @@ from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.design import DesignSpace, exchange, information, prediction_variance
 from pneudrive.identify import fit_friction
-from pneudrive.identify.design import Limits, Prior, expected_half_widths, next_measurements
+from pneudrive.identify.design import Limits, Prior, _gradients, _half_widths, next_measurements
 from pneudrive.identify.static.model import at_conditions
 
 RANGE = (1e-3, 0.45)
@@ -73,7 +73,9 @@ def test_exchange_is_as_good_as_the_optimal_weights(truth):
 
 def test_expected_intervals_come_true(make_map, truth, friction_of):
     speeds = np.repeat(np.geomspace(*RANGE, 10), 2)
-    expected = expected_half_widths(Prior.of_law("stribeck gaussian", truth), speeds, 0.0, 0.0, 0.5)
+    prior = Prior.of_law("stribeck gaussian", truth)
+    g = _gradients(prior, at_conditions(speeds, 0.0 * speeds, 0.0 * speeds)) / 0.5
+    expected = _half_widths(prior, np.einsum("dci,dcj->dij", g, g), speeds.size)
     found = {name: [] for name in expected}
     for seed in range(40):
         noise = 0.5 * np.random.default_rng([5, seed]).standard_normal(20)

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from oracle.bootstrap import drive_bootstrap
+from oracle.bootstrap import drive_bootstrap, intervals_of_draws
 from pneudrive.errors import FitError, PneudriveWarning
-from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.free.parameters import numbers_of
 from pneudrive.identify.dynamic.sensors import lagged
 from pneudrive.identify.files import read_fit
@@ -215,7 +214,7 @@ def test_a_search_that_is_interrupted_keeps_the_best_so_far() -> None:
 
 @pytest.mark.parametrize("law", ["lugre", "elasto-plastic"])
 def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str, tmp_path: Path) -> None:
-    from pneudrive.identify.dynamic.presliding import _simulated_loop
+    from pneudrive.identify.dynamic.fit import _simulated_loop
 
     table = {k: v for k, v in reference().friction.to_dict().items() if k != "law"}
     drive = reference().replace({"friction": {"law": law, **table}})

@@ -17,7 +17,7 @@ import pneudrive as pn
 from oracle.bootstrap import bootstrap
 from oracle.drive_records import record
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
-from pneudrive.estimate.transforms import Transforms
+from pneudrive.estimate.profile import Transforms
 from pneudrive.free.parameters import chosen, family_of
 from pneudrive.identify import FrictionFit, fit_friction
 from pneudrive.identify.dynamic.problem import Shooter

@@ -81,11 +81,11 @@ def test_an_exponential_curve_goes_over_to_modelica_exactly(make_map):
 
 def test_a_curve_of_simscape_goes_over_exactly(make_map):
     p = {"brkwy_frc": 50.0, "brkwy_vel": 0.01, "Col_frc": 30.0, "visc_coef": 40.0}
-    from pneudrive.identify.export import Curve, export
+    from pneudrive.identify.export import SlidingCurve, export
 
     speed = np.geomspace(1e-3, 0.45, 300)
     friction = np.array([simscape(v, p) for v in speed])
-    done = export(Curve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), ()), "simscape")
+    done = export(SlidingCurve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), ()), "simscape")
     assert done.worst_n < 1e-6
     for name, value in p.items():
         assert done.value(name) == pytest.approx(value, rel=1e-5)

@@ -11,7 +11,7 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recording
 from pneudrive.identify.follow.fit import FollowFit, simulate_motion
-from pneudrive.validate.closure import close_balance
+from pneudrive.validate.motion import close_balance
 
 ATMOSPHERE = 1.013e5
 

@@ -9,9 +9,9 @@ from scipy.optimize import least_squares
 
 from pneudrive import Drive, _core
 from pneudrive.errors import FitError
-from pneudrive.estimate.losses import LINEAR, LOSSES
+from pneudrive.estimate.autocorrelation import LINEAR, LOSSES
 from pneudrive.identify import FrictionFit, fit_friction
-from pneudrive.identify.static.laws import select_friction_law
+from pneudrive.identify.design import select_friction_law
 from pneudrive.identify.static.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 20)

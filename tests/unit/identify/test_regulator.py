@@ -8,7 +8,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import FitError
-from pneudrive.identify.follow.regulator import Regulator, identify_regulator
+from pneudrive.identify.volume import Regulator, identify_regulator
 from pneudrive.signals.drive_recording import volume_recording
 
 DATA = Path(__file__).parents[3] / "data/measurements/affetto-2024"

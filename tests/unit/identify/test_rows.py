@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.autocorrelation import distinct
-from pneudrive.estimate.losses import moderate
+from pneudrive.estimate.autocorrelation import distinct, moderate
 from pneudrive.identify import fit_directions, fit_friction
 
 SPEED = np.geomspace(1e-3, 0.45, 20)

@@ -11,7 +11,7 @@ from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.identify import fit_friction
 from pneudrive.identify.static.model import FrictionModel, Observations, at_conditions
-from pneudrive.identify.static.survey import held_out, survey, survey_values
+from pneudrive.identify.static.survey import survey, survey_values
 
 LEVELS = np.array([1e5, 3e5, 5e5, 7e5])
 
@@ -94,8 +94,6 @@ def test_messages_name_what_is_there(make_map):
         found.predict("O-ring", speed_m_s=0.01, run="2")
     with pytest.raises(FitError, match=r"(?s)no column 'seal'.*Known: flags, recording"):
         survey(curves, "seal")
-    with pytest.raises(FitError, match=r"cannot hold out by 'day'"):
-        held_out(curves, ["O-ring"] * 12, by="day")
     with pytest.raises(FitError, match="too few recordings for the number of parameters"):
         survey(curves.isel(row=slice(0, 6)), ["O-ring"] * 6)
 

@@ -8,9 +8,8 @@ from oracle.drive_records import drive, record
 from oracle.faulty_circuits import faulty_record
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
-from pneudrive.validate.balance import Scene
+from pneudrive.validate.balance import Scene, Signals
 from pneudrive.validate.causes import causes
-from pneudrive.validate.signals import Signals
 
 BY_NAME = {case.name: case for case in CASES}
 #: Seeded case -> (amount in SI that the model lacks).

@@ -15,7 +15,7 @@ from pneudrive.cli.main import run
 from pneudrive.errors import Cancelled, FitError, LayoutError, RecordingError
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import validate
-from pneudrive.validate.metrics import cross_correlations, metrics, whiteness
+from pneudrive.validate.balance import cross_correlations, metrics, whiteness
 
 
 def test_the_true_model_passes_and_a_wrong_one_does_not():

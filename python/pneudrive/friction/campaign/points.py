@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import cells, levels, stderrs_of_means
-from pneudrive.estimate.losses import moderate
+from pneudrive.estimate.autocorrelation import cells, levels, moderate, stderrs_of_means
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import CycleTable, mean_of_sides

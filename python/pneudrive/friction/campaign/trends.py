@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import cells, centred_walk, stderrs_of_means
+from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
-from pneudrive.estimate.losses import moderate
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pneudrive.identify.dynamic.fit import identify
-from pneudrive.identify.dynamic.presliding import Presliding, identify_presliding
+from pneudrive.identify.dynamic.fit import Presliding, identify, identify_presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.dynamic.search import Progress
 from pneudrive.identify.dynamic.sensors import Sensor

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.free.lines import at_rest
+from pneudrive.free.parameters import at_rest
 from pneudrive.identify.dynamic.sensors import lagged
 from pneudrive.progress import UNWATCHED
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
     from pneudrive.describe.drive import Drive
-    from pneudrive.estimate.transforms import Transforms
+    from pneudrive.estimate.profile import Transforms
     from pneudrive.free.parameters import DriveFamily, Parameter
     from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.progress import Watch

@@ -26,17 +26,15 @@ from pneudrive import __version__, _core
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import student
-from pneudrive.estimate.transforms import intervals as intervals_at
+from pneudrive.estimate.profile import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.compared import FittedData
 from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.identify.dynamic.search import profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
-from pneudrive.identify.identified import apply_identified
-from pneudrive.identify.sentences import remedy_for
-from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
+from pneudrive.identify.export import SlidingCurve, curve_of_drive
+from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
@@ -235,10 +233,7 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
     if note is not None and same_start:
         warn(note)
     elif kept:
-        warn(
-            f"the recordings do not determine {', '.join(sorted(kept))}, so that the fitted values are combined with "
-            "values outside the fit: run `pneudrive validate` on the result"
-        )
+        warn(sentence("notes", "mixture", kept=", ".join(sorted(kept))))
 
 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
@@ -420,31 +415,20 @@ TOGETHER = 0.95
 RESOLVED_SHARE = 0.1
 
 
-def statements(
-    names: list[str],
-    values: Array,
-    sizes: Array,
-    intervals: dict[str, tuple[float, float]],
-    units: Mapping[str, str],
-    correlation: Array,
-    weak: Array,
-) -> list[Undetermined]:
+def _lost(fit: DriveFit, ends: dict[str, tuple[float, float]], sizes: Array, weak: Array) -> list[Undetermined]:
     """Return statements on values that the recordings do not determine.
 
     Parameters
     ----------
-    names, values
-        Names and values of the free numbers, SI, shape (P,).
+    fit : DriveFit
+    ends : dict
+        95 % intervals.
     sizes : ndarray, shape (P,)
         Reference for the width of an interval: the value, or a usual change of a value that may be zero.
-    intervals : dict
-        95 % intervals.
-    units : mapping
-        SI units.
-    correlation : ndarray, shape (P, P)
     weak : ndarray, shape (w, P)
         Directions of the scaled coordinates that vanish.
     """
+    names, values, correlation = fit.free, fit.free_values(), fit.correlation
     out: dict[str, Undetermined] = {}
     for direction in weak:
         part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
@@ -457,10 +441,10 @@ def statements(
                 reason, rest = "the recordings do not depend on it", remedy_for(n)
             out.setdefault(n, Undetermined(n, reason, rest))
     for i, n in enumerate(names):
-        lower, upper = intervals[n]
-        if n in out or _is_sensor(n) or not max(values[i] - lower, upper - values[i]) > LARGEST_REACH * sizes[i]:
+        lower, upper = ends[n]
+        if n in out or _is_sensor(n) or not max(values[n] - lower, upper - values[n]) > LARGEST_REACH * sizes[i]:
             continue
-        factor, unit = readable(units[n])
+        factor, unit = readable(fit.units[n])
         reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
         if upper > NO_EFFECT * lower > 0.0:
             reason = "the recordings do not depend on it"
@@ -492,12 +476,8 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     deflection = breakaway_n / stiffness_n_m
     if step_m <= RESOLVED_SHARE * deflection:
         return None
-    return Undetermined(
-        "friction.bristle_damping",
-        f"the position is known to {1e6 * step_m:.3g} um, but the bristles deflect only {1e6 * deflection:.3g} um "
-        "before breakaway: the sensor must resolve a tenth of this deflection",
-        f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
-    )
+    sizes = {"step": 1e6 * step_m, "deflection": 1e6 * deflection, "needed": 1e6 * RESOLVED_SHARE * deflection}
+    return Undetermined("friction.bristle_damping", **stated("undetermined", "damping", **sizes))
 
 
 #: Correlation of residuals, in samples, above which there is a note, unless their variance is only that of the solver.
@@ -552,7 +532,7 @@ def assembled(
         solved=solved,
         profiler=partial(profile, solved),
     )
-    lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
+    lost = _lost(fit, intervals, sizes, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
@@ -607,17 +587,10 @@ def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
     worst = min(fits, key=lambda k: fits[k])
     if fits[worst] < SENSELESS_PERCENT:
-        notes.append(
-            f"the model does not follow the recording ({worst.removeprefix('fit_percent.')}: fit "
-            f"{fits[worst]:.0f} %). Check for a reversed sign or swapped chambers: a command above "
-            "0 fills chamber a, which moves the piston towards greater positions"
-        )
+        channel = worst.removeprefix("fit_percent.")
+        notes.append(sentence("notes", "not_followed", channel=channel, fit=fits[worst]))
     missed = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in attempt.missed.items())
-    notes.append(
-        f"the model does not fit: {missed}. Values and intervals compensate for the error, and the "
-        "true values may lie outside: apply the fit to the drive and run `pneudrive validate` for the causes"
-    )
-    return notes
+    return [*notes, sentence("notes", "misfit", missed=missed)]
 
 
 def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[str, float]:

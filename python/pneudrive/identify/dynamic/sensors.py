@@ -112,18 +112,18 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sensor in SI. `column` is the model's output, and `free` names the free numbers among offset, gain and lag."""
+    """Sensor in SI. `column` is the model's output, and `free` names the free numbers, which have their `START`."""
 
     name: str
     column: str
     unit: str
-    noise: float | None
-    offset: float
-    offset_uncertainty: float
-    gain: float
-    lag: float
-    resolution: float
-    free: frozenset[str]
+    noise: float | None = None
+    offset: float = 0.0
+    offset_uncertainty: float = np.inf
+    gain: float = 1.0
+    lag: float = 0.0
+    resolution: float = 0.0
+    free: frozenset[str] = frozenset()
 
     @property
     def offset_spread(self) -> float:
@@ -133,8 +133,8 @@ class Channel:
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
 
 
-#: Start value of a free lag, s (assumed: that of a pressure transducer with its tube).
-START_LAG_S = 2e-3
+#: Free number -> its start value; that of a lag is assumed to be that of a pressure transducer with its tube.
+START = {"offset": 0.0, "gain": 1.0, "lag": 2e-3, "delay": 0.0}
 #: Usual offset by unit: the unit of its coordinate.
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
 
@@ -147,25 +147,13 @@ def channel(name: str, sensor: Sensor) -> Channel:
     FitError
         A quantity has another dimension, or is out of bounds.
     """
-    unit = meaning(CHANNELS[name])[1]
-
-    def si(key: str, unit: str, *, least: float = 0.0) -> float:
-        return _si(getattr(sensor, key), unit, f"{name}.{key}", least)
-
-    free = frozenset(k for k in ("offset", "gain", "lag") if getattr(sensor, k) == "free")
-    stated = sensor.offset_uncertainty is not None
-    return Channel(
-        name=name,
-        column=CHANNELS[name],
-        unit=unit,
-        noise=None if sensor.noise is None else si("noise", unit),
-        offset=0.0 if "offset" in free else si("offset", unit, least=-np.inf),
-        offset_uncertainty=si("offset_uncertainty", unit) if stated else np.inf,
-        gain=1.0 if "gain" in free else si("gain", "", least=-np.inf),
-        lag=START_LAG_S if "lag" in free else si("lag", "s"),
-        resolution=si("resolution", unit),
-        free=free,
-    )
+    unit, stated = meaning(CHANNELS[name])[1], {key: given for key, given in vars(sensor).items() if given is not None}
+    values = {key: START[key] for key, given in stated.items() if given == "free" and key in START}
+    free = frozenset(values)
+    for key in (key for key in stated if key not in free):
+        own, least = {"gain": "", "lag": "s"}.get(key, unit), -np.inf if key in ("offset", "gain") else 0.0
+        values[key] = _si(stated[key], own, f"{name}.{key}", least)
+    return Channel(name, CHANNELS[name], unit, **values, free=free)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, FitError, RecordingError, nearest
+from pneudrive.identify.identified import stated
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import Recording
@@ -233,10 +234,7 @@ class DrivenCircuit:
         self.parts = {part["name"]: part for part in self.form["components"]}
         pistons = [n for n, p in self.parts.items() if p["kind"] == "piston" or p["kind"].startswith("cylinder/")]
         if len(pistons) != 1:
-            raise FitError(
-                f"the circuit has {len(pistons)} pistons",
-                rule="a circuit that follows a motion has one piston between two chambers",
-            )
+            raise FitError(**stated("readings", "pistons", count=len(pistons)))
         self.piston = pistons[0]
         numbers = self.parts[self.piston]["numbers"]
         self.stroke_m = float(numbers["stroke"])
@@ -258,24 +256,25 @@ class DrivenCircuit:
     def _machine(self, mass_kg: float) -> str:
         """Return the motor at the rod, made stiff. Add a motor to the rod if the circuit has none."""
         rod = f"{self.piston}.rod"
-        joint = self._joint(rod)
-        names = [port.partition(".")[0] for port in joint]
+        names = [port.partition(".")[0] for port in self._joint(rod)]
         name = next((n for n in names if n in self.parts and self.parts[n]["kind"] == "motor"), "")
         if not name:
             name = "machine"
-            self._add(name, "motor", {"velocity": 0.0})
-            if not joint:
-                joint = [rod]
-                self.form["joints"].append(joint)
-            joint.append(f"{name}.1")
+            self._add(name, "motor", {"velocity": 0.0}, rod)
         stiffness = mass_kg * STIFF_RAD_S**2
         self.parts[name]["numbers"] |= {"stiffness": stiffness, "damping": 2.0 * mass_kg * STIFF_RAD_S}
         return name
 
-    def _add(self, name: str, kind: str, numbers: dict[str, float]) -> None:
+    def _add(self, name: str, kind: str, numbers: dict[str, float], *ends: str) -> None:
+        """Add a component whose ports 1, 2 are joined to these ports."""
         part = {"name": name, "kind": kind, "numbers": numbers, "choices": {}, "friction": None}
         self.form["components"].append(part)
         self.parts[name] = part
+        for place, end in enumerate(ends, 1):
+            joint = self._joint(end) or [end]
+            joint.append(f"{name}.{place}")
+            if joint not in self.form["joints"]:
+                self.form["joints"].append(joint)
 
     def _wall_k(self, side: str) -> float:
         tank = self.tanks[side]
@@ -286,11 +285,7 @@ class DrivenCircuit:
         for name in (self.tanks[side], f"{self.piston}.{side}"):
             if name is not None and f"{name}.pressure_pa" in names:
                 return name
-        raise FitError(
-            f"chamber {side} has no gas volume",
-            rule="each chamber of a driven piston is closed or ends in tanks, leaks and valves",
-            remedy="join a tank, the dead volume of the chamber, to the piston's port",
-        )
+        raise FitError(**stated("readings", "no_gas", side=side))
 
     def numbers_of(self, asked: Sequence[str]) -> list[Number]:
         """Return the free numbers of groups and names; components and keys that they need are added.
@@ -346,29 +341,17 @@ class DrivenCircuit:
 
     def _leak(self, side: str) -> Number:
         """Return the leak past the piston or to the ambient air: the existing one, or a new one."""
-        ends = {f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b"}
+        ends = (f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b")
         for name, part in self.parts.items():
-            if part["kind"] == "leak" and self._ends(name) == ends:
+            if part["kind"] == "leak" and self._ends(name) == {*ends}:
                 return self._number(name, "coefficient", self._usual_leak())
         name = f"leak_{side}" if side else "leak"
-        self._add(name, "leak", {"coefficient": self._usual_leak()})
-        self._joint(f"{self.piston}.{side or 'a'}").append(f"{name}.1")
-        if side:
-            ambient = self._joint("ambient")
-            if not ambient:
-                ambient = ["ambient"]
-                self.form["joints"].append(ambient)
-            ambient.append(f"{name}.2")
-        else:
-            self._joint(f"{self.piston}.b").append(f"{name}.2")
+        self._add(name, "leak", {"coefficient": self._usual_leak()}, *ends)
         return self._number(name, "coefficient")
 
     def _ends(self, leak: str) -> set[str]:
-        found = set()
-        for port in (f"{leak}.1", f"{leak}.2"):
-            joint = self._joint(port)
-            found |= {p for p in joint if p in ("ambient", f"{self.piston}.a", f"{self.piston}.b")}
-        return found
+        joined = [*self._joint(f"{leak}.1"), *self._joint(f"{leak}.2")]
+        return {port for port in joined if port in ("ambient", f"{self.piston}.a", f"{self.piston}.b")}
 
     def _usual_leak(self) -> float:
         """Return the coefficient with which 1 % of the gas at 5 bar leaks to the ambient air in 100 s."""

@@ -14,10 +14,9 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.identify.base import Fit, Undetermined
-from pneudrive.identify.compared import FittedData
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
-from pneudrive.identify.sentences import remedy_for
+from pneudrive.identify.identified import FittedData, remedy_for, sentence, stated
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
@@ -60,34 +59,21 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
         x, stroke = record.positions_m, driven.stroke_m
         low, high = float(x.min()), float(x.max())
         if low < -BEYOND * stroke or high > (1.0 + BEYOND) * stroke:
-            raise RecordingError(
-                f"the position goes from {low:.4g} to {high:.4g} m, beyond the stroke of {stroke:.4g} m",
-                where=record.name,
-                remedy="check unit and zero of the position in the layout, or the stroke of the circuit",
-            )
+            raise RecordingError(where=record.name, **stated("readings", "beyond", low=low, high=high, stroke=stroke))
         small = ""
         if high - low < LEAST_TRAVEL * stroke:
-            small = (
-                f"the piston moves over {1e3 * (high - low):.3g} mm of {1e3 * stroke:.4g} mm: check the unit of the "
-                "position"
-            )
+            small = sentence("notes", "small", travel=1e3 * (high - low), stroke=1e3 * stroke)
             doubts.append(f"{record.name}: {small}")
         if open_recordings(driven, [record]):
             doubts += [f"{record.name}: {text}" for text in _open_doubts(driven, record)]
             continue
         for side, pressure in zip(SIDES, record.pressures_pa, strict=True):
             if np.ptp(pressure) == 0.0:
-                rule = "both pressures of a driven piston are measured"
-                what = f"the pressure of chamber {side} is constant"
-                raise RecordingError(what, where=record.name, rule=rule, remedy=small or None)
+                said = stated("readings", "constant", side=side)
+                raise RecordingError(where=record.name, remedy=small or None, **said)
         for side, value in zip(SIDES, record.pressures_pa.min(axis=1), strict=True):
             if value < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
-                raise RecordingError(
-                    f"the pressure of chamber {side} falls to {value:.4g} Pa",
-                    where=record.name,
-                    rule="pressures of a gas spring are near or above the ambient pressure; they are absolute",
-                    remedy="check the unit, and gauge or abs, in the layout",
-                )
+                raise RecordingError(where=record.name, **stated("readings", "low", side=side, value=value))
         _refuse_swapped(record)
     return doubts
 
@@ -98,14 +84,8 @@ def _refuse_swapped(record: DrivenRecording) -> None:
     together = [float(np.corrcoef(p, record.positions_m)[0, 1]) for p in record.pressures_pa]
     wrong = [together[0] > TOGETHER and ranges[0] > BEYOND, together[1] < -TOGETHER and ranges[1] > BEYOND]
     if any(wrong):
-        words = "both pressures rise as the gas of their chambers expands" if all(wrong) else ""
-        side = "a" if wrong[0] else "b"
-        raise RecordingError(
-            words or f"the pressure of chamber {side} rises as its gas expands",
-            where=record.name,
-            rule="chamber a grows with the position, chamber b shrinks",
-            remedy="swap pressure_a and pressure_b in the layout, or reverse the position: scale = -1, with an offset",
-        )
+        said = stated("readings", "swapped" if all(wrong) else "reversed", side="a" if wrong[0] else "b")
+        raise RecordingError(where=record.name, **said)
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
@@ -124,10 +104,7 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
     moving = [side for side, p, way in zip(SIDES, record.pressures_pa, (1.0, -1.0), strict=True)
               if np.ptp(p) > 0.0 and np.corrcoef(p, way * speed)[0, 1] > OPEN_TOGETHER]  # fmt: skip
     if moving:
-        found.append(
-            f"the pressure of the open chamber {' and '.join(moving)} rises while its gas expands: pressure_a and "
-            "pressure_b seem to be swapped"
-        )
+        found.append(sentence("notes", "open_swapped", sides=" and ".join(moving)))
     return found
 
 
@@ -147,12 +124,7 @@ def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> li
     idle = open_recordings(driven, records)
     used = [record for record in records if record not in idle]
     if not used:
-        raise FitError(
-            "the pressures stay constant while the volumes change: the chambers are open",
-            value=", ".join(record.name for record in idle),
-            rule="volumes, heat transfer and leaks show in closed chambers only",
-            remedy="use a recording with closed chambers; `pneudrive characterise` evaluates friction of this one",
-        )
+        raise FitError(value=", ".join(record.name for record in idle), **stated("readings", "open"))
     return used
 
 
@@ -186,13 +158,7 @@ def _size(solution: FollowSolution) -> float:
 def poor_fit(solution: FollowSolution) -> list[str]:
     """Return the likely causes of residuals that are too large for this model."""
     worst = float(np.max(solution.every_rms))
-    if worst < POOR:
-        return []
-    return [
-        f"the model does not fit: residuals of {100 * worst:.2g} % of the range. Identify volumes and heat transfer "
-        "first. Else check areas and stroke of the circuit, the gas, whether the chambers are closed, the unit of the "
-        "position, and gauge or abs of the pressures"
-    ]
+    return [] if worst < POOR else [sentence("notes", "poor", percent=100 * worst)]
 
 
 #: Other models: groups that are added, and words. The first one holds start and delay instead.

@@ -11,7 +11,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.identify.base import Undetermined
-from pneudrive.identify.sentences import sentences
+from pneudrive.identify.identified import stated
 from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter
 from pneudrive.numbers import plain
 
@@ -44,8 +44,7 @@ MOST_SPEEDS = 6
 
 def _lost(names: Iterable[str], what: str, **values: object) -> list[Undetermined]:
     """Return the reason and remedy of each undetermined parameter."""
-    said = {key: text.format(**values) for key, text in sentences("friction_map")[what].items()}
-    return [Undetermined(name, **said) for name in names]
+    return [Undetermined(name, **stated("friction_map", what, **values)) for name in names]
 
 
 def _mm_s(speed: float) -> str:

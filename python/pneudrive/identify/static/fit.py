@@ -17,14 +17,14 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.autocorrelation import weak_coordinates
+from pneudrive.estimate.autocorrelation import LOSSES, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.losses import LOSSES
-from pneudrive.estimate.profile import profile_interval
-from pneudrive.estimate.transforms import intervals
+from pneudrive.estimate.profile import intervals, profile_interval
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction.friction_map import ALL_RECORDINGS, FILE, group_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
+from pneudrive.identify.identified import sentence
+from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import (
     Support,
     choose_model,
@@ -33,16 +33,6 @@ from pneudrive.identify.static.diagnose import (
     shrunk_to_the_data,
     with_knee,
 )
-from pneudrive.identify.static.model import (
-    PRESSURE_FORMS,
-    STRIBECK_SHAPES,
-    UNITS,
-    AnyLaw,
-    FrictionModel,
-    Observations,
-    unit_of,
-)
-from pneudrive.identify.static.observations import ambient_of, fingerprint, observations, recordings_of, simulated
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.static.robust import estimate
 
@@ -133,8 +123,12 @@ def fit_friction(
     uncertainty, shared by all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods:
     [huber2009], [bates1988], [smyth2004], [paule1982].
     """
-    known = ((law, LAWS, "sliding law"), (pressure, PRESSURE_FORMS, "dependence on pressure"), (loss, LOSSES, "loss"))
-    for given, names, what in (*known, (stribeck_shape or "free", STRIBECK_SHAPES, "Stribeck shape")):
+    known = (
+        (law, LAWS, "sliding law"),
+        (pressure, sliding.PRESSURE_FORMS, "dependence on pressure"),
+        (loss, LOSSES, "loss"),
+    )
+    for given, names, what in (*known, (stribeck_shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape")):
         if given not in names:
             raise FitError(f"there is no {what} {given!r}", remedy=nearest(str(given), names))
     if stribeck_exponent is not None and not 0.0 < stribeck_exponent < np.inf:
@@ -146,31 +140,31 @@ def fit_friction(
             "law 'coulomb' has no Stribeck curve", value=f"stribeck_shape = {stribeck_shape!r}", remedy="law='stribeck'"
         )
     fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
-    ambient = ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
-    data, notes = observations(
+    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
+    data, notes = sliding.observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
-    notes = [*notes, *simulated(friction_map)]
+    notes = [*notes, *sliding.simulated(friction_map)]
     form = pressure if pressure_dependence else None
     lorentzian = stribeck_shape == "lorentzian"
     is_open = stribeck_shape is None if any_shape is None else any_shape
-    wanted = FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
+    wanted = sliding.FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
     options = {
         "direction": "both" if direction is None else f"{direction:+d}",
         "robust": robust,
         "pressure_dependence": pressure_dependence,
         "ambient_pressure_pa": ambient,
         "exclude_flags": sorted(exclude_flags),
-        "recordings": recordings_of(friction_map),
-        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
+        "recordings": sliding.recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), sliding.fingerprint(data))],
     }
     used = loss if robust else "linear"
     return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
 
 
 def fit_values(
-    wanted: FrictionModel,
-    data: Observations,
+    wanted: sliding.FrictionModel,
+    data: sliding.Observations,
     *,
     pressure: str | None = None,
     loss: str = "huber",
@@ -200,13 +194,13 @@ def fit_values(
     lost += support.lost + diagnose(support.found, support.intervals)
     said += _remarks(support)
     support = replace(support, intervals=interval_over_shapes(support)) if any_shape else support
-    provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **_ranges(data)}
+    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": loss, **_ranges(data)}
     provenance |= options or {}
     fit = assembled(wanted.law, support, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
-def _ranges(data: Observations) -> dict[str, object]:
+def _ranges(data: sliding.Observations) -> dict[str, object]:
     """Return the lowest and highest speed and gauge pressures, outside which the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
@@ -215,20 +209,11 @@ def _ranges(data: Observations) -> dict[str, object]:
 def _remarks(support: Support) -> list[str]:
     said, found = [], support.found
     if support.scatter_n > 0.0:
-        said.append(
-            f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors (runs differ, or the "
-            "law does not hold); weights and intervals include this scatter"
-        )
+        said.append(sentence("notes", "scatter", scatter=support.scatter_n))
     if len(found.data) == len(found.model.names):
-        said.append(
-            "as many values as parameters: the intervals depend only on the stated standard errors, and a further run "
-            "may lie far outside them"
-        )
+        said.append(sentence("notes", "no_freedom"))
     if np.isfinite(found.rival):
-        said.append(
-            f"another estimate, with a Stribeck velocity of {1e3 * found.rival:.3g} mm/s, fits almost as well: "
-            "the intervals cover both"
-        )
+        said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
     return said
 
 
@@ -242,24 +227,17 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
 
-def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
+def _confounding(data: sliding.Observations, pressure_dependence: bool) -> list[str]:
     notes = []
     pressure = data.gauge_a_pa + data.gauge_b_pa
     if len(data) < 3 or np.ptp(pressure) < 1e4:
         return notes
     if not pressure_dependence:
-        span = 1e-5 * np.ptp(pressure)
-        notes.append(
-            f"the chamber pressures of the rows differ by {span:.2g} bar in sum, and the fit averages over them; "
-            "fit with pressure_dependence or select rows of one pressure"
-        )
+        notes.append(sentence("notes", "averaged", span=1e-5 * np.ptp(pressure)))
     if changed(data.speed_m_s):
         correlation = float(np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1])
         if abs(correlation) > CONFOUNDED:
-            notes.append(
-                f"speed and pressure change together over the rows (correlation {correlation:+.2f}): "
-                "the fit may attribute an effect of pressure to speed, and the other way round"
-            )
+            notes.append(sentence("notes", "confounded", correlation=correlation))
     return notes
 
 
@@ -270,7 +248,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
     return FrictionFit(
         law=law,
         values=parameters,
-        units={n: unit_of(n) for n in (*parameters, *model.names)},
+        units={n: sliding.unit_of(n) for n in (*parameters, *model.names)},
         free=model.names,
         covariance=found.covariance,
         intervals=support.intervals,
@@ -286,7 +264,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
     )
 
 
-def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict[str, float]:
+def _parameters(law: str, model: sliding.FrictionModel, theta: dict[str, float]) -> dict[str, float]:
     """Return every parameter of the requested law; NaN if its value is not determined."""
     names = ["coulomb", "viscous"]
     if law == "stribeck":
@@ -296,7 +274,7 @@ def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict
     parameters = {name: theta.get(name, float("nan")) for name in names}
     if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
         parameters["stribeck_exponent"] = float(model.exponent)
-    for name in UNITS:
+    for name in sliding.UNITS:
         if name in theta:
             parameters[name] = theta[name]
         elif f"{name}b" in theta:  # coulomb_ab -> both chambers
@@ -340,16 +318,18 @@ def fit_any_law(
     -------
     LawFit
     """
-    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
-    data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    data, _ = sliding.observations(
+        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
+    )
     known = tuple(friction.parameters)
     unknown = [n for n in free or () if n not in known]
     if unknown:
         raise FitError(
             f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="parameters of the law: " + ", ".join(known)
         )
-    seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
-    model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
+    seen = _seen(_with_sizes(sliding.AnyLaw(friction, known), data), data)
+    model = _with_sizes(sliding.AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
     if not model.names:
         raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
     if len(data) <= len(model.names):
@@ -364,13 +344,13 @@ def fit_any_law(
     lost = weak_coordinates(found.jacobian) | found.active
     origin = {
         "version": __version__,
-        "map_sha256": fingerprint(data),
+        "map_sha256": sliding.fingerprint(data),
         "loss": loss,
         "seed": seed,
         "direction": "both" if direction is None else f"{direction:+d}",
         "ambient_pressure_pa": ambient,
-        "recordings": recordings_of(friction_map),
-        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
+        "recordings": sliding.recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), sliding.fingerprint(data))],
     }
     return LawFit(
         model=model,
@@ -382,7 +362,7 @@ def fit_any_law(
         systematic=found.systematic,
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),
-        notes=tuple(simulated(friction_map)),
+        notes=tuple(sliding.simulated(friction_map)),
         statistics=found.statistics(),
         provenance=origin,
         observations=data,
@@ -416,7 +396,7 @@ def _profile(found: RobustEstimate, name: str) -> tuple[float, float]:
     return natural(low), natural(high)
 
 
-def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
+def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.AnyLaw:
     """Replace guesses of zero, which have no logarithm, by values that change friction by about a tenth."""
     start = model.given
     zero = model.positive & (start == 0.0)
@@ -431,7 +411,7 @@ def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
     return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
 
 
-def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
+def _seen(model: sliding.AnyLaw, data: sliding.Observations) -> tuple[str, ...]:
     value, jac = model.value_and_jacobian(model.internal(model.given), data)
     size = np.abs(jac).max(axis=0)
     return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())

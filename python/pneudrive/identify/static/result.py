@@ -13,20 +13,19 @@ from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
+from pneudrive.identify import export
 from pneudrive.identify.base import Fit, FitFile
-from pneudrive.identify.compared import FittedData
-from pneudrive.identify.identified import Dependences, Identified, apply_identified
-from pneudrive.identify.sentences import sentences
-from pneudrive.identify.static.diagnose import estimated, interval_over_knees
-from pneudrive.identify.static.friction_curve import (
-    CurveEntry,
-    SlidingCurve,
-    curve_of_drive,
-    curve_of_friction,
-    speeds_over,
+from pneudrive.identify.identified import (
+    Dependences,
+    FittedData,
+    Identified,
+    apply_identified,
+    sentence,
+    sentences,
+    stated,
 )
-from pneudrive.identify.static.model import PRESSURE_NAMES, AnyLaw, FrictionModel, at_conditions, unit_of
-from pneudrive.identify.static.observations import fingerprint, observations, recordings_of
+from pneudrive.identify.static import model as sliding
+from pneudrive.identify.static.diagnose import estimated, interval_over_knees
 from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding
 
@@ -148,7 +147,7 @@ class FrictionFit(SlidingFit):
     )
 
     law: str
-    model: FrictionModel
+    model: sliding.FrictionModel
     weights: Array | None = field(default=None, repr=False)
     dependences: Dependences = field(default_factory=Dependences)
 
@@ -197,7 +196,7 @@ class FrictionFit(SlidingFit):
                 rule="the laws describe steady sliding only",
             )
         q = self.coordinates
-        value, jac = self.model.value_and_jacobian(q, at_conditions(flat, a.ravel(), b.ravel()))
+        value, jac = self.model.value_and_jacobian(q, sliding.at_conditions(flat, a.ravel(), b.ravel()))
         # derivatives by the natural parameters of the covariance
         natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
         variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
@@ -237,17 +236,12 @@ class FrictionFit(SlidingFit):
             a campaign that cannot be applied, and assumptions.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
-        forces = {n for n in self.determined if n not in PRESSURE_NAMES}
+        forces = {n for n in self.determined if n not in sliding.PRESSURE_NAMES}
         other_law = not forces <= known
         takes_curve = other_law or (self.model.stribeck and "stribeck_exponent" in known)
         missing = sorted({"coulomb", "breakaway", "stribeck_velocity", "viscous"} - forces)
         if other_law and missing:
-            raise FitError(
-                f"the drive's friction law {drive.friction.law!r} has no Stribeck part, and the fit does not determine "
-                + ", ".join(missing),
-                rule="a drive can only change to a complete law",
-                remedy="First give the drive the law stribeck or lugre, or fit law='coulomb'.",
-            )
+            raise FitError(**stated("application", "no_stribeck", law=drive.friction.law, missing=", ".join(missing)))
         self._check_pressure(drive)
         changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
         if takes_curve and self.model.lorentzian:
@@ -255,10 +249,7 @@ class FrictionFit(SlidingFit):
         found = self.identified(curve=takes_curve and not self.model.lorentzian)
         kept = drive.friction.parameters.get("breakaway", 0.0)
         if "coulomb" in forces and "breakaway" not in forces and not other_law and kept > self.values["coulomb"]:
-            warn(
-                f"the fit does not determine breakaway: the drive keeps its {kept:.4g} N with the fitted Coulomb "
-                f"force of {self.values['coulomb']:.4g} N, so that its friction at low speed is not that of the map"
-            )
+            warn(sentence("notes", "breakaway", kept=kept, coulomb=self.values["coulomb"]))
         for note in self.dependences.notes:
             warn(note)
         law = str(changes.get("friction.law", drive.friction.law))
@@ -274,14 +265,11 @@ class FrictionFit(SlidingFit):
             return
         fitted = self.curve()
         ends = (float(fitted.speed_m_s[0]), float(fitted.speed_m_s[-1]))
-        friction_n = curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
+        friction_n = export.curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
         if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
-            warn(
-                f"the fit does not determine {', '.join(kept)}, and the drive keeps its value: at "
-                f"{1e3 * fitted.speed_m_s[k]:.4g} mm/s its friction is {friction_n[k]:.4g} N, that of the fit "
-                f"{fitted.friction_n[k]:.4g} N"
-            )
+            at = {"speed": 1e3 * fitted.speed_m_s[k], "own": friction_n[k], "fitted": fitted.friction_n[k]}
+            warn(sentence("notes", "kept", kept=", ".join(kept), **at))
 
     def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
@@ -289,46 +277,38 @@ class FrictionFit(SlidingFit):
         The intervals combine in quadrature the statistical uncertainty (profile likelihood) and the systematic one. If
         the data determine only the sum of two slopes, each gets half of it, without an interval.
         """
-        names = [n for n in self.determined if n not in PRESSURE_NAMES]
+        names = [n for n in self.determined if n not in sliding.PRESSURE_NAMES]
         if curve and "stribeck_exponent" not in names:
             names.append("stribeck_exponent")
-        half = [n for n in PRESSURE_NAMES if n in self.values and f"{n[:-1]}ab" in self.free]
-        slopes = [n for n in PRESSURE_NAMES if n in self.determined or n in half]
+        half = [n for n in sliding.PRESSURE_NAMES if n in self.values and f"{n[:-1]}ab" in self.free]
+        slopes = [n for n in sliding.PRESSURE_NAMES if n in self.determined or n in half]
         return self.identified_as({n: f"friction.{n}" for n in names} | {n: slope_key(n) for n in slopes})
 
     def _check_pressure(self, drive: Drive) -> None:
         if self.model.chambers and self.model.pressure != "linear":
-            raise FitError(
-                f"a drive's friction is linear in the chamber pressures, but this fit is {self.model.pressure} in them",
-                rule="a straight line replaces a curve only on request",
-                remedy="Fit with pressure='linear' over the working pressures of the drive.",
-            )
+            raise FitError(**stated("application", "curved", form=self.model.pressure))
         seals = drive.friction.pressure
         if seals is None or self.model.chambers:
             return
         if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
-            raise FitError(
-                "the drive's friction grows with pressure, but the fit holds only at the pressures of its recordings",
-                rule="the effect of pressure must not be counted twice",
-                remedy="Fit with pressure_dependence=True, or first remove [friction.pressure] from the drive.",
-            )
+            raise FitError(**stated("application", "pressure"))
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
-        speed, gauges = speeds_over(speeds_m_s, "fit"), gauges_pa
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> export.SlidingCurve:  # noqa: ANN401 - checked
+        speed, gauges = export.speeds_over(speeds_m_s, "fit"), gauges_pa
         found = self.identified()
         entries = []
         for name, value in self.values.items():
-            key = slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
+            key = slope_key(name) if name in sliding.PRESSURE_NAMES else f"friction.{name}"
             ends = found.intervals.get(key, (np.nan, np.nan))
             note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
             source = ", ".join(found.sources[key]) if key in found.intervals else ""
-            entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
+            entries.append(export.CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         effects = sentences("not_exported")
         lost = [effects[key].partition(":")[0] for key in self.dependences.tables if key in effects]
         pressure = effects["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
-        return SlidingCurve(
+        return export.SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
             shape if self.model.stribeck else "none",
@@ -363,7 +343,7 @@ class FrictionFit(SlidingFit):
             if name not in values | shared:
                 shared[name] = values[name.replace("_ab", "_a")]
         found = super()._fields(file)
-        model = FrictionModel.of_table(file.content["model"])
+        model = sliding.FrictionModel.of_table(file.content["model"])
         if model.law not in LAWS or model.names != found["free"] or found["covariance"].size == 0:
             raise ValueError(f"law, chambers and parameters do not match: {', '.join(found['free'])}")
         if not all(np.isfinite(found["statistics"][name]) and found["statistics"][name] >= 0.0 for name in STATISTICS):
@@ -399,7 +379,7 @@ def slope_key(name: str) -> str:
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     """Return the speed at which another value lowers the correlation most; for pressures, return a general remedy."""
     names = (fit.free[i], fit.free[j])
-    if any(unit_of(name).startswith("N/Pa") for name in names):
+    if any(sliding.unit_of(name).startswith("N/Pa") for name in names):
         return "pressures that differ more, and are not varied together, would separate them"
     if fit.observations is None:
         return "more speeds would separate them"
@@ -407,7 +387,7 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     low, high = float(speed.min()), float(speed.max())
     tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
     gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
-    at = at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
+    at = sliding.at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
     q = fit.coordinates
     to_natural = fit.model.natural_jacobian(q)
     gradient = np.linalg.solve(to_natural.T, fit.model.value_and_jacobian(q, at)[1].T).T
@@ -461,7 +441,7 @@ class LawFit(SlidingFit):
         "# Fit of any law. SI units; intervals are 95 %, statistical; [given] has the start values of the search."
     )
 
-    model: AnyLaw
+    model: sliding.AnyLaw
     unseen: tuple[str, ...]
 
     @property
@@ -474,7 +454,7 @@ class LawFit(SlidingFit):
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
         """Return the friction at speeds and gauge pressures, N."""
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        return self.model.value(self.coordinates, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(
+        return self.model.value(self.coordinates, sliding.at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(
             speed.shape
         )
 
@@ -492,16 +472,12 @@ class LawFit(SlidingFit):
             The combination of fitted and kept values violates a rule of the law.
         """
         own, theirs = self.model.friction, drive.friction
-        sliding = [key for key in DEPENDENCES if key not in AT_REST]
-        for key in sliding:
+        steady = [key for key in DEPENDENCES if key not in AT_REST]
+        for key in steady:
             there = getattr(theirs, key)
             if there is not None and there != getattr(own, key):
-                raise FitError(
-                    f"[friction.{key}] of the drive differs from that of the fit",
-                    rule="fitted values are valid only with the modifiers of the fit",
-                    remedy=f"Fit the drive's friction (drive.friction), or remove [friction.{key}] from the drive.",
-                )
-        tables: dict[str, Any] = {key: value for key in sliding if (value := getattr(own, key)) is not None}
+                raise FitError(**stated("application", "modifier", key=key))
+        tables: dict[str, Any] = {key: value for key in steady if (value := getattr(own, key)) is not None}
         if (own.law, own.formula) != (theirs.law, theirs.formula):
             tables = {key: value for key, value in self.friction.to_dict().items() if key not in AT_REST}
         with_law = drive.replace({f"friction.{key}": value for key, value in tables.items()}) if tables else drive
@@ -511,14 +487,14 @@ class LawFit(SlidingFit):
         """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
-        speed = speeds_over(speeds_m_s, "fit")
+    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> export.SlidingCurve:  # noqa: ANN401 - checked
+        speed = export.speeds_over(speeds_m_s, "fit")
         entries = [
-            CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
+            export.CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
             for name, value in self.values.items()
         ]
         title = f"friction fit, law {self.model.friction.law}"
-        return curve_of_friction(self.friction, title, speed, gauges_pa, entries)
+        return export.curve_of_friction(self.friction, title, speed, gauges_pa, entries)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return findings on undetermined parameters."""
@@ -537,7 +513,7 @@ class LawFit(SlidingFit):
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
         found = super()._fields(file)
-        model = AnyLaw(Friction.model_validate(file.content["given"]["friction"]), found["free"])
+        model = sliding.AnyLaw(Friction.model_validate(file.content["given"]["friction"]), found["free"])
         lost = tuple(name for name, entry in file.content["parameters"].items() if not entry["determined"])
         return found | {"model": model, "unseen": tuple(file.content["unseen"]), "undetermined": lost}
 
@@ -571,12 +547,12 @@ def values_of_fit(friction_map: xr.Dataset, provenance: Mapping[str, Any]) -> Ob
         No row of the map can be used.
     """
     names, of_row = list(provenance.get("recordings", ())), friction_map["recording"].to_numpy().astype(str)
-    if names and recordings_of(friction_map) != names:
+    if names and sliding.recordings_of(friction_map) != names:
         if not set(names) <= set(of_row):
             return None
         friction_map = friction_map.isel(row=np.flatnonzero(np.isin(of_row, names)))
     direction = provenance["direction"]
-    return observations(
+    return sliding.observations(
         friction_map,
         direction=None if direction == "both" else int(direction),
         ambient_pressure_pa=float(provenance["ambient_pressure_pa"]),
@@ -604,12 +580,8 @@ def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
 
 def _values(fit: SlidingFit, friction_map: xr.Dataset) -> Observations:
     data = values_of_fit(friction_map, fit.provenance)
-    if data is None or fingerprint(data) != fit.provenance["map_sha256"]:
-        raise FitError(
-            "the friction map is not the one of this fit",
-            rule="the values have the hash map_sha256 of the fit's provenance",
-            remedy="Name the map that was fitted, or fit again.",
-        )
+    if data is None or sliding.fingerprint(data) != fit.provenance["map_sha256"]:
+        raise FitError(**stated("application", "other_map"))
     return data
 
 

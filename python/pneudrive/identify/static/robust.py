@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import covariance_of, shift_of
+from pneudrive.estimate.autocorrelation import LINEAR, LOSSES, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.losses import LINEAR, LOSSES, Loss
 from pneudrive.identify.static.model import EXPONENT_BOUNDS
 
 if TYPE_CHECKING:

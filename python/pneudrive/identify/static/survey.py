@@ -20,16 +20,16 @@ and sigma_s.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
+from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import FrictionModel, at_conditions
-from pneudrive.identify.static.observations import ambient_of, observations, recordings_of
+from pneudrive.identify.static.model import FrictionModel, ambient_of, at_conditions, observations, recordings_of
 from pneudrive.identify.static.result import Prediction
 from pneudrive.repr_tables import Shown
 
@@ -170,23 +170,12 @@ class Survey(Shown):
 
     def statements(self) -> list[str]:
         """Return the findings in sentences."""
-        lines = [
-            f"recordings of one seal scatter by {100 * self.scatter:.2g} % about its law "
-            f"({self.freedom} degrees of freedom over {len(self.seals)} seals)",
-            f"runs of one seal differ by a further {100 * self.between_runs:.2g} % "
-            f"({self.repeated} repeated run{'s' * (self.repeated != 1)})"
-            if self.repeated
-            else "no seal was run twice: the difference between runs is assumed (up to 40 %) and widens the interval "
-            "of another run; repeat one run after remounting the seal",
-        ]
-        if self.straight < 0.15:  # likelihood ratio of one parameter at p = 0.05: exp(-3.84 / 2)
-            lines.append(
-                f"a straight line in pressure does not hold: it misses the middle of the range by "
-                f"{100 * self.misses:.2g} % of the friction; measure pressures between the levels, "
-                "or compare laws with pressure='quadratic' and 'saturating'"
-            )
-        else:
-            lines.append("a straight line in pressure agrees with the measured values")
+        numbers = {"scatter": 100 * self.scatter, "freedom": self.freedom, "seals": len(self.seals)}
+        numbers |= {"between": 100 * self.between_runs, "runs": self.repeated, "misses": 100 * self.misses}
+        numbers |= {"s": "s" * (self.repeated != 1)}
+        # likelihood ratio of one parameter at p = 0.05: exp(-3.84 / 2)
+        keys = ("scatter", "runs" if self.repeated else "no_runs", "bent" if self.straight < 0.15 else "straight")
+        lines = [sentence("seals", key, **numbers) for key in keys]
         return lines + [f"{name}: {why}" for name, why in self.unused.items()]
 
     def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> tuple[Array, Array]:
@@ -239,8 +228,8 @@ class Survey(Shown):
 def survey_values(
     groups: Mapping[str, Observations],
     runs: Mapping[str, Sequence[str]] | None = None,
-    law: str | None = None,
     options: Mapping[str, Mapping[str, object]] | None = None,
+    law: str | None = None,
 ) -> Survey:
     """Survey several seals; see the docstring of this module.
 
@@ -250,10 +239,10 @@ def survey_values(
         Seal -> values.
     runs : mapping, optional
         Seal -> name of the run (mounting) of each value; the default is one run for each seal.
-    law : str or None
-        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
     options : mapping, optional
         Seal -> entries for the provenance of its fit: direction, recordings.
+    law : str or None
+        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
 
     Raises
     ------
@@ -263,9 +252,8 @@ def survey_values(
     seals: dict[str, Surveyed] = {}
     unused: dict[str, str] = {}
     for name, data in groups.items():
-        one = _surveyed(
-            name, data, tuple(runs[name]) if runs else ("",) * len(data), law, (options or {}).get(name, {})
-        )
+        run = tuple(runs[name]) if runs else ("",) * len(data)
+        one = _surveyed(name, data, run, law, (options or {}).get(name, {}))
         if isinstance(one, str):
             unused[name] = one
             continue
@@ -333,8 +321,6 @@ def _surveyed(
 
 
 def _elsewhere(data: Observations, at: Observations) -> bool:
-    from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
-
     off = np.maximum(np.abs(at.gauge_a_pa - data.gauge_a_pa.mean()), np.abs(at.gauge_b_pa - data.gauge_b_pa.mean()))
     return bool((off > 4.0 * SAME_PRESSURE_PA).any())
 
@@ -390,43 +376,6 @@ def _quantiles(value: Array, deviation: Array, weight: Array, probability: float
     return out[0], out[1]
 
 
-HELD_OUT = ("pressure", "run")
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """Held-out value with its prediction from all other values.
-
-    Attributes
-    ----------
-    seal, run : str
-    gauge_a_pa, gauge_b_pa : float
-    friction_n : float
-        Measured friction.
-    predicted_n, lower_n, upper_n : float
-        Prediction without it.
-    """
-
-    seal: str
-    run: str
-    gauge_a_pa: float
-    gauge_b_pa: float
-    friction_n: float
-    predicted_n: float
-    lower_n: float
-    upper_n: float
-
-    @property
-    def is_inside(self) -> bool:
-        """Whether the measured value is within the interval."""
-        return self.lower_n <= self.friction_n <= self.upper_n
-
-    @property
-    def error(self) -> float:
-        """Relative error: predicted friction divided by measured friction, minus 1."""
-        return self.predicted_n / self.friction_n - 1.0
-
-
 def survey(
     friction_map: xr.Dataset,
     seals: str | Sequence[str],
@@ -457,52 +406,9 @@ def survey(
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    groups, of_run, options = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
-    return survey_values(groups, of_run, law, options)
-
-
-def held_out(
-    friction_map: xr.Dataset,
-    seals: str | Sequence[str],
-    runs: str | Sequence[str] | None = None,
-    *,
-    by: str = "pressure",
-    probability: float = 0.9,
-    law: str | None = None,
-    direction: int | None = None,
-    ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = (),
-) -> list[LeftOut]:
-    """Hold out each pressure of each seal, or each run of seals with several runs, and predict it.
-
-    Held-out values contribute neither to the seal's law nor to the common statistics.
-
-    Parameters
-    ----------
-    by : str
-        ``pressure`` or ``run``.
-    probability : float
-        Probability of the prediction intervals.
-    friction_map, seals, runs, law, direction, ambient_pressure_pa, exclude_flags
-        As for :func:`survey`.
-
-    Returns
-    -------
-    list of LeftOut
-    """
-    if by not in HELD_OUT:
-        raise FitError(f"a survey cannot hold out by {by!r}", remedy=nearest(by, HELD_OUT))
-    groups, of_run, _ = _grouped(friction_map, seals, runs, direction, ambient_pressure_pa, exclude_flags)
-    out: list[LeftOut] = []
-    for seal, data in groups.items():
-        if by == "pressure":
-            parts = pressure_levels(data)
-        else:
-            names = np.unique(of_run[seal], return_inverse=True)[1]
-            parts = names if names.max() > 0 else np.full(len(data), -1)
-        for part in np.unique(parts[parts >= 0]):
-            out += _predicted(groups, of_run, seal, parts == part, law, probability)
-    return out
+    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    selected = {"direction": direction, "ambient_pressure_pa": ambient, "exclude_flags": exclude_flags}
+    return survey_values(*grouped(friction_map, seals, runs, selected), law)
 
 
 def pressure_levels(data: Observations) -> NDArray[np.int64]:
@@ -518,56 +424,26 @@ def pressure_levels(data: Observations) -> NDArray[np.int64]:
     return out
 
 
-def _predicted(
-    groups: Mapping[str, Observations],
-    of_run: Mapping[str, Sequence[str]],
-    seal: str,
-    left: NDArray[np.bool_],
-    law: str | None,
-    probability: float,
-) -> list[LeftOut]:
-    """Yield predictions of held-out values of one seal from all others; none if no value of the seal remains."""
-    data, runs = groups[seal], np.array(of_run[seal])
-    if left.all():
-        return []
-    rest = survey_values({**groups, seal: data.take(~left)}, {**of_run, seal: runs[~left].tolist()}, law)
-    if seal not in rest.seals:
-        return []
-    out = []
-    for i in np.flatnonzero(left):
-        known = runs[i] if runs[i] in rest.seals[seal].runs else None
-        conditions = {name: getattr(data, name)[i] for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa")}
-        found = rest.predict(seal, **conditions, run=known, probability=probability)
-        numbers = (data.friction_n[i], found.friction_n, found.lower_n, found.upper_n)
-        at = (float(data.gauge_a_pa[i]), float(data.gauge_b_pa[i]))
-        out.append(LeftOut(seal, str(runs[i]), *at, *(float(x) for x in numbers)))
-    return out
-
-
-def _grouped(
-    friction_map: xr.Dataset,
-    seals: str | Sequence[str],
-    runs: str | Sequence[str] | None,
-    direction: int | None,
-    ambient_pressure_pa: float | None,
-    exclude_flags: Collection[str],
+def grouped(
+    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, selected: Mapping[str, Any]
 ) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
-    """Return values, runs, and provenance of each seal; unusable rows are left out as in a fit."""
-    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    """Return values, runs, and provenance of each seal; `selected` are the options of `observations`."""
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
     options: dict[str, dict[str, object]] = {}
-    said = "both" if direction is None else f"{direction:+d}"
+    direction = selected["direction"]
+    said = {"direction": "both" if direction is None else f"{direction:+d}"}
+    said |= {"ambient_pressure_pa": selected["ambient_pressure_pa"]}
     for seal in dict.fromkeys(seal_of.tolist()):
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
-        data, _ = observations(part, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+        groups[seal], _ = observations(part, **selected)
         recording = part["recording"].to_numpy().astype(str)
         run = dict(zip(recording.tolist(), run_of[rows].tolist(), strict=True))
         names = np.unique(recording)
-        groups[seal], of_run[seal] = data, [run[names[g]] for g in data.group]
-        options[seal] = {"direction": said, "ambient_pressure_pa": ambient, "recordings": recordings_of(part)}
+        of_run[seal] = [run[names[g]] for g in groups[seal].group]
+        options[seal] = {**said, "recordings": recordings_of(part)}
     return groups, of_run, options
 
 

@@ -32,7 +32,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_cat
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.ensemble.many import EnsembleStudy
     from pneudrive.platforms import Platform
     from pneudrive.views import SentView
 
@@ -149,9 +149,7 @@ class ExtrasRequest(RunRequest):
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.design import design_of
         from pneudrive.ensemble.engine import DONE, Rows
-        from pneudrive.ensemble.many import study_of
-        from pneudrive.ensemble.store import results
-        from pneudrive.ensemble.study import Members
+        from pneudrive.ensemble.many import Members, results, study_of
 
         study = study_of(
             described,

@@ -22,9 +22,7 @@ from pneudrive.results import compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
-from pneudrive.validate.metrics import metrics
-from pneudrive.validate.signals import Signals
-from pneudrive.validate.simulation import run_model
+from pneudrive.validate.balance import Signals, metrics, run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownFigure
 from pneudrive.web.drive.description import field_of

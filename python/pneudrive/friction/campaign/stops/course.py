@@ -29,7 +29,7 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
-from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
+from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
 from pneudrive.friction.friction_map import Skipped

@@ -25,7 +25,7 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
-from pneudrive.estimate.separable import Scan, refined, scan
+from pneudrive.estimate.mixed import Scan, refined, scan
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.dwell_models import (
     CONCLUSIVE,

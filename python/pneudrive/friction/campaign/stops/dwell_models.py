@@ -30,8 +30,17 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
-from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
-from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
+from pneudrive.estimate.mixed import (
+    Functionals,
+    MixedFit,
+    MixedModel,
+    RandomEffect,
+    Scan,
+    corrected_criterion,
+    independent,
+    refined,
+    scan,
+)
 from pneudrive.friction.friction_map import conditions_of
 from pneudrive.repr_tables import Shown
 

@@ -23,14 +23,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.separable import scan
+from pneudrive.estimate.mixed import scan
 from pneudrive.friction.motion import moving_average
 from pneudrive.signals.motion import noise_level, straight_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.estimate.separable import Scan
+    from pneudrive.estimate.mixed import Scan
 
     Array = NDArray[np.float64]
 
