@@ -154,12 +154,12 @@ def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Ar
     return values
 
 
-def _labelled(study: EnsembleStudy, found: Mapping[str, Array], about: Mapping[str, Any]) -> xr.Dataset:
+def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     upper("Pneu")  # registers `dataset.pneu`
     unit = {"units": "1" if "first" in found else "that of the output"}
-    dimensions, variables = ("end", "number", "output"), {}
+    dimensions, variables = ("end", "number", "output"), dict[str, Any]()
     for name, x in found.items():
         long_name = LONG_NAMES.get(name) or f"interval of the {LONG_NAMES[name.removesuffix('_interval')]}"
         variables[name] = (
@@ -195,7 +195,7 @@ def sobol_points(n: int, d: int, seed: int) -> Array:
 
 def sobol_indices(
     points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
-) -> dict[str, Array]:
+) -> dict[str, NDArray[Any]]:
     """Estimate Sobol indices of first and total order.
 
     First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
@@ -289,7 +289,7 @@ def morris_points(trajectories: int, d: int, seed: int, levels: int = 4) -> Arra
 
 def elementary_effects(
     points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
-) -> dict[str, Array]:
+) -> dict[str, NDArray[Any]]:
     """Estimate Morris' measures [morris1991], with the mean of absolute effects [campolongo2007].
 
     Parameters

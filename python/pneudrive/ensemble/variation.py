@@ -108,7 +108,8 @@ class Variation:
                 raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
         self.numbers = [known[name] for name in names]
 
-    _read_initial, _made_start = staticmethod(read_initial), staticmethod(Initial.model_validate)
+    _read_initial: Any = staticmethod(read_initial)
+    _made_start: Any = staticmethod(Initial.model_validate)
 
     @cached_property
     def family(self) -> DriveFamily:
@@ -226,11 +227,8 @@ class Variation:
 class CircuitVariation(Variation):
     """The numbers of a circuit, and of its start state, that a design sets: names of `circuit_numbers`."""
 
+    _read_initial = staticmethod(lambda initial: start_values(initial) or None)
     _made_start = dict
-
-    @staticmethod
-    def _read_initial(initial: Any) -> Any:  # noqa: ANN401
-        return start_values(initial) or None
 
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words, including that of the circuit file."""

@@ -54,12 +54,12 @@ def sentences(topic: str) -> dict[str, Any]:
     return _table()[topic]
 
 
-def stated(topic: str, key: str, **values: object) -> dict[str, str]:
+def stated(topic: str, key: str, /, **values: object) -> dict[str, str]:
     """Return the parts of a message, such as what, rule and remedy, with these values."""
     return {part: text.format(**values) for part, text in sentences(topic)[key].items()}
 
 
-def sentence(topic: str, key: str, **values: object) -> str:
+def sentence(topic: str, key: str, /, **values: object) -> str:
     """Return a sentence of a topic with these values."""
     return sentences(topic)[key].format(**values)
 
