@@ -22,7 +22,6 @@ with used_later(__name__):
     from pneudrive import platforms, report
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
-    from pneudrive.ensemble import engine as samples
     from pneudrive.ensemble import many, variation
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
@@ -227,8 +226,8 @@ def _design(
     correlation: Sequence[str],
 ) -> pn.EnsembleDesign:
     """Read what varies."""
-    if method not in samples.SAMPLERS:
-        raise CommandError(f"--design {method} is not known", remedy=nearest(method, samples.SAMPLERS))
+    if method not in designs.SAMPLERS:
+        raise CommandError(f"--design {method} is not known", remedy=nearest(method, designs.SAMPLERS))
     files = [text for text in vary if "=" not in text]
     if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
         raise CommandError("--correlation has no effect", rule="each varied number has a distribution")

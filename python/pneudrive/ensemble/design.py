@@ -1,17 +1,21 @@
-"""Designs: the values of the members of an ensemble, and distributions of one number."""
+"""Designs: distributions of one number, and the values of the members of an ensemble."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
+import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
+from scipy.stats import qmc
 
-from pneudrive.ensemble.engine import SAMPLERS, Marginals, NormalCoordinates, Rows
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from pneudrive.ensemble.variation import QuantityReader, Variation
+    from pneudrive.estimate.profile import Transforms
     from pneudrive.identify.base import Fit
 
     Array = NDArray[np.float64]
@@ -273,6 +278,210 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
     except TypeError:
         takes = ", ".join(field.name for field in fields(make)) if isinstance(make, type) else "values"
         raise CommandError(f'"{text}" has {len(entries)} entries', rule=f"{called[1]}({takes})") from None
+
+
+# --- The rows of a design in SI: row k is a pure function of the design and k.
+
+#: Half a cell of scipy's Sobol points, which are multiples of 2^-30: none lies on a face of the cube.
+HALF_CELL = 2.0**-31
+#: Rows of a random design that one generator makes.
+BLOCK = 4096
+#: The nearest to 0 and to 1 that a share comes.
+EDGE = 2.0**-53
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The values of all members, SI.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Numbers that vary, as in the drive file.
+    size : int
+        Number of members.
+    about : dict
+        Description of the design as plain data. Two designs with the same description have the same rows.
+    points : callable
+        (first, last) -> rows of the members from first to before last, shape (members, names).
+    shape : Marginals or NormalCoordinates, optional
+        Of a sampled design: mapping from the unit cube to values.
+    """
+
+    names: tuple[str, ...]
+    size: int
+    about: dict[str, Any]
+    points: Callable[[int, int], Array]
+    shape: Marginals | NormalCoordinates | None = None
+
+    @classmethod
+    def table(cls, names: Sequence[str], values: Array) -> Rows:
+        """Return rows with these values, shape (members, names)."""
+        digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+        about = {"design": "table", "names": list(names), "members": len(values), "sha256": digest}
+        return cls(tuple(names), len(values), about, partial(_part, values, 0))
+
+    @classmethod
+    def grid(cls, axes: dict[str, Array]) -> Rows:
+        """Return all combinations of the values of each number. The last number varies fastest."""
+        shape = tuple(len(axis) for axis in axes.values())
+
+        def points(first: int, last: int) -> Array:
+            places = np.unravel_index(np.arange(first, last), shape)
+            return np.column_stack([axis[at] for axis, at in zip(axes.values(), places, strict=True)])
+
+        about = {"design": "grid", "axes": {name: axis.tolist() for name, axis in axes.items()}}
+        return cls(tuple(axes), int(np.prod(shape, dtype=object)), about, points)
+
+    @classmethod
+    def sampled(cls, method: str, size: int, seed: int, shape: Marginals | NormalCoordinates) -> Rows:
+        """Return points in the unit cube, by distributions or by the posterior of a fit.
+
+        Parameters
+        ----------
+        method : str
+            ``"sobol"`` (scrambled), ``"latin-hypercube"`` or ``"random"``.
+        size, seed : int
+        shape : Marginals or NormalCoordinates
+        """
+
+        def points(first: int, last: int) -> Array:
+            return shape.values(SAMPLERS[method](first, last, size, len(shape.names), seed))
+
+        about = {"design": method, "members": size, "seed": seed, **shape.about()}
+        return cls(shape.names, size, about, points, shape)
+
+    def wider(self, other: Rows) -> Rows:
+        """Return rows each of which is followed by that of another design."""
+
+        def points(first: int, last: int) -> Array:
+            return np.column_stack([self.take(first, last), other.take(first, last)])
+
+        return Rows((*self.names, *other.names), self.size, {**self.about, "beside": other.about}, points)
+
+    def take(self, first: int, last: int) -> Array:
+        """Return the rows of the members from `first` to before `last`, shape (members, names)."""
+        return self.points(first, min(last, self.size))
+
+    def part(self, first: int, last: int) -> Rows:
+        """Return these rows without the design, to be sent to another machine."""
+        return replace(self, points=partial(_part, self.take(first, last), first), shape=None)
+
+
+def _part(values: Array, begin: int, first: int, last: int) -> Array:
+    return values[first - begin : last - begin]
+
+
+@dataclass(frozen=True, eq=False)
+class Marginals:
+    """A distribution of each number, SI. Their normal scores may be correlated."""
+
+    each: dict[str, Distribution]
+    correlation: Array | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Numbers that vary."""
+        return tuple(self.each)
+
+    def values(self, cube: Array) -> Array:
+        """Return the values at points of the unit cube."""
+        if self.correlation is not None:
+            scores = _mixed(ndtri(cube), np.linalg.cholesky(self.correlation).astype(np.float64))
+            cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
+        return np.column_stack([one.quantile(share) for one, share in zip(self.each.values(), cube.T, strict=True)])
+
+    def about(self) -> dict[str, Any]:
+        """Describe the distributions."""
+        return {
+            "distributions": {name: str(one) for name, one in self.each.items()},
+            "correlation": None if self.correlation is None else self.correlation.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class NormalCoordinates:
+    """Values whose coordinates (`pneudrive.estimate.profile`) are jointly normal: the posterior of a fit.
+
+    The distribution is normal on the scale of the coordinates, as for intervals of a fit. A positive value stays
+    positive. A `folded` value is nearly zero, and its absolute value is used.
+    """
+
+    names: tuple[str, ...]
+    scales: Transforms
+    centre: Array
+    covariance: Array
+    source: dict[str, Any] = field(default_factory=dict)
+    folded: tuple[int, ...] = ()
+
+    def values(self, cube: Array) -> Array:
+        """Return the values at points of the unit cube."""
+        variances, axes = np.linalg.eigh(self.covariance)
+        by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(np.float64)
+        found = self.scales.natural(self.centre + _mixed(ndtri(cube), by_score))
+        found[:, list(self.folded)] = np.abs(found[:, list(self.folded)])
+        return found
+
+    def about(self) -> dict[str, Any]:
+        """Describe the distributions."""
+        return {"posterior": {"names": list(self.names), "covariance": self.covariance.tolist(), **self.source}}
+
+
+def _mixed(scores: Array, by: Array) -> Array:
+    """Return ``scores by'`` row by row. The bits of a row do not depend on the number of rows, unlike those of BLAS."""
+    return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
+
+
+def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
+    if first == 0 and size <= BLOCK:
+        return _few_sobol(size, d, seed)[:last]
+    key, own = getattr(_last, "sequence", ((0, 0), None))
+    if own is None or key != (d, seed) or own.num_generated > first:
+        own = qmc.Sobol(d, scramble=True, rng=seed)
+    if first > own.num_generated:
+        own.fast_forward(first - own.num_generated)
+    points = _next(own, last - first)
+    _last.sequence = ((d, seed), own)
+    return points
+
+
+@lru_cache(maxsize=4)
+def _few_sobol(size: int, d: int, seed: int) -> Array:
+    """Return all points of a few members in one call, because a slider requests them again and again."""
+    points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
+    points.setflags(write=False)
+    return points
+
+
+def _next(own: qmc.Sobol, count: int) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # SciPy warns if a chunk is not a power of 2
+        return own.random(count) + HALF_CELL
+
+
+#: Chunks mostly come in order: the sequence goes on from the last one, in each thread its own.
+_last = threading.local()
+
+
+@lru_cache(maxsize=2)
+def _hypercube(size: int, d: int, seed: int) -> Array:
+    return qmc.LatinHypercube(d, rng=seed).random(size)
+
+
+def _latin_hypercube(first: int, last: int, size: int, d: int, seed: int) -> Array:
+    return np.clip(_hypercube(size, d, seed)[first:last], EDGE, 1.0 - EDGE)
+
+
+def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
+    del size
+    blocks = range(first // BLOCK, -(-last // BLOCK))
+    every = [np.random.default_rng([seed, block]).random((BLOCK, d)) for block in blocks]
+    start = blocks.start * BLOCK
+    return np.clip(np.concatenate(every)[first - start : last - start], EDGE, 1.0 - EDGE)
+
+
+#: Method -> points of the unit cube from first to before last, of so many in so many dimensions, by a seed.
+SAMPLERS = {"sobol": _sobol, "latin-hypercube": _latin_hypercube, "random": _random}
 
 
 # --- Designs: the values of the members of an ensemble.

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.ensemble.engine import Rows
+    from pneudrive.ensemble.design import Rows
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import qmc
 
-from pneudrive.ensemble.design import design_of
-from pneudrive.ensemble.engine import HALF_CELL, Rows
+from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
 from pneudrive.ensemble.many import Members, results, study_of
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.lazy_names import upper

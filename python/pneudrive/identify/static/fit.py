@@ -333,10 +333,8 @@ def fit_any_law(
     if not model.names:
         raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
     if len(data) <= len(model.names):
-        raise FitError(
-            "the friction map has too few values for this law",
-            value=f"{len(data)} values, {len(model.names)} parameters",
-        )
+        sizes = f"{len(data)} values, {len(model.names)} parameters"
+        raise FitError("the friction map has too few values for this law", value=sizes)
     found = estimate(model, data, loss=loss)
     matrix, theta = found.covariance, model.natural(found.q)
     reach = student(found.dof) * np.sqrt(np.diag(matrix))

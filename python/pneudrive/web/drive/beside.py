@@ -147,8 +147,8 @@ class ExtrasRequest(RunRequest):
     def _band(
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
-        from pneudrive.ensemble.design import design_of
-        from pneudrive.ensemble.engine import DONE, Rows
+        from pneudrive.ensemble.design import Rows, design_of
+        from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Members, results, study_of
 
         study = study_of(
