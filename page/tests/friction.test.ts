@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { levels } from "../src/measured/friction";
-import { reached } from "../src/plots/scatter";
+import { pointsFigure } from "../src/plots/points";
 
 describe("speeds of a map", () => {
   it("are one level where they hardly differ", () => {
@@ -8,13 +8,17 @@ describe("speeds of a map", () => {
   });
 });
 
-describe("the axis of points with bars", () => {
-  const group = (y: number, spread: number) => ({ label: "x", points: [{ x: 1, y, spread }] });
-  it("fits the data, holds every bar, and wastes no room", () => {
-    const [low, high] = reached([group(30, 2)], 28, 34);
-    expect(low).toBeGreaterThan(26);
-    expect(low).toBeLessThan(28);
-    expect(high).toBeGreaterThan(34);
-    expect(high).toBeLessThan(36);
+describe("a figure of points", () => {
+  const group = (label: string) => ({ label, points: [{ x: 1, y: 30, spread: 2 }] });
+  const marks = (count: number) =>
+    pointsFigure({
+      ...{ name: "f", x: "speed, mm/s", y: "friction, N" },
+      panels: [{ title: "", groups: Array.from({ length: count }, (_, k) => group(`p${k}`)) }],
+    }).figure.panels[0]!.marks;
+  it("names at most four series, the first and the last among them, and draws all others grey", () => {
+    const named = marks(7).flatMap((mark) => ("label" in mark && mark.label ? [mark.label] : []));
+    expect(named).toEqual(["p0", "p2", "p4", "p6"]);
+    expect(marks(7).length).toBe(7);
   });
+  it("holds the bars of its points", () => expect(marks(1)[0]).toMatchObject({ low: [28], high: [32] }));
 });

@@ -36,7 +36,7 @@ from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.volume import Regulator
 from pneudrive.lazy_names import upper
-from pneudrive.numbers import places, plain
+from pneudrive.numbers import places, plain, with_u
 from pneudrive.report.speed import map_view
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.layout import Layout
@@ -58,8 +58,10 @@ if TYPE_CHECKING:
 #: Column -> kind of a table that has it.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
+COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
 SHOWN_PLACES = 5  # of a curve in a table
 SAME_PA = 1.0  # rounding of a pressure
+NARROW = 3.0  # ratio of speeds below which friction fits are compared over the pressure
 _NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
 
 
@@ -244,18 +246,32 @@ def _run_view(run: xr.Dataset) -> View:
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
-    """Yield both laws at the speeds and pressures that both have measured."""
+    """Yield both laws over the speeds that both have measured, or over the pressure if that was varied more."""
     low, high = common(before, after, "speed_m_s")
-    gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
+    (a, a_most), (b, b_most) = gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(least > most + SAME_PA for least, most in gauges):
         return
+    side = int(b_most - b >= a_most - a)
+    if high < NARROW * low and gauges[side][1] > gauges[side][0] + SAME_PA:
+        over = np.linspace(*gauges[side], POINTS)
+        speed, axes = np.full(POINTS, math.sqrt(low * high)), (f"gauge pressure of chamber {'ab'[side]}", "Pa")
+        yield _law_pair("friction", before, after, over, axes, (speed, a if side else over, over if side else b))
+        return
     speeds = np.geomspace(low, high, POINTS) if low < high else np.array([low])
-    for a, b in dict.fromkeys(zip(*gauges, strict=True)):
-        label = f"{a / 1e5:.3g} and {b / 1e5:.3g} bar gauge"
-        laws = [fit.predict(speeds, a, b).friction_n for fit in (before, after)]
-        first, second = (_curve(label, speeds, law, ("speed", "friction", "m/s", "N")) for law in laws)
-        low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, speeds, a, b)]).T
-        yield CurvePair(first, second, speeds, laws[1] - laws[0], (high_n - low_n) / 2.0)
+    for pair in dict.fromkeys(zip(*gauges, strict=True)):
+        label = " and ".join(f"{gauge / 1e5:.3g}" for gauge in pair)
+        yield _law_pair(f"{label} bar gauge", before, after, speeds, ("speed", "m/s"), (speeds, *pair))
+
+
+def _law_pair(
+    label: str, before: FrictionFit, after: FrictionFit, x: Array, axes: tuple[str, str], at: tuple[Any, Any, Any]
+) -> CurvePair:
+    """Return two laws at speeds and gauge pressures with their bands, and their difference."""
+    laws = [fit.predict(*at) for fit in (before, after)]
+    names = axes[0], "friction", axes[1], "N"
+    first, second = (_curve(label, x, law.friction_n, names, (law.lower_n, law.upper_n)) for law in laws)
+    low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, *at)]).T
+    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0)
 
 
 def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
@@ -339,6 +355,26 @@ class CurvePair(NamedTuple):
             ends = "" if math.isnan(half) else f"{(value - half) / size:+.3g} .. {(value + half) / size:+.3g}"
             yield self.first.label, f"{self.x[at] / x_size:.3g} {x_unit}", f"{value / size:+.3g} {unit}", ends
 
+    def sentence(self, names: tuple[str, str]) -> str:
+        """Return which curve is larger where the band of the difference excludes zero, and by how much."""
+        if self.half_band is None or not np.isfinite(self.half_band).all():
+            return ""
+        (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
+        place = [f"{x / x_size:.3g} {x_unit}" for x in self.x]
+        gap = [with_u(d / size, h / size, unit) for d, h in zip(abs(self.difference), self.half_band, strict=True)]
+        differs, quantity = np.abs(self.difference) > self.half_band, self.first.quantity
+        if not differs.any():
+            middle = len(gap) // 2
+            return f"The data show no difference in {quantity} ({gap[middle]} at {place[middle]}). "
+        inside, outside = np.flatnonzero(differs), np.flatnonzero(~differs)
+        middle, end = inside[len(inside) // 2], inside[-1 if differs[-1] else 0]
+        word = "less" if self.difference[end] < 0.0 else "more"
+        where = f"from {place[inside[0]]} up" if differs[-1] else f"up to {place[inside[-1]]}"
+        text = f"{names[1]} has {word} {quantity} than {names[0]}{f' {where}' if outside.size else ''}"
+        text += f": {gap[middle]} at {place[middle]}, {gap[end]} at {place[end]}. "
+        far = 0 if not differs[0] else -1
+        return text + f"At {place[far]} the data show no difference ({gap[far]}). " * (outside.size > 0)
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ResultComparison(Shown):
@@ -373,7 +409,10 @@ class ResultComparison(Shown):
         parts += [f"{moved} of {len(self.curves)} curves"] if self.curves else []
         most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
         first = f"; most: {most.key} {100.0 * most.change:+.3g} %" if most is not None and most.change else ""
-        return f"{' and '.join(parts)} differ{first}."
+        gap = (
+            "" if self.kind != "friction fit" else next(filter(None, (p.sentence(self.names) for p in self.curves)), "")
+        )
+        return f"{gap}{' and '.join(parts)} differ{first}."
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
@@ -394,15 +433,17 @@ class ResultComparison(Shown):
             raise CommandError(f"two results of the kind {self.kind} have no common curves to draw")
         panels = []
         for first, second, x, difference, half in pairs:
-            looks = ((first, Look("black")), (second, Look("orange", "--")))
+            looks = ((first, COMPARED[0]), (second, COMPARED[1]))
             marks: list[Any] = [Band(c.x, *c.band, look=look) for c, look in looks if c.band is not None]
             marks += [Line(c.x, c.y, name, look) for name, (c, look) in zip(self.names, looks, strict=True)]
             across = _axis(first.x_quantity, first.x_unit)
             title = "" if first.label == first.quantity else first.label
             panels.append(Panel(marks, title, across, _axis(first.quantity, first.unit)))
             band = [] if half is None else [Band(x, difference - half, difference + half)]
-            gap = [*band, Line(x, difference, look=Look("blue")), Rule(y=0.0)]
-            panels.append(Panel(gap, "", across, _axis("difference", first.unit)))
+            gap = [*band, Line(x, difference, look=Look("path")), Rule(y=0.0)]
+            panels.append(Panel(gap, f"{self.names[1]} less {self.names[0]}", across, _axis("difference", first.unit)))
+        if len(pairs) == 1:
+            return Figure(panels, row_in=2.0, share_x="all", heights=(2, 1))
         return Figure(panels, columns=2, share_x="all")
 
     def curve_rows(self) -> list[tuple[str, ...]]:

@@ -58,7 +58,7 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.check("text=p-V loops")
     page.click("summary:has-text('Circuit, as it moves')")
     page.wait_for_selector("[data-band=position_m]")
-    page.wait_for_selector("[data-loop='cylinder, chamber b']")
+    page.wait_for_selector("figure[data-figure^='Pressure over volume'] >> text=cylinder, chamber b")
     before = settled(tab)
     drag(tab, "friction.coulomb", 0.36)
     for _ in range(30):  # an answer with a band takes longer than the look of `settled`
@@ -82,7 +82,7 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     shown = page.inner_text("[data-band=position_m]").replace(" mm", "").split(" … ")
     assert [float(one) for one in shown] == pytest.approx([low, high], rel=1e-4)
 
-    page.click("summary:has-text('Pressure over volume')")
+    page.click("summary[aria-label^='Pressure over volume']")
     page.wait_for_selector("[aria-label^='Table of Pressure over volume']")
     assert page.locator("[aria-label^='Table of Pressure over volume'] tbody tr").count() == 2 * 41
     assert page.locator("button:text-is('Play')").count() == 0  # who asks for calm gets a slider alone

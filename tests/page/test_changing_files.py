@@ -148,7 +148,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     with page.expect_request("**/api/map?path=worn*"):
         show("worn/map.parquet", "friction")
     show("new/map.parquet", "friction")
-    page.wait_for_selector(".heat svg")
+    page.wait_for_selector("[data-figure='Friction over speed'] .panel-drawing")
     page.wait_for_selector("text=lowest friction")
     before = page.inner_text("main")
     with page.expect_response("**/api/map?path=worn*"):

@@ -245,26 +245,29 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     tab = open_tab(server.address)
     page = tab.page
     page.click("text=results/o-rings/map.parquet")
-    page.wait_for_selector("figure.plot[data-plot='Friction over speed'] canvas")
+    page.wait_for_selector("figure[data-figure='Friction over pressure'][data-points='4']")  # pressure was varied most
     page.wait_for_selector("[data-value=coulomb]")
     assert float(page.get_attribute("[data-value=coulomb]", "data-si")) == fit.values["coulomb"]
     shown = sorted(float(cell.get_attribute("data-si")) for cell in page.locator(".scroll tr[data-si]").all())
     assert shown == sorted(curves["friction_n"].to_numpy())
-    cells = page.locator("[data-heat] rect[data-kind]")
-    assert cells.count() == 2 * 24
-    assert page.locator("[data-heat] rect[data-kind=measured]").count() >= 2
+    page.select_option("label:has-text('At one speed') select", index=1)
+    page.wait_for_selector("figure[data-figure='Friction over pressure']:not([data-points='4'])")
+    page.click("[aria-label='Friction over'] >> text=speed")
+    page.wait_for_selector("figure[data-figure='Friction over speed'][data-points='4']")
     page.check("text=logarithmic scale")
     page.select_option("label:has-text('At one pressure') select", index=1)
-    page.select_option("label:has-text('At one speed') select", index=1)
-    page.wait_for_selector("[data-plot^='Friction over pressure at'] canvas")
+    page.wait_for_selector("figure[data-figure='Friction over speed'][data-points='2']")
     page.select_option("label:has-text('Compare with') select", "results/worn/map.parquet")
-    page.wait_for_selector("[data-plot^='results/worn/map.parquet less'] canvas")
+    page.wait_for_selector("figure[data-figure^='results/worn/map.parquet less'] .panel-drawing")
+    assert "over=speed" in page.url
+    assert violations(tab) == []
+    page.select_option("label:has-text('Compare with') select", "")
     assert "breakaway" in page.inner_text("main")
     assert violations(tab) == []
     tab.picture("friction")
     page.click("summary:text-is('Fit another law')")
     page.select_option("label:has-text('Law') select", "coulomb")
-    page.select_option("label:has-text('Pressure') select", "linear")
+    page.select_option("[data-form=fit] label:has-text('Pressure') select", "linear")
     page.click("button:text-is('Fit again')")
     fitted = "label:has-text('Curves of') option:text-is('results/o-rings/fit-2.toml')"
     page.wait_for_selector(fitted, state="attached", timeout=60_000)  # a job on a busy machine
@@ -272,13 +275,14 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert again != fit.values["coulomb"]
     page.wait_for_selector(f"[data-value=coulomb][data-si='{again}']")
     page.click("button:has-text('Residuals, profiles and next points of results/o-rings/fit-2.toml')")
-    page.wait_for_selector("[data-plot='Residuals over speed'] canvas")
-    page.wait_for_selector("[data-loop='coulomb_b over coulomb']")
+    page.wait_for_selector("figure[data-figure='Residuals over speed'] .panel-drawing")
+    page.wait_for_selector("text=coulomb_b over coulomb")
     page.click("text=Propose on the simulated rig")
     page.wait_for_selector("[data-next]")
     assert violations(tab) == []
     tab.picture("friction-again")
-    page.click("td >> xpath=.. >> a >> nth=0")
+    page.click("summary:text-is('Measured points')")
+    page.click("[aria-label='Points of the map'] a >> nth=0")
     page.wait_for_selector("text=darker: towards +x")
     page.click("section[aria-label=Friction] >> text=Copy as command or Python")
     assert "pneudrive characterise O-ring_" in page.inner_text("[data-copy=command]")
@@ -421,7 +425,7 @@ VIEWS = {
     "friction/fit.toml": "[data-value='valve.conductance']",
     "result/fit.toml": "[data-value='valve.conductance']",
     "validation/": "text=Does my model hold?",
-    "validation/results/check/validation.toml": "[data-verdict=position]",
+    "validation/results/check/validation.toml": "[data-leading=position]",
     "sizing/": ".cm-content",
     "sizing/push.toml": ".cm-content",
     "sizing/results/push": "[data-candidate]",
@@ -457,12 +461,12 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
             page.wait_for_selector("[data-copy=python]")
         if path.endswith("new/map.parquet"):
             page.click("button:has-text('Residuals, profiles')")
-            page.wait_for_selector("[data-loop='viscous over coulomb']")
+            page.wait_for_selector("text=viscous over coulomb")
             page.click("text=Propose on the simulated rig")
             page.wait_for_selector("[data-next]")
-            page.select_option("label:has-text('At one speed') select", index=1)
+            page.select_option("label:has-text('At one pressure') select", index=1)
             page.select_option("label:has-text('Compare with') select", index=1)
-            page.wait_for_selector("[data-plot^='results/worn/map.parquet less']")
+            page.wait_for_selector("[data-figure^='results/worn/map.parquet less']")
         for one in page.locator("main summary").all():
             one.click()
         found = violations(tab)

@@ -61,10 +61,6 @@ def friday(server: Server) -> pn.Drive:
     return truth
 
 
-def done(tab: Tab, out: str) -> None:
-    tab.page.wait_for_selector(f".job[data-state=done]:has-text('{out}')", timeout=LONG)
-
-
 def number(tab: Tab, selector: str) -> float:
     return float(tab.page.get_attribute(selector, "data-si"))
 
@@ -79,10 +75,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     page.fill("label:has-text('Into results/') input", "friday")
     assert violations(tab) == []
     page.click("button:text-is('Validate')")
-    done(tab, "results/friday")
-    page.click("text=Show the validation results/friday")
-
-    page.wait_for_selector("[data-verdict=position][data-met=no]")
+    page.wait_for_selector("[data-leading=position].bad", timeout=LONG)  # the page opens the result
     page.wait_for_selector("b.badge:text-is('held out')")  # the values of the drive are those of monday
     drive = pn.Drive.load(server.folder / "axis.toml")
     found = pn.validate(drive, server.folder / "friday.parquet")
@@ -91,6 +84,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
         assert number(tab, f"[data-fit={channel}]") == one.free.fit_percent
     assert page.locator("[data-cause]").count() == len(found.diagnosis().culprits) == 1
     assert "less conductance C of the valve" in page.inner_text("[data-cause=conductance]")
+    page.click("summary:text-is('Where each value comes from')")
     origin = page.inner_text("[data-origin='friction.coulomb']")
     assert "identified" in origin
     assert page.get_attribute("[data-origin='friction.coulomb'] >> a:text-is('monday-fit.toml')", "href")
@@ -127,6 +121,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     assert " … ".join(ends).replace("dm3", "dm³") in row
     differ = [one.get_attribute("data-differs") for one in page.locator("[data-differs]").all()]
     assert set(differ) == {"valve.conductance", "valve.nominal_flow"}  # the one takes the other's place
+    page.click("summary:text-is('Lines that differ')")
     assert "+conductance" in page.inner_text("pre[aria-label='Lines that differ']")
     assert violations(tab) == []
     page.locator("section[aria-label='Differences']").scroll_into_view_if_needed()
@@ -337,7 +332,7 @@ def test_a_validation_in_the_dark(server: Server, open_tab: Open) -> None:
     tab = open_tab(server.address, "dark")
     page = tab.page
     page.click("a[title='results/same/validation.toml']")
-    page.wait_for_selector("[data-verdict=position][data-met=yes]")
+    page.wait_for_selector("[data-leading=position].good")
     settled(tab)
     page.wait_for_selector("text=Synthetic")
     assert "The balances close" in page.inner_text("main")

@@ -176,7 +176,7 @@ def test_a_view_of_a_new_class_is_shown(tmp_path: Path, open_tab: Open) -> None:
         go(page, "result", "cheap.toml")
         page.wait_for_selector("td[data-value=reach][data-si='0.25']")
         assert page.inner_text("td[data-value=reach]") == "250 ± 10"
-        page.wait_for_selector("figure[data-plot='friction over speed'][data-points='3'] canvas")
+        page.wait_for_selector("figure[data-figure='friction over speed'][data-points='3'] .panel-drawing")
         page.wait_for_selector("text=noted by the toy")
         assert violations(tab) == []
         tab.picture("toy-view")

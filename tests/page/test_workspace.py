@@ -122,16 +122,13 @@ def test_two_seals_are_apart_and_each_point_has_a_marker(server: Server, open_ta
     tab = open_tab(server.address)
     page = tab.page
     go(page, "friction", "map.parquet")
-    plot = "figure[data-plot='Friction over speed']"
-    page.wait_for_selector(f"{plot} canvas")
-    each = int(page.get_attribute(plot, "data-points"))
-    assert each == maps[0].sizes["row"]
+    figure = "figure[data-figure='Friction over speed']"
+    page.wait_for_selector(f"{figure}[data-points='{both.sizes['row']}']")  # a panel for each seal
+    assert page.locator(f"{figure} .panel-drawing").count() == 2
     assert page.is_checked("label:has-text('logarithmic') input")
-    page.select_option("label:has-text('Seal or mounting') select", "all, side by side")
-    page.wait_for_selector("figure[data-plot='Kidney'] canvas")
-    points = (page.get_attribute(f"figure[data-plot='{seal}']", "data-points") for seal in ("O-ring", "Kidney"))
-    assert sum(map(int, points)) == both.sizes["row"]
-    assert "seal=all" in page.url
+    page.select_option("label:has-text('Seal or mounting') select", "Kidney")
+    page.wait_for_selector(f"{figure}[data-points='{maps[1].sizes['row']}']")
+    assert "seal=Kidney" in page.url
     tab.picture("seals")
     tab.check()
 

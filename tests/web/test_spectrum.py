@@ -38,6 +38,10 @@ def test_a_sine_in_noise_in_a_view_of_a_recording(served: Served) -> None:
     hz, density = found["sine"]
     assert hz[density.argmax()] == pytest.approx(50.0, abs=hz[0])
     assert np.median(found["noise"][1]) == pytest.approx(0.3 / 500.0**0.5, rel=0.1)
+    given |= {"from": "1", "to": "1.5"}
+    _, arrays = unpack(served.client.get("/api/samples", params=given, headers=served.headers).content)
+    assert np.allclose(arrays["time"], time[1000:1501])  # every sample, where a plot has two values of each pixel
+    assert np.allclose(arrays["force_n"], 7.0 + force[1000:1501])
 
 
 def test_what_has_no_spectrum_is_refused(served: Served) -> None:

@@ -2,17 +2,17 @@
 
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { FigureView } from "../plots/figure";
 import { duration } from "../plots/looks";
-import { Scatter } from "../plots/scatter";
-import { Behind, Strip } from "../plots/strip";
+import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
 import { ask, attempting, frame, type Problem, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
 import { kindOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
-import { AnswerOf } from "../workspace/result";
+import { Copied, InFolder, Problems, ReportOf, Select } from "../workspace/parts";
+import { Answer, Findings, useView } from "../workspace/result";
 
 interface Campaign {
   name: string;
@@ -76,6 +76,19 @@ export async function look(path: string, isGone: () => boolean): Promise<void> {
   }
 }
 
+/** Do something again and again with a pause; return a function that ends this. */
+function repeat(pauseMs: number, step: (isGone: () => boolean) => Promise<void>): () => void {
+  let gone = false;
+  const run = async () => {
+    while (!gone) {
+      await step(() => gone);
+      await new Promise((resolve) => setTimeout(resolve, pauseMs));
+    }
+  };
+  void run();
+  return () => void (gone = true);
+}
+
 export function CampaignView() {
   const { path: object } = route.value;
   const path = kindOf(object) === "protocol" ? "" : object;
@@ -85,43 +98,23 @@ export function CampaignView() {
     wrong.value = unread.value = [];
     void follow();
     if (!path) return;
-    let gone = false;
-    const watch = async () => {
-      while (!gone) {
-        await look(path, () => gone);
-        await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
-      }
-    };
-    void watch();
-    return () => {
-      gone = true;
-    };
+    return repeat(LOOK_MS, (isGone) => look(path, isGone));
   }, [path]);
   const isRunning = Boolean(path && found.value?.state);
   useEffect(() => {
     cycle.value = null;
     if (!isRunning) return;
-    let gone = false;
-    const look = async () => {
-      while (!gone) {
-        try {
-          const { head, arrays } = await frame<{ cycle: string; left: string; samples: number }>("/api/cycle", {
-            path,
-          });
-          const of = (name: string) => Array.from(arrays.get(name) ?? []);
-          if (!gone && head.cycle)
-            cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
-        } catch {
-          /* the other reader reports the error */
-        }
-        await new Promise((resolve) => setTimeout(resolve, CYCLE_MS));
+    const end = repeat(CYCLE_MS, async (isGone) => {
+      try {
+        const { head, arrays } = await frame<Pick<Cycle, "cycle" | "left" | "samples">>("/api/cycle", { path });
+        const of = (name: string) => Array.from(arrays.get(name) ?? []);
+        if (!isGone() && head.cycle)
+          cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
+      } catch {
+        /* the other reader reports the error */
       }
-    };
-    void look();
-    return () => {
-      gone = true;
-      cycle.value = null;
-    };
+    });
+    return () => (end(), void (cycle.value = null));
   }, [path, isRunning]);
   return (
     <div class="campaign">
@@ -142,6 +135,8 @@ const dated = (line: string): string => line.replace(/^(\d{4}-\d\d-\d\d)T(\d\d:\
 
 function Watched({ now, path }: { now: Campaign; path: string }) {
   const total = now.planned ?? now.done;
+  const isOver = !now.state && now.done > 0;
+  const view = useView(isOver ? path : "", now.done);
   const running = now.state === "paused" ? null : cycle.value; // what was measured last is no cycle in progress then
   return (
     <>
@@ -161,62 +156,74 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           {running && `, ${running.left} left by the clock`}
         </p>
       )}
-      {!now.state && now.done > 0 && <AnswerOf path={path} changed={now.done} />}
+      {view && <Answer view={view} withFindings={false} />}
       <Requests now={now} path={path} />
-      {!now.state && now.done > 0 && (
-        <JobForm
-          kind="characterise"
-          given={{ campaign: path, recordings: [] }}
-          start={{ name: nameOf(path) }}
-          jobs={[]}
-        />
-      )}
-      <ReportOf folder={path} />
-      {running && running.position.length > 1 && (
-        <div data-cycle={running.cycle} data-samples={running.samples}>
-          <Strip
-            title={`Cycle in progress: ${running.cycle}, ${running.samples} samples`}
-            x="position, mm"
-            y="force, N"
-            curves={[{ label: "force", x: running.position, y: running.force }]}
-          />
+      <div class="result">
+        <div class="result-figures">
+          {running && running.position.length > 1 && (
+            <div class="panel" data-cycle={running.cycle} data-samples={running.samples}>
+              <FigureView
+                shown={pointsFigure({
+                  name: `Cycle in progress: ${running.cycle}, ${running.samples} samples`,
+                  ...{ x: "position, mm", y: "force, N" },
+                  panels: [
+                    {
+                      title: `Cycle in progress: ${running.cycle}, ${running.samples} samples`,
+                      groups: [{ label: "", points: [], curve: { x: running.position, y: running.force } }],
+                    },
+                  ],
+                })}
+              />
+            </div>
+          )}
+          {now.groups.length > 0 && (
+            <div class="panel">
+              <FigureView
+                shown={pointsFigure({
+                  name: "Friction so far",
+                  caption: "Quick estimates.",
+                  ...{ x: "speed, mm/s", y: "friction, N", isLog: true },
+                  panels: [
+                    {
+                      title: "Friction so far",
+                      groups: now.groups.map(({ label, points }) => ({
+                        label,
+                        points: points.map((point) => ({ x: MM * point.speed, y: point.friction, spread: null })),
+                      })),
+                    },
+                  ],
+                })}
+              />
+            </div>
+          )}
         </div>
-      )}
-      <JobList kinds={["campaign", "design", "characterise"]} />
-      {now.groups.length > 0 && (
-        <Scatter
-          title="Friction so far, quick estimates"
-          x="speed, mm/s"
-          y="friction, N"
-          log={true}
-          groups={now.groups.map((group) => ({
-            label: group.label,
-            points: group.points.map((one) => ({ x: MM * one.speed, y: one.friction, spread: null })),
-          }))}
-        />
-      )}
-      {now.groups.length > 0 && (
-        <Behind
-          title="Friction so far"
-          x="speed, mm/s"
-          y="friction, N"
-          curves={now.groups.map((group) => ({
-            label: group.label,
-            x: group.points.map((one) => MM * one.speed),
-            y: group.points.map((one) => one.friction),
-          }))}
-        />
-      )}
-      {now.problems.map((one) => (
-        <p class="note" key={one}>
-          {one}
-        </p>
-      ))}
-      {Object.entries(now.flags).map(([flag, count]) => (
-        <p class="note" key={flag}>
-          flag {flag}: {count}
-        </p>
-      ))}
+        <aside>
+          <section class="panel" aria-label="Findings">
+            <h3>What these data cannot tell</h3>
+            {view && <Findings of={view.findings} />}
+            {now.problems.map((one) => (
+              <p class="note" key={one}>
+                {one}
+              </p>
+            ))}
+            {Object.entries(now.flags).map(([flag, count]) => (
+              <p class="note" key={flag}>
+                flag {flag}: {count}
+              </p>
+            ))}
+            <ReportOf folder={path} />
+          </section>
+          {isOver && (
+            <JobForm
+              kind="characterise"
+              given={{ campaign: path, recordings: [] }}
+              start={{ name: nameOf(path) }}
+              jobs={[]}
+            />
+          )}
+          <JobList kinds={["campaign", "design", "characterise"]} />
+        </aside>
+      </div>
       <h2>Journal, newest first</h2>
       <pre class="journal" tabIndex={0} role="group" aria-label="Journal">
         {now.log.map(dated).reverse().join("\n")}
@@ -314,16 +321,12 @@ function Start() {
     <>
       <p>Run a protocol on the simulated rig. A real rig is started in a terminal: pneudrive campaign run.</p>
       <div class="fieldset">
-        <label class="choice">
-          Protocol{" "}
-          <select
-            value={protocol.value}
-            onChange={(event) => ([protocol.value, plan.value] = [event.currentTarget.value, null])}>
-            {protocols.map((one) => (
-              <option key={one}>{one}</option>
-            ))}
-          </select>
-        </label>
+        <Select
+          label="Protocol"
+          value={protocol.value}
+          options={protocols}
+          put={(name) => ([protocol.value, plan.value] = [name, null])}
+        />
         <label class="choice">
           Into campaigns/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>

@@ -1,10 +1,11 @@
 /** Differences between two drives, or between two fits of one kind. */
 import { FigureView } from "../plots/figure";
-import { digits } from "../plots/looks";
+import { digits, pretty } from "../plots/looks";
 import type { ShownFigure } from "../server/generated";
 import { Table } from "../workspace/parts";
 
 export interface Compared {
+  names: [string, string];
   sentence: string;
   figure: ShownFigure | null;
   values: {
@@ -20,35 +21,44 @@ export interface Compared {
   python: string;
 }
 
-/** Sentence, figure and table of the differences. `names` are the heads of the columns, for two files. */
-export function Differences({
-  sentence,
-  figure,
-  values,
-  lines,
-  names: [before, after] = ["Before", "After"],
-}: Compared & { names?: string[] }) {
+/** Return whether two intervals such as "0.5 … 3.3" overlap. */
+function isAlike(some: string, others: string): boolean {
+  const ends = (text: string) => text.split(" … ").map(parseFloat) as [number, number];
+  const [[low, high], [least, most]] = [ends(some), ends(others)];
+  return low <= most && least <= high;
+}
+
+/** Sentence, figure and table of the differences between two files. */
+export function Differences({ sentence, figure, values, lines, names: [before, after] }: Compared) {
   if (!values.length && !figure) return <p role="status">{sentence}</p>;
   return (
     <section aria-label="Differences">
-      <p class="answer">{sentence}</p>
+      <p class="answer">{pretty(sentence)}</p>
       {figure && <FigureView shown={figure} />}
       <Table
         label="Values that differ"
-        heads={["Value", before!, "95 %", after!, "95 %", "Change, %"]}
-        rows={values.map((one) => ({
+        heads={["Value", before, "95 %", after, "95 %", "Change, %", "Verdict"]}
+        rows={values.map(({ key, before: first, after: second, interval_before, interval_after, change }) => ({
           cells: [
-            one.key,
-            ...[one.before, one.interval_before, one.after, one.interval_after].map((text) => text || "–"),
-            one.change === null ? "–" : digits(100 * one.change, 3),
+            key,
+            ...[first, interval_before, second, interval_after].map((text) => text || "–"),
+            change === null ? "–" : digits(100 * change, 3),
+            interval_before && interval_after && (
+              <span class={`pill ${isAlike(interval_before, interval_after) ? "" : "good"}`}>
+                {isAlike(interval_before, interval_after) ? "may be equal" : "differs"}
+              </span>
+            ),
           ],
-          data: { "data-differs": one.key },
+          data: { "data-differs": key },
         }))}
       />
       {lines.length > 0 && (
-        <pre tabIndex={0} role="group" aria-label="Lines that differ">
-          {lines.join("\n")}
-        </pre>
+        <details>
+          <summary>Lines that differ</summary>
+          <pre tabIndex={0} role="region" aria-label="Lines that differ">
+            {lines.join("\n")}
+          </pre>
+        </details>
       )}
     </section>
   );

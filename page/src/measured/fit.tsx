@@ -1,8 +1,8 @@
 /** View of a fit: its values, their origin, and the next measurements. */
 import { signal } from "@preact/signals";
+import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
-import { Scatter } from "../plots/scatter";
-import { Strip } from "../plots/strip";
+import { type Point, pointsFigure } from "../plots/points";
 import { link } from "../routes";
 import { ask, attempting, type Problem, read, typed } from "../server/server";
 import { follow, JobList } from "../workspace/jobs";
@@ -67,6 +67,8 @@ export function outline({ value, low, high, probability }: Profile): { x: number
   return { x: known.map((one) => one[0]), y: known.map((one) => 100 * one[1]) };
 }
 
+const pointAt = ([speed, y]: [number, number]): Point => ({ x: MM * speed, y, spread: null });
+
 const titled = ({ name: of, unit }: Axis) => (unit && unit !== "1" ? `${of}, ${unit}` : of);
 
 /** Read the details of a fit, and lead to them. */
@@ -92,60 +94,45 @@ export function Behind({ path }: { path: string }) {
         <>
           {found.why && <p class="note">{found.why}</p>}
           {found.residuals.length > 0 && (
-            <Scatter
-              title="Residuals over speed"
-              x="speed, mm/s"
-              y="measured minus fitted friction, N"
-              log
-              groups={[
-                {
-                  label: "values of the map",
-                  points: found.residuals.map(([speed, rest]) => ({ x: MM * speed, y: rest, spread: null })),
-                },
-              ]}
+            <FigureView
+              shown={pointsFigure({
+                name: "Residuals over speed",
+                ...{ x: "speed, mm/s", y: "measured minus fitted friction, N", isLog: true },
+                panels: [{ title: "", groups: [{ label: "", points: found.residuals.map(pointAt) }] }],
+              })}
             />
           )}
           {found.profiles.length > 0 && (
-            <>
-              <h2>Profiles: the interval of each value at every probability</h2>
-              <p class="note">
-                By profile likelihood: all other values are fitted again at each point. If the curve of a side ends
-                below 95 %, the data do not limit the value on this side.
-              </p>
-              <div class="plots">
-                {found.profiles.map((one) => (
-                  <Strip
-                    key={one.name}
-                    title={`Profile of ${one.name}`}
-                    x={titled(one)}
-                    y="probability of the interval, %"
-                    curves={[{ label: one.name, ...outline(one) }]}
-                  />
-                ))}
-              </div>
-            </>
+            <FigureView
+              shown={pointsFigure({
+                ...{ name: "Profiles", x: "", y: "" },
+                caption:
+                  "Interval of each value at every probability, by profile likelihood: all other values are fitted again at each point. If the curve of a side ends below 95 %, the data do not limit the value on this side.",
+                panels: found.profiles.map((profile) => ({
+                  ...{ title: `Profile of ${profile.name}`, x: titled(profile), y: "probability of the interval, %" },
+                  groups: [{ label: "", points: [], curve: outline(profile) }],
+                })),
+              })}
+            />
           )}
           {found.ellipses.length > 0 && (
-            <>
-              <h2>Values that change together</h2>
-              <p class="note">
-                Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the
-                profile and not the ellipse.
-              </p>
-              <div class="plots">
-                {found.ellipses.map(({ x, y, correlation, points: at }) => (
-                  <Strip
-                    key={`${x.name} ${y.name}`}
-                    title={`${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`}
-                    x={titled(x)}
-                    y={titled(y)}
-                    curves={[
-                      { label: `${y.name} over ${x.name}`, x: at.map((one) => one[0]), y: at.map((one) => one[1]) },
-                    ]}
-                  />
-                ))}
-              </div>
-            </>
+            <FigureView
+              shown={pointsFigure({
+                ...{ name: "Values that change together", x: "", y: "" },
+                caption:
+                  "Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the profile and not the ellipse.",
+                panels: found.ellipses.map(({ x, y, correlation, points: at }) => ({
+                  ...{
+                    title: `${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`,
+                    x: titled(x),
+                    y: titled(y),
+                  },
+                  groups: [
+                    { label: "", points: [], curve: { x: at.map(([one]) => one), y: at.map(([, one]) => one) } },
+                  ],
+                })),
+              })}
+            />
           )}
           {found.command && found.python && (
             <Copied of="behind the fit" command={found.command} python={found.python} />

@@ -1,22 +1,21 @@
-/** View of friction maps with the curves of their fit, and of fits of every kind. */
+/** View of friction maps with the curves of their fits, of comparisons of seals, and of fits of every kind. */
 
 import { signal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import { Heat } from "../plots/heat";
+import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
-import { type Group, isWide, Scatter } from "../plots/scatter";
+import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
-import type { SentView } from "../server/generated";
-import { attempting, type Problem, Refused, read } from "../server/server";
+import type { Finding, SentView, ShownFigure } from "../server/generated";
+import { usePosted, useRequest } from "../workspace/answers";
 import { Choose } from "../workspace/choose";
-import { folderOf, studies } from "../workspace/files";
+import { folderOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
-import { Answer, AnswerOf, Shown, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
-import { Behind, forget, showBehind } from "./fit";
+import { Copied, Problems, ReportOf, Select, Table } from "../workspace/parts";
+import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
+import { type Compared, Differences } from "./differences";
+import { Behind, showBehind } from "./fit";
 
 interface Point {
   recording: string;
@@ -27,123 +26,117 @@ interface Point {
   flags: string;
 }
 
-interface FrictionMap {
-  groups: {
-    label: string;
-    assembly: string; // seal, mounting and drive
-    points: Point[];
-    curve?: { speed: number[]; friction: number[]; low: number[]; high: number[]; measured: [number, number] };
-  }[];
-  heat: {
-    edges: number[];
-    rows: {
-      label: string;
-      assembly: string;
-      cells: ([friction: number, kind: "measured" | "fit" | "extrapolated"] | null)[];
-    }[];
-  };
-  fit: string;
-  fits: string[];
-  recordings: Record<string, string>;
-  left_out: number;
-  flags: string[]; // a sentence on each raised flag
+type Curve = {
+  friction: (number | null)[];
+  low: (number | null)[];
+  high: (number | null)[];
+  measured: [number | null, number | null];
+};
+
+/** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
+interface Part<Key extends string> {
+  label: string;
+  assembly: string;
+  points: (Point & Record<Key, number>)[];
+  curve?: Curve & Record<Key, number[]>;
 }
 
-const map = signal<FrictionMap | null>(null);
-const fit = signal<SentView | null>(null);
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
-const isLog = signal<boolean | null>(null); // null: as wide as the speeds need it
+export interface FrictionMap {
+  groups: (Part<"speed"> & { gauges: [number, number] })[];
+  fit: string; // why curves are missing
+  fits: string[];
+  seals: Record<string, string>; // fit of each seal
+  recordings: Record<string, string>;
+  left_out: number;
+}
+
+export interface Slice {
+  chamber: "a" | "b";
+  groups: (Part<"gauge"> & { speed: number })[];
+  python: string;
+}
+
+interface Difference {
+  groups: Part<"speed">[];
+  fit: string;
+  command: string;
+  python: string;
+}
+
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
 const BAR = 1e5; // Pa
+const NEAR = 0.05; // speeds that differ by less, relatively, are one level
+const NARROW = 3; // ratio of speeds below which pressure is the axis
+const ALL = "all, side by side";
 
-const drawn = signal("");
+const seal = kept("seal");
+const axis = kept("over"); // "pressure" or "speed"
+const level = kept("at"); // the speed or the pressure that is shown alone
+const other = kept("with"); // a seal of this map, or another map
+const chosenFit = kept("fit");
+const isLog = signal<boolean | null>(null); // null: as wide as the speeds need it
 
-/** Draw the curves of another fit over the map. */
-const choose = (path: string, of: string): Promise<void> =>
-  attempt(async () => {
-    forget();
-    slice.value = difference.value = null;
-    const one = await read<FrictionMap>("/api/map", { path, fit: of });
-    if (route.value.path !== path) return;
-    map.value = one;
-    fit.value = null;
-    if (!map.value.fit) fit.value = await read<SentView>("/api/view", { path: of });
-    drawn.value = of;
+/** Return the different speeds of a map. */
+export function levels(speeds: number[]): number[] {
+  return [...speeds].sort((a, b) => a - b).filter((speed, k, all) => k === 0 || speed > all[k - 1]! * (1 + NEAR));
+}
+
+/** Return groups over an axis of size `size`, from points and curves whose abscissa is named `key`. */
+function groupsOver<Key extends "speed" | "gauge">(key: Key, size: number, parts: Part<Key>[]): Group[] {
+  return parts.map(({ label, assembly, points, curve }) => {
+    const runs = [...new Set(points.map((point) => point.recording))];
+    return {
+      label: label.replace(`${assembly}: `, ""),
+      points: points.map((point) => ({
+        x: size * point[key],
+        y: point.friction,
+        spread: point.spread,
+        run: key === "speed" ? runs.indexOf(point.recording) : 0,
+      })),
+      ...(curve && {
+        curve: {
+          x: curve[key].map((at) => size * at),
+          y: curve.friction,
+          low: curve.low,
+          high: curve.high,
+          measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
+        },
+      }),
+    };
   });
-
-/** Draw a new fit of the map as soon as its file exists. */
-async function drawFit(path: string, job: { number: number; out: string }): Promise<void> {
-  await follow(job.number);
-  if (route.value.path === path) await choose(path, job.out);
 }
 
-function Refit({ path, found }: { path: string; found: FrictionMap }) {
-  return (
-    <section aria-label="Fit again">
-      {found.fits.length > 0 && (
-        <label>
-          Curves of{" "}
-          <select
-            value={drawnFit(path)}
-            onChange={(event) => event.currentTarget.value && void choose(path, event.currentTarget.value)}>
-            {!drawnFit(path) && <option value="">choose</option>}
-            {found.fits.map((one) => (
-              <option key={one}>{one}</option>
-            ))}
-          </select>
-        </label>
-      )}
-      <details>
-        <summary>Fit another law</summary>
-        <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={(job) => drawFit(path, job)} />
-      </details>
-    </section>
-  );
+/** Return the panels of a figure: one for each seal. */
+const panelsOf = <Key extends "speed" | "gauge">(key: Key, size: number, parts: Part<Key>[]) =>
+  [...new Set(parts.map((part) => part.assembly))].map((title, _, all) => ({
+    title: all.length > 1 ? title : "",
+    groups: groupsOver(
+      key,
+      size,
+      parts.filter((part) => part.assembly === title),
+    ),
+  }));
+
+/** Friction over the pressure of a chamber, with a panel for each seal. */
+export function overPressure({ chamber, groups }: Slice, caption: string): ShownFigure {
+  const panels = panelsOf("gauge", 1 / BAR, groups);
+  if (groups.length === panels.length) for (const panel of panels) panel.groups[0]!.label = ""; // one pressure alone
+  const x = `chamber ${chamber}, bar gauge`;
+  return pointsFigure({ name: "Friction over pressure", caption, x, y: "friction, N", panels, isFromZero: true });
 }
 
-/** The fit of the usual name next to a map, if there is one: a map of several seals has one fit for each. */
-function besideOf(path: string): string {
-  const usual = `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
-  return map.value?.fits.includes(usual) ? usual : "";
-}
-
-/** Fit whose curves are drawn: the chosen fit, or else the fit next to the map. Empty without either. */
-const drawnFit = (path: string): string => drawn.value || (map.value?.fit ? "" : besideOf(path));
-
-/** Fit that is shown: the open file, or else the drawn fit. */
-const pathOfFit = (path: string): string => (isToml(path) ? path : drawnFit(path));
-
-let generation = 0;
-
-async function open(path: string): Promise<void> {
-  const mine = ++generation;
-  forget();
-  only.value = drawn.value = "";
-  slice.value = difference.value = null;
-  map.value = fit.value = isLog.value = null;
-  wrong.value = [];
-  const isFit = isToml(path);
-  try {
-    const found = isFit ? null : await read<FrictionMap>("/api/map", { path });
-    if (mine !== generation) return;
-    map.value = found;
-    if (found?.fit) return;
-    const beside = isFit ? path : besideOf(path);
-    if (!beside) return;
-    const own = await read<SentView>("/api/view", { path: beside });
-    if (mine === generation) fit.value = own;
-  } catch (error) {
-    if (mine === generation && error instanceof Refused) wrong.value = error.problems;
-  }
+/** Whether pressure was varied more than speed, as a map of one seal shows. */
+function isOverPressure(groups: FrictionMap["groups"]): boolean {
+  const speeds = groups.flatMap((group) => group.points.map((point) => point.speed));
+  const counts = groups.map((group) => groups.filter((one) => one.assembly === group.assembly).length);
+  return Math.max(...counts) > 1 && Math.max(...speeds) < NARROW * Math.min(...speeds);
 }
 
 export function FrictionView() {
   const { path } = route.value;
-  useEffect(() => {
-    if (path) void open(path);
-  }, [path]);
+  const isFit = isToml(path);
+  const view = useView(isFit ? path : "");
   if (!path)
     return (
       <Choose
@@ -154,318 +147,297 @@ export function FrictionView() {
         recordings
       />
     );
+  const beside = [folderOf(path), "map.parquet"].filter(Boolean).join("/");
+  const hasMap = studies.value?.files.some((file) => file.path === beside);
+  if (!isFit) return <MapView key={path} path={path} fit="" />;
+  if (view && hasMap && !view.figures.length && !view.curves.length)
+    return <MapView key={path} path={beside} fit={path} />;
   return (
     <div class="friction">
       <h2>{path}</h2>
-      <Problems of={wrong.value} />
-      {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
-      {map.value &&
-        (fit.value ? (
-          <Answer
-            view={fit.value}
-            remedy={(of) =>
-              of.state !== "good" && (
-                <p>
-                  <button type="button" onClick={() => void showBehind(pathOfFit(path))}>
-                    Plan the next points
-                  </button>
-                </p>
-              )
-            }
-          />
-        ) : (
-          <AnswerOf path={path} />
-        ))}
+      {view ? <Shown view={view} label="Fit" /> : <FitProblems path={path} />}
       <ReportOf folder={folderOf(path)} />
-      {map.value && <Refit path={path} found={map.value} />}
-      {map.value ? (
-        <FrictionMapView path={path} found={map.value}>
-          {fit.value && (
-            <section class="result-figures" aria-label="Fit">
-              <Values view={fit.value} />
-            </section>
-          )}
-        </FrictionMapView>
-      ) : (
-        fit.value && <Shown view={fit.value} label="Fit" />
+      {view && <Behind path={path} />}
+      {view && !hasMap && (
+        <details>
+          <summary>Apply it to a drive</summary>
+          <JobForm
+            kind="apply"
+            given={{ fit: path }}
+            start={{ out: path.replace(/(fit)?\.toml$/, "identified.toml") }}
+          />
+        </details>
       )}
-      {(fit.value || map.value) && pathOfFit(path) && <Behind path={pathOfFit(path)} />}
     </div>
   );
 }
 
-type Curve = {
-  friction: (number | null)[];
-  low: (number | null)[];
-  high: (number | null)[];
-  measured: [number | null, number | null];
-};
-
-interface Slice {
-  chamber: "a" | "b";
-  groups: {
-    label: string;
-    assembly: string;
-    points: (Point & { gauge: number })[];
-    curve?: Curve & { gauge: number[] };
-  }[];
-  python: string;
+function FitProblems({ path }: { path: string }) {
+  const [, problems] = useRequest("/api/view", { path });
+  return problems.length ? <Problems of={problems} /> : <p role="status">Reading {path}.</p>;
 }
 
-type Difference = Pick<FrictionMap, "groups" | "fit"> & { command: string; python: string };
-
-const only = signal("");
-const slice = signal<(Slice & { speed: number; of: string }) | null>(null);
-const difference = signal<(Difference & { other: string; of: string }) | null>(null);
-const NEAR = 0.05; // speeds that differ by less, relatively, are one level
-
-/** Return the different speeds of a map. */
-export function levels(speeds: number[]): number[] {
-  return [...speeds].sort((a, b) => a - b).filter((one, k, all) => k === 0 || one > all[k - 1]! * (1 + NEAR));
-}
-
-/** Index of a recording's run within its group: each run has a marker shape. */
-function runOf(recording: string, points: { recording: string }[]): string {
-  const all = [...new Set(points.map((one) => one.recording))];
-  return `run ${all.indexOf(recording) + 1}`;
-}
-
-const ALL = "all, side by side";
-const seal = kept("seal");
-
-/** Return the seals or mountings of a map, and the shown one: the chosen one, else the first that has a fit. */
-function chosenSeal(found: FrictionMap): { names: string[]; now: string } {
-  const names = [...new Set(found.groups.map((one) => one.assembly))];
-  const first = found.groups.find((one) => one.curve)?.assembly ?? names[0] ?? "";
-  return { names, now: [...names, ALL].includes(seal.value) ? seal.value : first };
-}
-
-/** Return the groups of a plot over an axis of size `size`, from points and curves whose abscissa is named `key`. */
-function drawnGroups<Key extends "speed" | "gauge">(
-  key: Key,
-  size: number,
-  groups: {
-    label: string;
-    points: (Pick<Point, "friction" | "spread" | "recording"> & Record<Key, number>)[];
-    curve?: Curve & Record<Key, number[]>;
-  }[],
-): Group[] {
-  return groups.map(({ label, points, curve }) => ({
-    label,
-    points: points.map((one) => ({
-      x: size * one[key],
-      y: one.friction,
-      spread: one.spread,
-      run: runOf(one.recording, points),
-    })),
-    ...(curve && {
-      curve: {
-        x: curve[key].map((one) => size * one),
-        y: curve.friction as number[],
-        low: curve.low as number[],
-        high: curve.high as number[],
-        measured: curve.measured.map((one) => size * (one ?? Number.NaN)) as [number, number],
-      },
-    }),
-  }));
-}
-
-/** Plot of a part of the map: one pressure, one speed, or the difference from another map. */
-function Cuts({ path, found }: { path: string; found: FrictionMap }) {
-  const fit = (drawn.value || besideOf(path)).replace(/^.*\//, "");
-  const own = new Set(found.groups.map((one) => one.assembly)); // of the chosen seal
-  const of = `${path} ${fit}`; // another map may be shown by the time of an answer
-  const others = (studies.value?.files ?? [])
-    .filter((one) => one.kind === "friction map" && one.path !== path)
-    .map((one) => one.path);
-  const cut = (speed: string) =>
-    attempt(
-      async () =>
-        void (slice.value = speed
-          ? { ...(await read<Slice>("/api/slice", { path, fit, speed })), speed: Number(speed), of }
-          : null),
-    );
-  const compare = (other: string) =>
-    attempt(
-      async () =>
-        void (difference.value = other
-          ? { ...(await read<Difference>("/api/map-difference", { path, fit, other })), other, of }
-          : null),
-    );
-  const [shown, apart] = [slice.value, difference.value].map((one) => (one?.of === of ? one : null)) as [
-    typeof slice.value,
-    typeof difference.value,
-  ];
-  return (
-    <>
-      <p class="row">
-        <label>
-          At one pressure{" "}
-          <select value={only.value} onChange={(event) => (only.value = event.currentTarget.value)}>
-            <option value="">all</option>
-            {found.groups.map((one) => (
-              <option key={one.label}>{one.label}</option>
-            ))}
-          </select>
-        </label>
-        <label>
-          At one speed{" "}
-          <select value={shown ? String(shown.speed) : ""} onChange={(event) => void cut(event.currentTarget.value)}>
-            <option value="">none</option>
-            {levels(found.groups.flatMap((one) => one.points.map((point) => point.speed))).map((one) => (
-              <option key={one} value={one}>
-                {digits(MM * one, 3)} mm/s
-              </option>
-            ))}
-          </select>
-        </label>
-        {others.length > 0 && (
-          <label>
-            Compare with{" "}
-            <select value={apart?.other ?? ""} onChange={(event) => void compare(event.currentTarget.value)}>
-              <option value="">no other map</option>
-              {others.map((one) => (
-                <option key={one}>{one}</option>
-              ))}
-            </select>
-          </label>
-        )}
+/** A map, with the fit that was opened, or the fits beside it. */
+function MapView({ path, fit: opened }: { path: string; fit: string }) {
+  const drawn = chosenFit.value || opened;
+  useEffect(() => void (isLog.value = null), []);
+  const [found, problems] = useRequest<FrictionMap>("/api/map", { path, fit: drawn }, [studies.value]);
+  const whole = useView(path);
+  const names = Object.keys(found?.seals ?? {});
+  const ofFit = names.find((name) => opened && found!.seals[name] === opened);
+  const now = [...names, ALL].includes(seal.value)
+    ? seal.value
+    : (ofFit ?? (names.length > 1 ? ALL : (names[0] ?? "")));
+  const fit = drawn || (found?.seals[now] ?? "");
+  const fitted = useView(fit);
+  const name = nameOf(folderOf(path)) || nameOf(path);
+  const isMap = !fitted && !fit;
+  const remedy = (finding: Finding) =>
+    fit && finding.state !== "good" ? (
+      <p>
+        <button type="button" onClick={() => void showBehind(fit)}>
+          Plan the next points
+        </button>
       </p>
-      {shown && (
+    ) : null;
+  return (
+    <div class="friction">
+      <h2>
+        {now && now !== ALL && names.length > 1 ? [now, other.value || name].join(other.value ? " and " : ", ") : name}{" "}
+        <span class="note">{opened || path}</span>
+      </h2>
+      <Problems of={problems} />
+      {!found && !problems.length && <p role="status">Reading {path}.</p>}
+      {found && !other.value && (fitted ?? (isMap && whole)) && (
+        <Answer view={(fitted ?? whole)!} withFindings={false} />
+      )}
+      {found && (
         <>
-          <Scatter
-            title={`Friction over pressure at ${digits(MM * shown.speed, 3)} mm/s`}
-            x={`chamber ${shown.chamber}, bar gauge`}
-            y="friction, N"
-            log={false}
-            groups={drawnGroups(
-              "gauge",
-              1 / BAR,
-              shown.groups.filter((one) => own.has(one.assembly)),
-            )}
-          />
-          {shown.python && <Copied of="at one speed" python={shown.python} />}
+          <Choices path={path} found={found} names={names} now={now} drawn={drawn} />
+          <div class="result">
+            <div class="result-figures">
+              {other.value ? (
+                <Comparison path={path} fit={fit} found={found} />
+              ) : (
+                <MapFigure path={path} fit={drawn} found={found} now={now} />
+              )}
+            </div>
+            <aside>
+              <Aside path={path} views={[fitted, whole]} remedy={remedy} />
+            </aside>
+          </div>
+          <Points found={found} now={now} />
+          {fit && <Behind path={fit} />}
         </>
       )}
+    </div>
+  );
+}
+
+/** What needs someone, the values of the fit, the report, and another fit. */
+function Aside(props: {
+  path: string;
+  views: (SentView | null)[];
+  remedy: (finding: Finding) => preact.ComponentChildren;
+}) {
+  const { path, views, remedy } = props;
+  const [fitted, whole] = views;
+  const again = async (job: { number: number; out: string }) => {
+    await follow(job.number);
+    if (route.value.path === path) chosenFit.value = job.out;
+  };
+  return (
+    <>
+      {(fitted ?? whole) && (
+        <section class="panel" aria-label="Findings">
+          <h3>What these data cannot tell</h3>
+          <Findings of={[...(fitted?.findings ?? []), ...(whole?.findings ?? [])]} remedy={remedy} />
+          <ReportOf folder={folderOf(path)} />
+        </section>
+      )}
+      {fitted && <Values view={fitted} />}
+      <details>
+        <summary>Fit another law</summary>
+        <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
+      </details>
+    </>
+  );
+}
+
+/** Choices of the figure; the address keeps them. */
+function Choices(props: { path: string; found: FrictionMap; names: string[]; now: string; drawn: string }) {
+  const { path, found, names, now, drawn } = props;
+  const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
+  const isOver = axis.value ? axis.value === "pressure" : isOverPressure(found.groups);
+  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.speed)));
+  const maps = (studies.value?.files ?? []).filter(({ kind, path: file }) => kind === "friction map" && file !== path);
+  const seals = names.filter((name) => name !== now && found.seals[name] && found.seals[now]);
+  const over = (name: string) => (
+    <button
+      type="button"
+      aria-pressed={(name === "pressure") === isOver}
+      onClick={() => ([axis.value, level.value, other.value] = [name, "", ""])}>
+      {name}
+    </button>
+  );
+  return (
+    <p class="row">
+      {names.length > 1 && (
+        <Select
+          label="Seal or mounting"
+          value={now}
+          options={[ALL, ...names]}
+          put={(name) => ([seal.value, other.value, level.value] = [name, "", ""])}
+        />
+      )}
+      <span role="group" aria-label="Friction over">
+        over {over("pressure")} {over("speed")}
+      </span>
+      {isOver ? (
+        <Select
+          label="At one speed"
+          value={level.value}
+          options={[
+            ["", "all"],
+            ...speeds.map((speed): [string, string] => [String(speed), `${digits(MM * speed, 3)} mm/s`]),
+          ]}
+          put={(speed) => (level.value = speed)}
+        />
+      ) : (
+        <>
+          <Select
+            label="At one pressure"
+            value={level.value}
+            options={[["", "all"], ...groups.map((group) => group.label)]}
+            put={(label) => (level.value = label)}
+          />
+          <label>
+            <input
+              type="checkbox"
+              checked={isLog.value ?? isWide(groupsOver("speed", MM, groups))}
+              onChange={(event) => (isLog.value = event.currentTarget.checked)}
+            />{" "}
+            speed on a logarithmic scale
+          </label>
+        </>
+      )}
+      {(seals.length > 0 || maps.length > 0) && (
+        <Select
+          label="Compare with"
+          value={other.value}
+          options={[["", "nothing"], ...seals, ...maps.map((file) => file.path)]}
+          put={(name) => (other.value = name)}
+        />
+      )}
+      {found.fits.length > 0 && names.length === 1 && (
+        <Select
+          label="Curves of"
+          value={drawn || found.seals[now] || ""}
+          options={[...(drawn || found.seals[now] ? [] : [["", "choose"] as [string, string]]), ...found.fits]}
+          put={(file) => (chosenFit.value = file)}
+        />
+      )}
+    </p>
+  );
+}
+
+const BARS =
+  "Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured range.";
+
+function MapFigure({ path, fit, found, now }: { path: string; fit: string; found: FrictionMap; now: string }) {
+  const isOver = axis.value ? axis.value === "pressure" : isOverPressure(found.groups);
+  const speed = level.value || "all";
+  const [slice, problems] = useRequest<Slice>("/api/slice", isOver ? { path, fit, speed } : null, [found]);
+  const isIn = ({ assembly }: { assembly: string }) => now === ALL || assembly === now;
+  const groups = found.groups.filter((group) => isIn(group) && (!level.value || group.label === level.value));
+  const shown = slice && { ...slice, groups: slice.groups.filter(isIn) };
+  const at = shown?.groups.length === 1 ? ` at ${digits(MM * shown.groups[0]!.speed, 3)} mm/s` : "";
+  const words = shown && (level.value ? "" : ` Curves hold at the mean speed of the seal${at}.`);
+  const isOpen = groups.some((group) => new Set(group.points.map((point) => point.recording)).size > 1);
+  const most = Math.max(...panelsOf("speed", MM, groups).map((panel) => panel.groups.length), 0);
+  const hints = `${isOpen ? " Open: later runs." : ""}${most > MOST_SERIES ? " Grey: other pressures; choose one above." : ""}`;
+  const figure = isOver
+    ? shown && overPressure(shown, `${BARS}${words} ${found.fit}`)
+    : pointsFigure({
+        name: "Friction over speed",
+        caption: `${BARS}${hints} ${found.fit}`,
+        ...{ x: "speed, mm/s", y: "friction, N", panels: panelsOf("speed", MM, groups), isFromZero: true },
+        isLog: isLog.value ?? isWide(groupsOver("speed", MM, groups)),
+      });
+  return (
+    <div class="panel">
+      <Problems of={problems} />
+      {figure ? <FigureView shown={figure} /> : !problems.length && <p role="status">Reading the points.</p>}
+      {isOver && shown?.python && (
+        <details>
+          <summary>These curves in Python</summary>
+          <Copied of="at one speed" python={shown.python} />
+        </details>
+      )}
+    </div>
+  );
+}
+
+/** Two seals of the map by their fits, or this map and another one. */
+function Comparison({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
+  const own = found.seals[other.value];
+  const pair = own && fit ? { before: fit, after: own } : null;
+  const another = own ? null : { path, fit: nameOf(fit), other: other.value };
+  const [compared, refused] = usePosted<Compared>("/api/compare", pair, [found]);
+  const [apart, unlike] = useRequest<Difference>("/api/map-difference", another, [found]);
+  const problems = [...refused, ...unlike];
+  const groups = apart ? groupsOver("speed", MM, apart.groups) : [];
+  return (
+    <div class="panel">
+      <Problems of={problems} />
+      {!problems.length && !compared && !apart && <p role="status">Comparing.</p>}
+      {compared && <Differences {...compared} />}
       {apart && (
         <>
-          <Scatter
-            title={`${apart.other} less ${path}`}
-            x="speed, mm/s"
-            y="difference of friction, N"
-            log={isLog.value ?? isWide(drawnGroups("speed", MM, apart.groups))}
-            groups={drawnGroups("speed", MM, apart.groups)}
+          <FigureView
+            shown={pointsFigure({
+              name: `${other.value} less ${path}`,
+              caption: `Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that the sensors of both share are not in them, and may cancel. ${apart.fit}`,
+              ...{ x: "speed, mm/s", y: "difference of friction, N", panels: [{ title: "", groups }] },
+              isLog: isLog.value ?? isWide(groups),
+            })}
           />
-          <p class="note">
-            Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that
-            the sensors of both share are not in them, and may cancel. {apart.fit}
-          </p>
           {apart.python && <Copied of="the difference" command={apart.command} python={apart.python} />}
         </>
       )}
-    </>
+    </div>
   );
 }
 
-function FrictionMapView({ path, found, children }: { path: string; found: FrictionMap; children: ComponentChildren }) {
-  const { names, now } = chosenSeal(found);
-  const own = found.groups.filter((one) => now === ALL || one.assembly === now);
-  const groups = drawnGroups(
-    "speed",
-    MM,
-    own.filter((one) => !only.value || one.label === only.value),
-  );
-  const points = own.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
-  const curves = own.filter((one) => one.curve).length;
-  const log = isLog.value ?? isWide(groups);
+function Points({ found, now }: { found: FrictionMap; now: string }) {
+  const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
+  const points = groups.flatMap((group) => group.points.map((point) => ({ ...point, group: group.label })));
   return (
-    <>
-      <p class="row">
-        {names.length > 1 && (
-          <label>
-            Seal or mounting{" "}
-            <select value={now} onChange={(event) => (seal.value = event.currentTarget.value)}>
-              {[...names, ALL].map((one) => (
-                <option key={one}>{one}</option>
-              ))}
-            </select>
-          </label>
-        )}
-        <label>
-          <input type="checkbox" checked={log} onChange={(event) => (isLog.value = event.currentTarget.checked)} />{" "}
-          speed on a logarithmic scale
-        </label>
-        <span class="note">
-          Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured
-          speeds. {found.fit}
-        </span>
-      </p>
-      {now !== ALL && <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={log} />}
-      {now === ALL && (
-        <div class="multiples">
-          {names.map((name) => {
-            const part = drawnGroups(
-              "speed",
-              MM,
-              own.filter((one) => one.assembly === name),
-            ).map((one) => ({ ...one, label: one.label.replace(`${name}: `, "") }));
-            return (
-              <Scatter
-                key={name}
-                title={name}
-                x="speed, mm/s"
-                y="friction, N"
-                groups={part}
-                log={log}
-                among={groups}
-                height={240}
-              />
-            );
-          })}
-        </div>
-      )}
-      {now !== ALL && curves > 0 && curves < own.length && (
-        <p class="note">
-          Curves are drawn for the first {curves} of {own.length} pairs of pressures.
-        </p>
-      )}
-      {children}
-      <h2>Sections of the map</h2>
-      <Cuts path={path} found={{ ...found, groups: own }} />
-      <Heat of={{ ...found.heat, rows: found.heat.rows.filter((one) => now === ALL || one.assembly === now) }} />
-      <details open={!isOverMain()}>
-        <summary>Measured points</summary>
-        <Table
-          label="Points of the map"
-          heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
-          rows={points.slice(0, MOST_ROWS).map((one) => {
-            const file = found.recordings[one.recording];
-            const name = file ? <a href={link("recording", file)}>{one.recording}</a> : one.recording;
-            const flags = one.flags.replaceAll(",", ", ").replaceAll("_", " ");
-            return {
-              cells: [
-                name,
-                one.direction > 0 ? "+x" : "-x",
-                digits(MM * one.speed),
-                digits(one.friction),
-                digits(one.spread, 2),
-                one.group,
-                flags,
-              ],
-              data: { "data-si": one.friction },
-            };
-          })}
-        />
-      </details>
+    <details>
+      <summary>Measured points</summary>
+      <Table
+        label="Points of the map"
+        heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
+        rows={points.slice(0, MOST_ROWS).map((point) => {
+          const file = found.recordings[point.recording];
+          return {
+            cells: [
+              file ? <a href={link("recording", file)}>{point.recording}</a> : point.recording,
+              point.direction > 0 ? "+x" : "-x",
+              digits(MM * point.speed),
+              digits(point.friction),
+              digits(point.spread, 2),
+              point.group,
+              point.flags.replaceAll(",", ", ").replaceAll("_", " "),
+            ],
+            data: { "data-si": point.friction },
+          };
+        })}
+      />
       {points.length > MOST_ROWS && (
-        <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>
+        <p class="note">{points.length - MOST_ROWS} more points are in the figure and in the file.</p>
       )}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
-      {found.flags.map((sentence) => (
-        <p class="note" key={sentence}>
-          {sentence}
-        </p>
-      ))}
-    </>
+    </details>
   );
 }

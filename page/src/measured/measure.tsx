@@ -6,7 +6,7 @@ import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
 import { ask, newest, type Problem, Refused, read } from "../server/server";
 import { studies } from "../workspace/files";
-import { NumberField, Problems } from "../workspace/parts";
+import { NumberField, Problems, Select, Table } from "../workspace/parts";
 
 export interface Stroke {
   from: number;
@@ -173,15 +173,12 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
   return (
     <section aria-label="Another recording">
       <p class="row">
-        <label>
-          Draw over it{" "}
-          <select value={now?.path ?? ""} onChange={(event) => void choose(event.currentTarget.value)}>
-            <option value="">no other recording</option>
-            {files.map((one) => (
-              <option key={one.path}>{one.path}</option>
-            ))}
-          </select>
-        </label>
+        <Select
+          label="Draw over it"
+          value={now?.path ?? ""}
+          options={[["", "no other recording"], ...files.map((file) => file.path)]}
+          put={(file) => void choose(file)}
+        />
         {reading.value && <span role="status">{reading.value} is read.</span>}
         {now && strokes.length > 0 && now.strokes.length > 0 && (
           <>
@@ -323,58 +320,38 @@ function MeasuredTable({
   isTimed: boolean;
 }) {
   const found = measured.value;
-  const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
-  const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
   if (!found) return null;
   const unit = isTimed ? "s" : "samples";
+  const withUnit = (value: number | null, of: string) =>
+    value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`;
+  const step = (of: string) => of.replace(/ (gauge|abs)$/, ""); // of a difference
+  const rows = found.rows.flatMap((row, index) => {
+    const name = row.recording === path ? "" : ` (${row.recording})`;
+    const [first, second] = row.time_s;
+    const times = [told(first, span), told(second, span)].map((time) => `${time} ${unit}`);
+    const values = {
+      cells: [
+        `${row.label}${name}`,
+        ...row.values.map((value) => withUnit(value, row.unit)),
+        withUnit(row.difference, step(row.unit)),
+        withUnit(row.slope, `${step(row.unit) || "1"}${isTimed ? "/s" : " a sample"}`),
+      ],
+      data: {
+        "data-measured": `${row.recording}/${row.label}`,
+        "data-difference": row.difference,
+        "data-slope": row.slope,
+      },
+    };
+    const isFirst = found.rows[index - 1]?.recording !== row.recording;
+    return isFirst ? [[`time${name}`, ...times, withUnit(second - first, unit), ""], values] : [values];
+  });
   return (
-    <table class="measured" data-is-current={found.of === wanted}>
-      <thead>
-        <tr>
-          <th scope="col">Nearest samples</th>
-          <th scope="col">cursor 1</th>
-          <th scope="col">cursor 2</th>
-          <th scope="col">difference</th>
-          <th scope="col">slope</th>
-        </tr>
-      </thead>
-      <tbody>
-        {found.rows.map((one, index) => {
-          const isFirst = found.rows[index - 1]?.recording !== one.recording;
-          const name = one.recording === path ? "" : ` (${one.recording})`;
-          return (
-            <>
-              {isFirst && (
-                <tr key={`time ${one.recording}`}>
-                  <th scope="row">time{name}</th>
-                  <td>
-                    {told(one.time_s[0], span)} {unit}
-                  </td>
-                  <td>
-                    {told(one.time_s[1], span)} {unit}
-                  </td>
-                  <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
-                  <td />
-                </tr>
-              )}
-              <tr
-                key={one.label + one.recording}
-                data-measured={`${one.recording}/${one.label}`}
-                data-difference={one.difference}
-                data-slope={one.slope}>
-                <th scope="row">
-                  {one.label}
-                  {name}
-                </th>
-                <td>{of(one.values[0], one.unit)}</td>
-                <td>{of(one.values[1], one.unit)}</td>
-                <td>{of(one.difference, step(one.unit))}</td>
-                <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
-              </tr>
-            </>
-          );
-        })}
-      </tbody>
-    </table>
+    <div class="measured" data-is-current={found.of === wanted}>
+      <Table
+        label="Measured between the cursors"
+        heads={["Nearest samples", "cursor 1", "cursor 2", "difference", "slope"]}
+        rows={rows}
+      />
+    </div>
   );
 }

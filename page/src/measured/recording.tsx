@@ -12,6 +12,7 @@ import { Choose } from "../workspace/choose";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Problems, Table } from "../workspace/parts";
+import { AnswerOf } from "../workspace/result";
 import {
   BesideRecording,
   beside,
@@ -72,6 +73,7 @@ interface Proposal {
 }
 
 const MOST_PLOTS = 4; // to begin with
+const MOST_ANSWERED = 500_000; // samples of a recording that is read once more for its answer
 const READ_MS = 150; // between two looks at a file that is being read
 const LOOK_MS = 1000; // at one that is shown
 const MOST_LOAD = 0.2; // fraction of the time for reading a file that keeps changing
@@ -288,14 +290,26 @@ export function RecordingView() {
       )}
       {found?.channels && (
         <>
+          {found.layout && found.samples! < MOST_ANSWERED && <AnswerOf path={path} changed={found.key} />}
           <Controls found={found} />
-          <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
-          <div class="beside-row">
-            <BesideRecording path={path} strokes={strokes.value} onShow={look} />
-            <Measuring path={path} version={found.key!} columns={shown.value} span={span.value} isTimed={found.time!} />
+          <div class="result">
+            <div>
+              <Plots found={found} />
+              <Spectrum found={found} path={path} />
+            </div>
+            <aside class="panel">
+              <Channels found={found} />
+              <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
+              <BesideRecording path={path} strokes={strokes.value} onShow={look} />
+              <Measuring
+                path={path}
+                version={found.key!}
+                columns={shown.value}
+                span={span.value}
+                isTimed={found.time!}
+              />
+            </aside>
           </div>
-          <Plots found={found} />
-          <Spectrum found={found} path={path} />
         </>
       )}
       {(found?.channels || unread.value.length > 0) && !isForeign(found) && <Wizard path={path} />}
@@ -338,34 +352,40 @@ function Controls({ found }: { found: Opened }) {
   const [from, to] = span.value;
   const head = views.value?.head;
   return (
+    <p class="row" role="group" aria-label="View">
+      <button type="button" onClick={() => look(found.span!)}>
+        Whole recording
+      </button>
+      <button type="button" onClick={() => zoom(0.5)}>
+        Closer
+      </button>
+      <button type="button" onClick={() => zoom(2)}>
+        Wider
+      </button>
+      <button type="button" onClick={() => pan(-0.5)}>
+        Earlier
+      </button>
+      <button type="button" onClick={() => pan(0.5)}>
+        Later
+      </button>
+      <span role="status" data-from={from} data-to={to}>
+        {found.time
+          ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s`
+          : `sample ${Math.round(from)} to ${Math.round(to)}`}
+        {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
+        {head && !head.raw && ", lowest and highest of each pixel"}
+        {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
+        {again.value !== null && `, the file was replaced: ${Math.round(100 * again.value)} % read`}
+        {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
+      </span>
+    </p>
+  );
+}
+
+/** Notes on the recording, and the channels that are drawn. */
+function Channels({ found }: { found: Opened }) {
+  return (
     <>
-      <p class="row" role="group" aria-label="View">
-        <button type="button" onClick={() => look(found.span!)}>
-          Whole recording
-        </button>
-        <button type="button" onClick={() => zoom(0.5)}>
-          Closer
-        </button>
-        <button type="button" onClick={() => zoom(2)}>
-          Wider
-        </button>
-        <button type="button" onClick={() => pan(-0.5)}>
-          Earlier
-        </button>
-        <button type="button" onClick={() => pan(0.5)}>
-          Later
-        </button>
-        <span role="status" data-from={from} data-to={to}>
-          {found.time
-            ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s`
-            : `sample ${Math.round(from)} to ${Math.round(to)}`}
-          {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
-          {head && !head.raw && ", lowest and highest of each pixel"}
-          {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
-          {again.value !== null && `, the file was replaced: ${Math.round(100 * again.value)} % read`}
-          {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
-        </span>
-      </p>
       {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => (
         <p class="note" key={note}>
           {note}
@@ -459,6 +479,18 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
   );
 }
 
+/** Return all samples of a channel in the view. */
+async function samplesOf(column: string): Promise<Map<string, Numbers>> {
+  const [from, to] = span.value;
+  const given = { path: route.value.path, from: String(from), to: String(to), columns: column };
+  try {
+    return (await frame("/api/samples", given)).arrays;
+  } catch (error) {
+    if (error instanceof Refused) wrong.value = error.problems;
+    throw error;
+  }
+}
+
 function Plots({ found }: { found: Opened }) {
   const now = views.value;
   if (!now) return null;
@@ -488,6 +520,7 @@ function Plots({ found }: { found: Opened }) {
             onPick={pick}
             gaps
             extreme={!now.head.raw}
+            samples={() => samplesOf(one.column)}
             onZoom={(from, to) => look([from, to])}
           />
         );

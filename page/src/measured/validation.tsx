@@ -4,30 +4,23 @@
  */
 
 import { computed, effect, signal } from "@preact/signals";
+import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
 import { type Field, open as openDrive, valid } from "../drive/opened";
 import { digits, instant } from "../plots/looks";
 import { curveOf, Plot } from "../plots/plot";
-import { link, route } from "../routes";
+import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, Live, type Problem, Refused, read } from "../server/server";
 import { filesOf, folderOf, kindOf, list, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { follow, JobList, jobs } from "../workspace/jobs";
-import { InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
-import { AnswerOf } from "../workspace/result";
+import { JobForm, requestOf, useHeldOut } from "../workspace/form";
+import { follow, jobs } from "../workspace/jobs";
+import { InFolder, KINDS, Problems, ReportOf, Select, SliderRow, Table } from "../workspace/parts";
+import { Answer, useView, Values } from "../workspace/result";
 import { type Compared, Differences } from "./differences";
 
-interface Metrics {
-  rms: number;
-  largest: number;
-  nrmse: number | null;
-  fit_percent: number | null;
-}
-
 interface Channel {
-  free: Metrics;
-  restarted: Metrics;
+  free: { nrmse: number | null; fit_percent: number | null };
   off_s?: number;
 }
 
@@ -35,11 +28,8 @@ interface Recorded {
   badge?: string; // "made the fit", "held out", or empty
   name: string;
   file: string;
-  sha256: string;
-  samples: number;
   span: [number, number];
   start_s?: number; // time 0 on the clock of the file
-  breakaway: { start_s: number; onset_s: number; measured_n: number; model_n: number; error: number }[];
   [column: string]: unknown;
 }
 
@@ -47,8 +37,6 @@ interface Culprit {
   what: string;
   share: number;
   text: string;
-  remedy: string;
-  rivals: string[];
   free: string[];
 }
 
@@ -66,14 +54,10 @@ interface Validation {
   name: string;
   drive: string;
   editable: boolean;
-  version: string;
   window_s: number;
   synthetic: boolean;
-  notes: string[];
-  verdict: { what: string; text: string; met?: boolean }[];
   record: Recorded[];
-  condition: Record<string, number | string>[];
-  diagnosis: { left: number; clean: boolean; residual_over_noise: Record<string, number | null>; culprit?: Culprit[] };
+  diagnosis: { left: number; clean: boolean; culprit?: Culprit[] };
   suspects: Field[];
   values: Value[];
   channels: { column: string; label: string; size: number; unit: string }[];
@@ -111,7 +95,6 @@ const changes = computed<Record<string, string | number>>(() => {
 
 async function load(at: string): Promise<void> {
   found.value = frame.value = number.value = difference.value = null;
-  free.value = after.value = "";
   wrong.value = [];
   record.value = 0;
   try {
@@ -125,14 +108,6 @@ async function load(at: string): Promise<void> {
   } catch (error) {
     if (error instanceof Refused && path.value === at) wrong.value = error.problems;
   }
-}
-
-async function start(given: Record<string, unknown>): Promise<void> {
-  await attempt(async () => {
-    const { number: job } = await ask<{ number: number }>("/api/jobs", given);
-    await follow(job);
-    await list();
-  });
 }
 
 export function ValidationView() {
@@ -172,21 +147,37 @@ export function ValidationView() {
   if (!path.value) return <Start />;
   return (
     <div class="validation">
-      <h2>{found.value?.name ?? path.value}</h2>
-      <p>
-        <a href={link("validation")}>A new validation, and all of them</a>
-      </p>
+      <h2>
+        {found.value ? `Does ${found.value.name} hold?` : path.value}{" "}
+        <a class="note" href={link("validation")}>
+          A new validation, and all of them
+        </a>
+      </h2>
       <Problems of={wrong.value} />
-      {found.value && <AnswerOf path={path.value} withFindings={false} />}
-      <ReportOf folder={folderOf(path.value)} />
+      {!found.value && !wrong.value.length && <p role="status">Reading {path.value}.</p>}
       {found.value && <Result now={found.value} />}
     </div>
   );
 }
 
+/** Form of a validation. Recordings that did not make the values of the drive are chosen to begin with. */
 function Start() {
   const { path: object } = route.value;
-  const start = kindOf(object) === "recording" ? { recordings: [object] } : object ? { drive: object } : {};
+  const isRecording = kindOf(object) === "recording";
+  const { made, offered } = useHeldOut(isRecording ? "" : object);
+  const held = offered.filter((file) => !made.includes(file));
+  const begin = isRecording
+    ? { recordings: [object] }
+    : object
+      ? { drive: object, ...(made.length && { recordings: held }) }
+      : {};
+  const here = route.value;
+  const after = async (job: { number: number; out: string }) => {
+    await follow(job.number);
+    await list();
+    const isDone = jobs.value.some((one) => one.number === job.number && one.state === "done");
+    if (isDone && route.peek() === here) location.hash = link("validation", `${job.out}/validation.toml`);
+  };
   return (
     <>
       <h2>Does my model hold?</h2>
@@ -194,91 +185,97 @@ function Start() {
         The drive runs under the recorded command; the page shows where it leaves the recording, and what would explain
         it.
       </p>
-      <JobForm
-        kind="validate"
-        start={{ name: "validation", ...start }}
-        after={async (job) => (await follow(job.number), await list())}
-      />
+      {made.length > 0 && !held.length && (
+        <p class="banner">
+          Every recording that works here made the values of {object}. Add another recording to test them.
+        </p>
+      )}
+      <JobForm kind="validate" start={{ name: "validation", ...begin }} after={after} />
       <InFolder files={filesOf("validation")} title="Validations" view="validation" />
     </>
   );
 }
 
-const MARK = { yes: "Met", no: "Missed", none: "Not tested" };
-
 function Result({ now }: { now: Validation }) {
   const one = now.record[record.value] ?? now.record[0]!;
+  const view = useView(path.value);
   return (
     <>
+      {view && <Answer view={view} withFindings={false} />}
       {now.synthetic && <p class="banner">Synthetic: the recordings were simulated.</p>}
       {!now.drive && (
         <p class="banner">
           The validated drive is no longer in this folder, because it was changed or removed. Validate again.
         </p>
       )}
-      <p>
-        {now.drive && (
-          <>
-            Drive: {now.drive.startsWith("catalogue:") ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}
-            .{" "}
-          </>
-        )}
-        Recordings:{" "}
-        {now.record.map((each) => (
-          <span key={each.name}>
-            {each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name}
-            {each.badge && (
-              <>
-                {" "}
-                <b class="badge">{each.badge}</b>
-              </>
-            )}{" "}
-          </span>
-        ))}
-      </p>
-      <ul class="verdicts">
-        {now.verdict.map((verdict) => {
-          const word = verdict.met === undefined || verdict.met === null ? "none" : verdict.met ? "yes" : "no";
-          return (
-            <li key={verdict.what} data-verdict={verdict.what} data-met={word}>
-              <b class={word === "no" ? "missed" : ""}>{MARK[word]}</b>: {verdict.text}
-            </li>
-          );
-        })}
-      </ul>
       <div class="result">
         <Runs now={now} one={one} />
         <aside>
           <div class="panel">
-            <Suspect now={now} />
+            <RecordingsOf now={now} />
           </div>
           <div class="panel">
             <Why now={now} />
+            <Fits now={now} one={one} />
+            <Suspect now={now} />
           </div>
         </aside>
       </div>
+      {view && (
+        <details>
+          <summary>Numbers, stops, conditions and notes</summary>
+          <Values view={view} />
+        </details>
+      )}
       <Origins now={now} />
-      {now.notes.map((note) => (
-        <p class="note" key={note}>
-          {note}
-        </p>
-      ))}
+    </>
+  );
+}
+
+/** The recordings with their badges; one of them is drawn. */
+function RecordingsOf({ now }: { now: Validation }) {
+  const show = (index: number) => {
+    record.value = index;
+    span.value = now.record[index]!.span;
+  };
+  return (
+    <>
+      <Table
+        label="Recordings of the validation"
+        heads={["Recording", "Position, fit %", "Pressures, NRMSE %"]}
+        rows={now.record.map((each, index) => {
+          const channels = now.channels.map(({ column }) => each[column] as Channel);
+          const pressures = channels.slice(1).map(({ free }) => free.nrmse ?? 0);
+          return [
+            <>
+              <button type="button" class="link" aria-pressed={index === record.value} onClick={() => show(index)}>
+                {each.name}
+              </button>{" "}
+              {each.badge && <b class={`badge ${each.badge === "held out" ? "good" : "open"}`}>{each.badge}</b>}{" "}
+              {each.file && (
+                <a class="note" href={link("recording", each.file)} aria-label={`Open the recording ${each.name}`}>
+                  open
+                </a>
+              )}
+            </>,
+            digits(channels[0]!.free.fit_percent, 4),
+            digits(100 * Math.max(...pressures), 3),
+          ];
+        })}
+      />
+      {now.drive && (
+        <p>Drive: {inCatalogue(now.drive) ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}.</p>
+      )}
+      <ReportOf folder={folderOf(path.value)} />
     </>
   );
 }
 
 function Why({ now }: { now: Validation }) {
-  const { culprit = [], clean, left, residual_over_noise: sizes } = now.diagnosis;
+  const { culprit = [], clean, left } = now.diagnosis;
   return (
     <section aria-label="Why the model is off">
       <h2>{clean && !culprit.length ? "The model at the measured states" : "Why the model is off"}</h2>
-      <p>
-        Residual of the balances at the measured states, as a multiple of noise and 1 % of the terms:{" "}
-        {Object.entries(sizes)
-          .map(([balance, size]) => `${balance.replace("_", " ")} ${digits(size, 2)}`)
-          .join(", ")}
-        .
-      </p>
       {!culprit.length && (
         <p>
           {clean
@@ -306,156 +303,122 @@ function Why({ now }: { now: Validation }) {
 
 function Runs({ now, one }: { now: Validation; one: Recorded }) {
   const shown = frame.value;
-  const isChanged = Boolean(shown?.head.fit);
-  const zoom = (from: number, to: number) => (span.value = [from, to]);
+  const { off_s: off } = one[now.channels[0]!.column] as Channel;
   return (
-    <section aria-label="Runs beside the recording" data-from={span.value[0]} data-to={span.value[1]}>
-      <h2>Runs beside the recording</h2>
-      <p class="row">
-        <label>
-          Recording{" "}
-          <select
-            value={record.value}
-            onChange={(event) => {
-              record.value = Number(event.currentTarget.value);
-              span.value = now.record[record.value]!.span;
-            }}>
-            {now.record.map((each, index) => (
-              <option key={each.name} value={index}>
-                {each.name}
-              </option>
-            ))}
-          </select>
-        </label>
-        <button type="button" onClick={() => (span.value = one.span)}>
-          Whole recording
-        </button>
+    <section class="panel" aria-label="Runs beside the recording" data-from={span.value[0]} data-to={span.value[1]}>
+      <h3>
+        {one.name} {one.badge && <b class="badge">{one.badge}</b>}{" "}
         <span class="note">
-          Drag in a plot to zoom.
+          {off === undefined ? (
+            "Drag in a plot to zoom. "
+          ) : (
+            <button type="button" class="link" onClick={() => (span.value = near(off, now.window_s, one.span))}>
+              Zoom to {instant(off, now.window_s / 100)} s, where the position deviates
+            </button>
+          )}
           {one.start_s
             ? ` Times count from the beginning of the recording: 0 s in this plot is ${digits(one.start_s, 12)} s in the file.`
             : ""}
         </span>
-      </p>
-      <div class="plots">
-        {shown &&
-          now.channels.map(({ column, label, size, unit }) => {
-            const x = shown.arrays.get("time_s")!;
-            const curve = (words: string, run: string) => curveOf(shown.arrays, x, `${column}.${run}`, words);
-            const runs = [
-              curve("measured", "measured"),
-              curve("free run", "free"),
-              ...(isChanged ? [curve("changed", "changed")] : []),
-            ];
-            const off = [
-              curve(`from states, ${digits(now.window_s)} s`, "restarted.residual"),
-              curve("free run", "free.residual"),
-              ...(isChanged ? [curve("changed", "changed.residual")] : []),
-            ];
-            const isWhole = span.value[0] <= one.span[0] && span.value[1] >= one.span[1];
-            const plot = {
-              unit,
-              size,
-              onZoom: zoom,
-              range: span.value,
-              onReset: isWhole ? undefined : () => (span.value = one.span),
-            };
-            return (
-              <div key={column}>
-                <Plot {...plot} title={label} curves={runs} bare />
-                <Plot
-                  {...plot}
-                  title={`residual of ${label}`}
-                  curves={off}
-                  height={110}
-                  bare={column !== now.channels[now.channels.length - 1]!.column}
-                />
-              </div>
-            );
-          })}
-      </div>
-      <div class="wide" tabIndex={0} role="region" aria-label="Figures of the runs">
-        <table>
-          <thead>
-            <tr>
-              {[
-                "Channel",
-                "Fit, %",
-                "NRMSE, %",
-                "rms",
-                "Largest",
-                "From states: fit, %",
-                "Deviates from",
-                ...(isChanged ? ["Changed: fit, %"] : []),
-              ].map((head) => (
-                <th scope="col" key={head}>
-                  {head}
-                </th>
+      </h3>
+      {!shown && <p role="status">Reading the runs.</p>}
+      {shown && (
+        <>
+          <div class="plots">
+            {now.channels.map((channel, index) => (
+              <Fragment key={channel.column}>
+                <ChannelPlot channel={channel} of={one} isOff={false} bare={index < now.channels.length - 1} />
+                {index === 0 && <ChannelPlot channel={channel} of={one} isOff bare window={now.window_s} />}
+              </Fragment>
+            ))}
+          </div>
+          <details>
+            <summary>Residuals of the pressures</summary>
+            <div class="plots">
+              {now.channels.slice(1).map((channel) => (
+                <ChannelPlot key={channel.column} channel={channel} of={one} isOff bare={false} window={now.window_s} />
               ))}
-            </tr>
-          </thead>
-          <tbody>
-            {now.channels.map(({ column, label, size, unit }) => {
-              const { free, restarted, off_s: off } = one[column] as Channel;
-              return (
-                <tr key={column}>
-                  <th scope="row">{label}</th>
-                  <td data-fit={column} data-si={free.fit_percent}>
-                    {digits(free.fit_percent)}
-                  </td>
-                  <td>{digits(free.nrmse === null ? null : 100 * free.nrmse, 3)}</td>
-                  <td>
-                    {digits(free.rms / size, 3)} {unit}
-                  </td>
-                  <td>
-                    {digits(free.largest / size, 3)} {unit}
-                  </td>
-                  <td>{digits(restarted.fit_percent)}</td>
-                  <td>
-                    {off === undefined ? (
-                      "–"
-                    ) : (
-                      <button
-                        type="button"
-                        class="link"
-                        aria-label={`Zoom to ${instant(off, now.window_s / 100)} s, where ${label} deviates`}
-                        onClick={() =>
-                          zoom(Math.max(off - now.window_s, one.span[0]), Math.min(off + now.window_s, one.span[1]))
-                        }>
-                        {instant(off, now.window_s / 100)} s
-                      </button>
-                    )}
-                  </td>
-                  {isChanged && (
-                    <td data-changed={column} data-si={shown!.head.fit![column]}>
-                      {digits(shown!.head.fit![column])}
-                    </td>
-                  )}
-                </tr>
-              );
-            })}
-          </tbody>
-        </table>
-      </div>
-      {one.breakaway.length > 0 && <Stops one={one} />}
+            </div>
+          </details>
+        </>
+      )}
     </section>
   );
 }
 
-function Stops({ one }: { one: Recorded }) {
+/** Return the span of a window to both sides of a time. */
+const near = (time: number, window: number, [low, high]: [number, number]): [number, number] => [
+  Math.max(time - window, low),
+  Math.min(time + window, high),
+];
+
+const HEIGHTS = { first: 120, off: 48, other: 60 };
+
+/** Measured and simulated values of a channel, or their difference. */
+function ChannelPlot(props: {
+  channel: Validation["channels"][number];
+  of: Recorded;
+  isOff: boolean;
+  bare: boolean;
+  window?: number;
+}) {
+  const { channel, of, isOff, bare, window = 0 } = props;
+  const { column, label, size, unit } = channel;
+  const { arrays, head } = frame.value!;
+  const x = arrays.get("time_s")!;
+  const curve = (words: string, run: string, look: number) => ({
+    ...curveOf(arrays, x, `${column}.${run}`, words),
+    look,
+  });
+  const runs = isOff
+    ? [
+        curve(`from states, ${digits(window)} s`, "restarted.residual", 0),
+        curve("free run", "free.residual", 1),
+        ...(head.fit ? [curve("changed", "changed.residual", 2)] : []),
+      ]
+    : [
+        curve("measured", "measured", 0),
+        curve("free run", "free", 1),
+        ...(head.fit ? [curve("changed", "changed", 2)] : []),
+      ];
+  const [from, to] = span.value;
   return (
-    <>
-      <h2>Breakaway after stops</h2>
-      <Table
-        label="Breakaway after stops"
-        heads={["Stop from, s", "Lasts, s", "Measured, N", "Model, N", "Error, %"]}
-        rows={one.breakaway.map((stop) =>
-          [stop.start_s, stop.onset_s - stop.start_s, stop.measured_n, stop.model_n, 100 * stop.error].map((value) =>
-            digits(value, 3),
-          ),
-        )}
-      />
-    </>
+    <Plot
+      title={isOff ? `residual of ${label}` : label}
+      curves={runs}
+      height={isOff ? HEIGHTS.off : column === "position_m" ? HEIGHTS.first : HEIGHTS.other}
+      {...{ unit, size, bare, range: span.value }}
+      onZoom={(low, high) => (span.value = [low, high])}
+      onReset={from <= of.span[0] && to >= of.span[1] ? undefined : () => (span.value = of.span)}
+    />
+  );
+}
+
+/** Agreement of the free run in each channel, also with the changed value. */
+function Fits({ now, one }: { now: Validation; one: Recorded }) {
+  const changed = frame.value?.head.fit;
+  return (
+    <p role="group" aria-label="Fit of the free run">
+      {now.channels.map(({ column, label }) => {
+        const fit = (one[column] as Channel).free.fit_percent;
+        return (
+          <span key={column}>
+            {label}{" "}
+            <b data-fit={column} data-si={fit}>
+              {digits(fit)} %
+            </b>
+            {changed && (
+              <>
+                {" → "}
+                <b data-changed={column} data-si={changed[column]}>
+                  {digits(changed[column])} %
+                </b>
+              </>
+            )}{" "}
+          </span>
+        );
+      })}
+    </p>
   );
 }
 
@@ -471,24 +434,22 @@ function Suspect({ now }: { now: Validation }) {
       ]
     : [0, 1];
   const put = (next: number) => (number.value = Number.isFinite(next) ? next : null);
-  const folder = path.value.slice(0, path.value.lastIndexOf("/") + 1);
   return (
     <section aria-label="Suspect">
-      <h2>Move a value towards the recording</h2>
+      <h3>Try it: move a value towards the recording</h3>
       <p>
-        <label>
-          Value{" "}
-          <select
-            value={key.value}
-            onChange={(event) => ((key.value = event.currentTarget.value), (number.value = null))}>
-            <option value="">choose</option>
-            {fields.value.map((each) => (
-              <option key={each.key} value={each.key}>
-                {each.key} = {digits(each.number, 4)} {each.unit}
-              </option>
-            ))}
-          </select>
-        </label>
+        <Select
+          label="Value"
+          value={key.value}
+          options={[
+            ["", "choose"],
+            ...fields.value.map(({ key: name, number: at, unit }): [string, string] => [
+              name,
+              `${name} = ${digits(at, 4)} ${unit}`,
+            ]),
+          ]}
+          put={(name) => ([key.value, number.value] = [name, null])}
+        />
       </p>
       {one && (
         <SliderRow
@@ -504,77 +465,55 @@ function Suspect({ now }: { now: Validation }) {
           put={put}
         />
       )}
-      {key.value && <Refit now={now} folder={folder} />}
+      {key.value && <Refit now={now} />}
     </section>
   );
 }
 
-const free = signal("");
-const after = signal("");
 const difference = signal<Compared | null>(null);
 
 /** Identify the suspect value from these recordings, write it into a new drive file, and show the differences. */
-function Refit({ now, folder }: { now: Validation; folder: string }) {
-  const wanted = free.value || key.value;
-  const fit = `${folder}fit-${wanted.replace(/[^\w]+/g, "-")}.toml`;
-  const target = after.value || `${now.drive.replace(/^catalogue:/, "").replace(/\.toml$/, "")}-identified.toml`;
-  const files = studies.value?.files ?? [];
-  const has = (file: string) => files.some((one) => one.path === file);
-  const given = {
-    kind: "identify",
-    drive: now.drive,
-    recordings: now.record.map((one) => one.file),
-    free: wanted,
-    out: fit,
-  };
-  const applied = { kind: "apply", drive: now.drive, fit, out: target };
-  const [copy, copied] = useCopied(has(fit) ? applied : given, attempt);
-  const busy = jobs.value.some((one) => one.state === "running" && [fit, target].includes(one.out));
+function Refit({ now }: { now: Validation }) {
+  const has = (file: string) => (studies.value?.files ?? []).some((one) => one.path === file);
+  const folder = folderOf(path.value);
+  const fit = `${folder && `${folder}/`}fit-${key.value.replace(/[^\w]+/g, "-")}.toml`;
+  const target = String(requestOf("apply").out ?? "");
+  const name = now.drive.replace(/^catalogue:/, "").replace(/\.toml$/, "");
   const isWithout = now.record.some((one) => !one.file);
+  const compare = () =>
+    attempt(async () => void (difference.value = await ask("/api/compare", { before: now.drive, after: target })));
   return (
     <>
-      <p class="row">
-        <label>
-          Identify <input value={wanted} onInput={(event) => (free.value = event.currentTarget.value)} />
-        </label>
-        <button type="button" disabled={busy || has(fit) || isWithout} onClick={() => void start(given)}>
-          Identify from these recordings
-        </button>
-        {isWithout && (
-          <span class="note">
-            A recording of this validation is not in the folder any more, or others have its name.
-          </span>
-        )}
+      <JobForm
+        kind="identify"
+        given={{ drive: now.drive, recordings: now.record.map((one) => one.file), out: fit }}
+        start={{ free: key.value }}
+        isReady={!isWithout && !has(fit)}>
         {has(fit) && <a href={link("friction", fit)}>{fit}</a>}
-      </p>
+      </JobForm>
+      {isWithout && (
+        <p class="note">A recording of this validation is not in the folder any more, or others have its name.</p>
+      )}
       {has(fit) && (
-        <p class="row">
-          <label>
-            Apply into <input value={target} onInput={(event) => (after.value = event.currentTarget.value)} />
-          </label>
-          <button type="button" disabled={busy || has(target)} onClick={() => void start(applied)}>
-            Apply to a new drive file
-          </button>
+        <JobForm
+          kind="apply"
+          given={{ drive: now.drive, fit }}
+          start={{ out: `${name}-identified.toml` }}
+          isReady={!has(target)}
+          jobs={[]}>
           {has(target) && (
             <>
               <a href={link("drive", target)}>{target}</a>
-              <button
-                type="button"
-                onClick={() =>
-                  void attempt(
-                    async () =>
-                      void (difference.value = await ask("/api/compare", { before: now.drive, after: target })),
-                  )
-                }>
+              <button type="button" onClick={() => void compare()}>
                 Compare with {now.drive}
               </button>
+              <a class="button primary" href={link("validation", target)}>
+                Validate it on held-out recordings
+              </a>
             </>
           )}
-        </p>
+        </JobForm>
       )}
-      <p class="row">{copy}</p>
-      {copied}
-      <JobList kinds={["identify", "apply"]} />
       {difference.value && <Differences {...difference.value} />}
     </>
   );
@@ -583,8 +522,8 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
 function Origins({ now }: { now: Validation }) {
   if (!now.values.length) return null;
   return (
-    <section aria-label="Where each value comes from">
-      <h2>Where each value comes from</h2>
+    <details>
+      <summary>Where each value comes from</summary>
       <Table
         label="Values of the drive"
         heads={["Key", "Value", "Where it comes from", "95 % interval", "Recordings", "Fit"]}
@@ -606,6 +545,6 @@ function Origins({ now }: { now: Validation }) {
           data: { "data-origin": one.key },
         }))}
       />
-    </section>
+    </details>
   );
 }

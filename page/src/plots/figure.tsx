@@ -2,16 +2,16 @@
 import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
-import { digits, pretty } from "./looks";
+import { digits, pretty, ticks } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
-import { ticks } from "./strip";
 
 type Numbers = (number | null)[];
 
-const LEAST_WIDTH = 250; // of a panel beside another one
+const [LEAST_WIDTH, LEAST_OF_MANY] = [230, 150]; // of a panel beside another one, and of many small ones
 const INCH = 100; // height of an inch of a printed figure
 const HERO = 1.4; // a single row is taller than in print
 const [LEAST_HEIGHT, MOST_HEIGHT] = [110, 460];
+const MOST_LARGE = 3; // panels beyond which they are small multiples
 const MOST_ENDS = 5; // labels at the ends of lines; more stand above
 const LONGEST_END = 24; // characters of such a label
 const ROOM = 0.05; // between data and frame, as a part of the axis
@@ -172,6 +172,7 @@ interface Place {
   top: number;
   bottom: number;
   hasEnds?: boolean; // names stand in the panel
+  words?: (x: number, y: number) => string; // of a point under the pointer
 }
 
 /** Return the path of a line; a missing value is a gap. */
@@ -203,7 +204,9 @@ function Points({ mark, at }: { mark: Markers; at: Place }) {
             {isNumber(low) && isNumber(high) && (
               <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />
             )}
-            <path d={shape(px, py, radius(mark))} />
+            <path d={shape(px, py, radius(mark))}>
+              {at.words && <title>{`${mark.label} ${at.words(value, other)}`.trim()}</title>}
+            </path>
             {mark.names[k] && (
               <text x={px + 6} y={py - 5} stroke="none" fill="var(--soft)">
                 {mark.names[k]}
@@ -387,6 +390,9 @@ interface PanelProps {
   name: string;
 }
 
+/** Return the unit of an axis, from its label. */
+const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.lastIndexOf(", ") + 2);
+
 /** Return the ticks of the vertical axis of a panel. */
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
@@ -422,10 +428,11 @@ function PanelDrawing({
     top,
     bottom,
     hasEnds,
+    words: (one, other) => `${digits(one / x.size, 4)} ${unitOf(x)}, ${digits(other / y.size, 4)} ${unitOf(y)}`,
     px: (value) => left + sx.at(value / x.size) * (right - left),
     py: place(sy, y.size),
   };
-  const xTicks = sx.ticks(Math.max(Math.round((right - left) / 84), 2));
+  const xTicks = sx.ticks(Math.max(Math.round((right - left) / (right - left < 240 ? 48 : 84)), 2));
   const widest = Math.max(...xTicks.map(([, words]) => words.length), 1) * CHARACTER + 8;
   const every = Math.ceil((xTicks.length * widest) / Math.max(right - left, 1));
   const clip = `clip-${name}`.replace(/[^\w-]/g, "-");
@@ -635,7 +642,8 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   }, []);
   const { figure } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
-  const columns = Math.max(Math.min(total, Math.floor(width / LEAST_WIDTH)), 1);
+  const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;
+  const columns = Math.max(Math.min(total, Math.floor(width / least)), 1);
   const drawnPanels = figure.panels.flatMap((panel, index) =>
     panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
   );
@@ -705,7 +713,12 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   ]; // panels below each other have one left and one right
   const heat = drawnPanels.flatMap(({ panel }) => panel.marks).find((mark) => mark.kind === "heat");
   return (
-    <figure class="figure" data-figure={shown.name}>
+    <figure
+      class="figure"
+      data-figure={shown.name}
+      data-points={
+        drawnPanels.flatMap(({ panel }) => panel.marks.flatMap((m) => (m.kind === "markers" ? m.x : []))).length
+      }>
       {figure.title && <p class="title">{figure.title}</p>}
       <Labels marks={heat ? [...above, heat] : above} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
@@ -757,6 +770,44 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
           </button>
         </span>
       </figcaption>
+      <NumbersTable name={shown.name} rows={() => rowsOf(drawnPanels)} />
     </figure>
+  );
+}
+
+const MOST_ROWS = 400; // of the table; the saved numbers have all
+
+/** Numbers of a figure as a table. */
+function NumbersTable({ name, rows }: { name: string; rows: () => string[][] }) {
+  const [open, setOpen] = useState(false);
+  const [heads = [], ...others] = open ? rows() : [];
+  return (
+    <details onToggle={(event) => setOpen(event.currentTarget.open)}>
+      <summary aria-label={`${name}: values as a table`}>Values as a table</summary>
+      {open && (
+        <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${name}`}>
+          <table>
+            <thead>
+              <tr>
+                {heads.map((head) => (
+                  <th scope="col" key={head}>
+                    {head}
+                  </th>
+                ))}
+              </tr>
+            </thead>
+            <tbody>
+              {others.slice(0, MOST_ROWS).map((row, index) => (
+                <tr key={index}>
+                  {row.map((cell, k) => (
+                    <td key={k}>{cell}</td>
+                  ))}
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </div>
+      )}
+    </details>
   );
 }

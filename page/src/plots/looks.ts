@@ -103,3 +103,14 @@ export const pretty = (words: string): string =>
   words
     .replace(/\bu([ms])\b/g, "µ$1")
     .replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);
+
+/** Return about this many round ticks between two ends. */
+export function ticks(low: number, high: number, count = 5): number[] {
+  const rough = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough)!;
+  const out = [];
+  for (let value = Math.ceil(low / step) * step; value <= high + 1e-9 * step; value += step)
+    out.push(Number(value.toPrecision(8)));
+  return out;
+}

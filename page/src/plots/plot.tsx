@@ -25,7 +25,7 @@ import {
   upright,
   within,
 } from "./paint";
-import { type Saved, saveCsv, savePng, saveSvg } from "./saving";
+import { type Saved, saveCsv, savePng, saveSamples, saveSvg } from "./saving";
 
 export interface Curve {
   label: string;
@@ -83,6 +83,7 @@ export interface PlotProps {
   onPick?: (time: number) => void; // a click that is no drag
   log?: boolean; // both axes logarithmic: a spectrum
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
+  samples?: () => Promise<Map<string, Numbers>>; // all values of the shown part, "time" first
 }
 
 const ROWS = 11;
@@ -308,7 +309,7 @@ export function Plot(props: PlotProps) {
             Reset zoom
           </button>
         )}
-        <More title={props.title} saved={saved} extreme={props.extreme}>
+        <More title={props.title} saved={saved} extreme={props.extreme} samples={props.extreme && props.samples}>
           <Values {...props} />
         </More>
       </figcaption>
@@ -336,11 +337,13 @@ export function More({
   title,
   saved,
   extreme,
+  samples,
   children,
 }: {
   title: string;
   saved: () => Saved;
   extreme?: boolean;
+  samples?: PlotProps["samples"] | false;
   children?: ComponentChildren;
 }) {
   const [open, setOpen] = useState(false);
@@ -362,6 +365,11 @@ export function More({
                 {name === "CSV" && extreme ? "CSV of lowest and highest" : name}
               </button>
             ))}
+            {samples && (
+              <button type="button" onClick={() => void samples().then((all) => saveSamples(saved(), all))}>
+                CSV of all samples
+              </button>
+            )}
           </p>
           {children}
         </div>
@@ -388,7 +396,7 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
   return (
     <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${title}`}>
       {extreme && (
-        <p class="note">Each value is the lowest or the highest of a pixel; a closer view has the samples.</p>
+        <p class="note">Each value is the lowest or the highest of a pixel. The CSV of all samples has every value.</p>
       )}
       <table>
         <thead>

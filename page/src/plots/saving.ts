@@ -1,7 +1,6 @@
 /** Save a plot as a picture, as a drawing or as numbers. */
 import type uPlot from "uplot";
-import { digits, look, token } from "./looks";
-import { grid, ink } from "./paint";
+import { look, token } from "./looks";
 
 /** Content of a saved plot. */
 export interface Saved {
@@ -11,7 +10,6 @@ export interface Saved {
   legend: { label: string; look: number }[];
   u: uPlot;
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
-  points?: { x: number; y: number; spread: number | null; look: number }[];
 }
 
 const LINE = 22; // height of the title and of each line of the legend, pixels
@@ -30,6 +28,8 @@ const fileOf = (title: string, ending: string): string =>
     .replace(/[^\w]+/g, "-")
     .replace(/^-|-$/g, "")}.${ending}`;
 const paper = (): string => token("surface");
+const ink = (): string => token("axis");
+const grid = (): string => token("grid");
 
 export function savePng(of: Saved): void {
   const { canvas: drawn } = of.u.ctx;
@@ -112,7 +112,7 @@ export function saveSvg(of: Saved): void {
       typeof series.stroke === "function"
         ? (series.stroke as (of: uPlot, at: number) => string)(u, index + 1)
         : series.stroke;
-    if (!stroke || stroke === "transparent" || series.points?.show === true) return;
+    if (!stroke || stroke === "transparent") return;
     let [path, isDown] = ["", false];
     const values = u.data[index + 1] as ArrayLike<number | null | undefined>;
     for (let i = 0; i < values.length; i++) {
@@ -125,12 +125,6 @@ export function saveSvg(of: Saved): void {
       element("path", { d: path, stroke: String(stroke), "stroke-dasharray": (series.dash ?? []).join(" ") }),
     );
   });
-  for (const { x, y, spread, look: shade } of of.points ?? []) {
-    const { color } = look(shade);
-    if (spread !== null)
-      inside.append(element("line", { x1: px(x), x2: px(x), y1: py(y - spread), y2: py(y + spread), stroke: color }));
-    inside.append(element("circle", { cx: px(x), cy: py(y), r: 3.5, fill: color }));
-  }
   of.legend.forEach((one, k) => {
     const [x, y] = [left + (k * wide) / of.legend.length, top + high + 44];
     put("line", {
@@ -155,27 +149,22 @@ function cell(given: string): string {
 
 /** The numbers that are drawn, one column for each curve. */
 export function saveCsv(of: Saved): void {
-  const rows = of.points
-    ? [
-        ["curve", of.x, of.y, "U (k = 2)"],
-        ...of.points.map((one) => [
-          of.legend.find((each) => each.look === one.look)?.label ?? "",
-          String(one.x),
-          String(one.y),
-          one.spread === null ? "" : digits(one.spread, 6),
-        ]),
-      ]
-    : [
-        [
-          of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x,
-          ...of.legend.map((one) => `${one.label}, ${of.y}`),
-        ],
-        ...Array.from(of.u.data[0], (x, i) => [
-          String(x),
-          ...of.u.data.slice(1).map((column) => String(column[i] ?? "")),
-        ]),
-      ];
+  const columns = of.u.data.slice(1);
+  const rows = [
+    [
+      of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x,
+      ...of.legend.map((one) => `${one.label}, ${of.y}`),
+    ],
+    ...Array.from(of.u.data[0], (x, i) => [String(x), ...columns.map((column) => String(column[i] ?? ""))]),
+  ];
   saveRows(of.title, rows);
+}
+
+/** Save all samples of the shown part, where a plot draws the lowest and the highest of each pixel. */
+export function saveSamples({ title, x, y }: Saved, samples: Map<string, ArrayLike<number>>): void {
+  const [time, ...others] = [...samples.values()];
+  const rows = Array.from(time!, (at, i) => [String(at), ...others.map((column) => String(column[i]))]);
+  saveRows(`${title} samples`, [[x, ...others.map(() => `${title}, ${y}`)], ...rows]);
 }
 
 /** Save rows of texts as CSV. */

@@ -3,9 +3,10 @@
 import { computed, signal } from "@preact/signals";
 import { isPlaying, type MotionHead, timeAt } from "../drive/moving";
 import { type Field, opened } from "../drive/opened";
+import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
 import { type Curve, curveOf } from "../plots/plot";
-import { Strip } from "../plots/strip";
+import { pointsFigure } from "../plots/points";
 import type { Frame, Numbers } from "../server/frame";
 import { studies } from "../workspace/files";
 import { NumberField, Table } from "../workspace/parts";
@@ -266,18 +267,18 @@ export function Loops({ now }: { now: Frame<BesideHead> }) {
     );
   const of = (name: string, axis: string, unit: number) =>
     Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
-  const curves = names.map((name) => ({
+  const groups = names.map((name) => ({
     label: name.replace(/\.([ab])$/, ", chamber $1"),
-    x: of(name, "volume_m3", LITRE),
-    y: of(name, "pressure_pa", BAR),
+    points: [],
+    curve: { x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) },
   }));
+  const title = "Pressure over volume of the chambers";
   return (
-    <Strip
-      title="Pressure over volume of the chambers, bar absolute over l"
-      x="volume, l"
-      y="pressure, bar"
-      curves={curves}
-    />
+    <div class="panel">
+      <FigureView
+        shown={pointsFigure({ name: title, x: "volume, l", y: "pressure, bar abs", panels: [{ title, groups }] })}
+      />
+    </div>
   );
 }
 

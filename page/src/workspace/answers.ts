@@ -1,7 +1,7 @@
 /** Answers that still belong to the present question: one that comes too late is dropped. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { type Problem, Refused } from "../server/server";
+import { ask, type Problem, Refused, read } from "../server/server";
 
 /**
  * Return a function that begins a question. A question is a function that waits for an answer: the wait never ends
@@ -25,7 +25,11 @@ export function questions(): () => <T>(answer: Promise<T>) => Promise<T> {
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
  * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there.
  */
-export function useAnswer<T>(subject: string, ask: () => Promise<T>, again: unknown[] = []): [T | null, Problem[]] {
+export function useAnswer<T>(
+  subject: string,
+  question: () => Promise<T>,
+  again: unknown[] = [],
+): [T | null, Problem[]] {
   const state = useSignal<{ of: string; answer: T | null; problems: Problem[] }>({
     of: "",
     answer: null,
@@ -34,7 +38,7 @@ export function useAnswer<T>(subject: string, ask: () => Promise<T>, again: unkn
   useEffect(() => {
     if (!subject) return;
     let isGone = false;
-    ask().then(
+    question().then(
       (answer) => void (isGone || (state.value = { of: subject, answer, problems: [] })),
       (error: unknown) => {
         if (!(error instanceof Refused)) throw error;
@@ -46,3 +50,11 @@ export function useAnswer<T>(subject: string, ask: () => Promise<T>, again: unkn
   const { of, answer, problems } = state.value;
   return of === subject ? [answer, problems] : [null, []];
 }
+
+/** Return the answer to a request of an address, or null without a request; see `useAnswer`. */
+export const useRequest = <T>(address: string, given: Record<string, string> | null, again: unknown[] = []) =>
+  useAnswer<T>(given ? JSON.stringify([address, given]) : "", () => read<T>(address, given!), again);
+
+/** Return the answer to a request with a body, or null without a request; see `useAnswer`. */
+export const usePosted = <T>(address: string, body: object | null, again: unknown[] = []) =>
+  useAnswer<T>(body ? JSON.stringify([address, body]) : "", () => ask<T>(address, body), again);

@@ -5,6 +5,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { CommandInput as Field } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
+import { useRequest } from "./answers";
 import { filesOf, studies } from "./files";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
@@ -37,6 +38,23 @@ export function requestOf(kind: string, given: Values = {}): Values {
   return { kind, ...starts, ...own, ...given };
 }
 
+interface Made {
+  kind: string;
+  path: string;
+  inputs: Made[];
+}
+
+const recordingsIn = (inputs: Made[]): string[] =>
+  inputs.flatMap((one) => [...(one.kind === "recording" && one.path ? [one.path] : []), ...recordingsIn(one.inputs)]);
+
+/** Return the recordings that made the values of a drive, and those that a validation can use. */
+export function useHeldOut(drive: string): { made: string[]; offered: string[] } {
+  const isFile = filesOf("drive", "circuit", "fit").some((file) => file.path === drive);
+  const [lineage] = useRequest<{ inputs: Made[] }>("/api/lineage", isFile ? { path: drive } : null, [studies.value]);
+  const offered = forms.value.validate?.fields.find((one) => one.kind === "recordings")?.choices ?? [];
+  return { made: recordingsIn(lineage?.inputs ?? []), offered: offered.map(([path]) => path) };
+}
+
 interface FormProps {
   kind: string;
   given?: Values; // by the view: without fields
@@ -51,6 +69,8 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   const wrong = useSignal<Problem[]>([]);
   const attempt = attempting(wrong);
   const form = forms.value[kind];
+  const drive = form?.fields.find((one) => one.kind === "drive" || one.kind === "model");
+  const { made } = useHeldOut(kind === "validate" ? String(typed.value[kind]?.[drive?.key ?? ""] ?? "") : "");
   useEffect(() => void follow(), []);
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
@@ -76,7 +96,6 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
       void follow();
       await after?.(job);
     });
-  const drive = form.fields.find((one) => one.kind === "drive" || one.kind === "model");
   return (
     <div class="form" data-form={kind}>
       <div class="fieldset">
@@ -86,6 +105,7 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
             field={one}
             value={request[one.key]}
             put={(value) => put(kind, { [one.key]: value })}
+            made={made}
           />
         ))}
       </div>
@@ -114,7 +134,8 @@ function freeName(name: string): string {
   for (let number = 2; ; number++) if (!used.has(`${base}-${number}`)) return `${base}-${number}`;
 }
 
-function FormField({ field, value, put: change }: { field: Field; value: unknown; put: (value: unknown) => void }) {
+function FormField(props: { field: Field; value: unknown; put: (value: unknown) => void; made: string[] }) {
+  const { field, value, put: change, made } = props;
   const { label, kind, suffix, hint } = field;
   const files = KINDS[kind];
   if (kind === "recordings")
@@ -124,6 +145,7 @@ function FormField({ field, value, put: change }: { field: Field; value: unknown
         paths={field.choices.map(([path]) => path)}
         chosen={(value as string[] | undefined) ?? []}
         put={change}
+        made={made}
       />
     );
   if (kind === "flag")
@@ -173,11 +195,13 @@ function Recordings({
   paths,
   chosen,
   put: change,
+  made,
 }: {
   label: string;
   paths: string[];
   chosen: string[];
   put: (value: string[]) => void;
+  made: string[]; // those that made the values of the drive
 }) {
   const offered = new Set([...paths, ...chosen]);
   const files = filesOf("recording").filter(({ path }) => offered.has(path));
@@ -206,7 +230,7 @@ function Recordings({
               change(event.currentTarget.checked ? [...chosen, path] : chosen.filter((one) => one !== path))
             }
           />{" "}
-          {path}
+          {path} {made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>}
         </label>
       ))}
     </fieldset>

@@ -389,3 +389,32 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
     </p>
   );
 }
+
+/** A choice with its label; an option is a value, or a value with its text. */
+export function Select({
+  label,
+  value,
+  options,
+  put,
+}: {
+  label: string;
+  value: string;
+  options: (string | [string, string])[];
+  put: (value: string) => void;
+}) {
+  return (
+    <label>
+      {label}{" "}
+      <select value={value} onChange={(event) => put(event.currentTarget.value)}>
+        {options.map((option) => {
+          const [key, text] = Array.isArray(option) ? option : [option, option];
+          return (
+            <option key={key} value={key}>
+              {text}
+            </option>
+          );
+        })}
+      </select>
+    </label>
+  );
+}

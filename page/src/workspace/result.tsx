@@ -1,11 +1,11 @@
+/** A result in the form that terminal, notebook and report share: a table of values, curves, and sentences. */
 import type { ComponentChildren } from "preact";
 import { FigureView } from "../plots/figure";
-import { pretty } from "../plots/looks";
-import { type Group, isWide, Scatter } from "../plots/scatter";
+import { isSevere, pretty } from "../plots/looks";
+import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView } from "../server/generated";
-import { read } from "../server/server";
-import { useAnswer } from "./answers";
+import { useRequest } from "./answers";
 import { changesOf } from "./files";
 import { Leading, Problems, Table } from "./parts";
 
@@ -27,22 +27,19 @@ function ShownTable({ view }: { view: SentView }) {
   return <Table label={`Values: ${view.title}`} heads={view.head} rows={rows} />;
 }
 
-/** One plot for each pair of axes; curves of one group have one colour. */
+/** One figure for each pair of axes; curves of one group have one colour. */
 export function ShownCurves({ curves }: { curves: SentCurve[] }) {
-  const axes = [...new Set(curves.map((one) => `${one.x_title}\n${one.y_title}`))];
+  const axes = [...new Set(curves.map((curve) => `${curve.x_title}\n${curve.y_title}`))];
   return (
     <>
       {axes.map((pair) => {
         const [x, y] = pair.split("\n") as [string, string];
-        const groups = curves.filter((one) => `${one.x_title}\n${one.y_title}` === pair).map(drawn);
+        const groups = curves.filter((curve) => `${curve.x_title}\n${curve.y_title}` === pair).map(groupOf);
+        const name = `${y.split(",")[0]} over ${x.split(",")[0]}`;
         return (
-          <Scatter
+          <FigureView
             key={pair}
-            title={`${y.split(",")[0]} over ${x.split(",")[0]}`}
-            x={x}
-            y={y}
-            groups={groups}
-            log={isWide(groups)}
+            shown={pointsFigure({ name, x, y, panels: [{ title: "", groups }], isLog: isWide(groups) })}
           />
         );
       })}
@@ -50,19 +47,16 @@ export function ShownCurves({ curves }: { curves: SentCurve[] }) {
   );
 }
 
-function drawn(one: SentCurve): Group {
-  const points = one.x.flatMap((x, k) => {
-    const y = one.y[k];
-    const [low, high] = [one.low[k], one.high[k]];
-    if (!one.measured[k] || x === null || y == null) return [];
-    return [{ x, y, spread: low == null || high == null ? null : (high - low) / 2 }];
+function groupOf({ label, x, y, low, high, measured }: SentCurve): Group {
+  const points = x.flatMap((at, k) => {
+    const [value, least, most] = [y[k], low[k], high[k]];
+    if (!measured[k] || at === null || value == null) return [];
+    return [{ x: at, y: value, spread: least == null || most == null ? null : (most - least) / 2 }];
   });
-  if (points.length === one.x.length) return { label: one.label, points }; // measured points alone have no curve between them
+  if (points.length === x.length) return { label, points }; // measured points alone have no curve between them
   const xs = points.map((point) => point.x);
-  const [x, y, low, high] = [one.x, one.y, one.low, one.high].map((values) =>
-    values.map((value) => value ?? Number.NaN),
-  ) as [number[], number[], number[], number[]];
-  return { label: one.label, points, curve: { x, y, low, high, measured: [Math.min(...xs), Math.max(...xs)] } };
+  const ends = low.length ? { low, high } : {};
+  return { label, points, curve: { x: x as number[], y, ...ends, measured: [Math.min(...xs), Math.max(...xs)] } };
 }
 
 export function Notes({ of }: { of: string[] }) {
@@ -89,7 +83,6 @@ export function Answer({
 }) {
   const isJudged =
     view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
-  const findings = withFindings ? view.findings : [];
   return (
     <div class="panel answer-card" data-state={view.state}>
       <h2>
@@ -101,18 +94,38 @@ export function Answer({
         {view.title}
       </h2>
       <Leading of={view.leading} />
-      {findings.length > 0 && (
-        <ul class="findings">
-          {findings.map((one) => (
-            <li key={one.text} class={one.state}>
-              <b>{pretty(one.text)}</b>
-              {one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}
-              {remedy?.(one)}
-            </li>
-          ))}
-        </ul>
-      )}
+      {withFindings && <Findings of={view.findings} remedy={remedy} />}
     </div>
+  );
+}
+
+const MOST_OPEN = 3; // findings that are shown before the others are asked for
+
+/** Findings, the worst first, with their remedies. Only notes without danger are folded. */
+export function Findings({ of, remedy }: { of: Finding[]; remedy?: ((of: Finding) => ComponentChildren) | undefined }) {
+  const first = of.filter((one, k) => k < MOST_OPEN || one.state === "bad" || isSevere(one.text));
+  const others = of.filter((one) => !first.includes(one));
+  const list = (some: Finding[]) => (
+    <ul class="findings">
+      {some.map((one) => (
+        <li key={one.text} class={one.state}>
+          <b>{pretty(one.text)}</b>
+          {one.remedy && ` ${pretty(one.remedy.replace(/^Remedy: /, ""))}`}
+          {remedy?.(one)}
+        </li>
+      ))}
+    </ul>
+  );
+  return (
+    <>
+      {first.length > 0 && list(first)}
+      {others.length > 0 && (
+        <details>
+          <summary>{others.length} more notes</summary>
+          {list(others)}
+        </details>
+      )}
+    </>
   );
 }
 
@@ -126,9 +139,13 @@ export function AnswerOf({
   changed?: unknown;
   withFindings?: boolean;
 }) {
-  const [view] = useAnswer(path, () => read<SentView>("/api/view", { path }), [changed, changesOf(path)]);
+  const view = useView(path, changed);
   return view && <Answer view={view} withFindings={withFindings} />;
 }
+
+/** Return the view of a result; null while it is read, and for a result that cannot be read yet. */
+export const useView = (path: string, changed?: unknown): SentView | null =>
+  useRequest<SentView>("/api/view", path ? { path } : null, [changed, changesOf(path)])[0];
 
 /** Figures of a view, or its curves. */
 export function Figures({ view }: { view: SentView }) {
@@ -196,7 +213,7 @@ export function Shown({ view, label }: { view: SentView; label: string }) {
 /** Any result of the folder. */
 export function ResultView() {
   const { path } = route.value;
-  const [view, problems] = useAnswer(path, () => read<SentView>("/api/view", { path }), [changesOf(path)]);
+  const [view, problems] = useRequest<SentView>("/api/view", path ? { path } : null, [changesOf(path)]);
   return (
     <>
       {!path && <p>Open a result of the folder on the left.</p>}

@@ -10,7 +10,7 @@ import { ask, connection, type Listed, type Problem, Refused } from "../server/s
 import { viewOf } from "../views";
 import { questions } from "./answers";
 import { Starts } from "./choose";
-import { folderOf, GROUPS, list, listed, nameOf, refused, size, studies } from "./files";
+import { folderOf, GROUPS, list, listed, refused, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
 import { Copied, day, Problems } from "./parts";
 import { PathName } from "./tree";
@@ -19,7 +19,9 @@ const MOST = 200; // rows of a group on the page; the search of the tree finds t
 
 export function StudiesView() {
   useEffect(() => void listed(), [connection.value === "open"]); // what the page reads as it begins is read once
+  useEffect(() => void import("../measured/overview").then((loaded) => (overview.value = loaded)), []);
   const found = studies.value;
+  const Recordings = overview.value?.Recordings;
   if (!found) return refused.value.length ? <Problems of={refused.value} /> : <p>Reading the folder.</p>;
   return (
     <>
@@ -31,15 +33,19 @@ export function StudiesView() {
       {stale.value.unchecked > 0 && (
         <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>
       )}
-      <Chosen files={found.files} />
-      {GROUPS.map(({ title, view, kinds }) => {
-        const files = found.files.filter((one) => kinds.includes(one.kind));
-        return view === "recording" ? (
-          <Recordings key={title} title={title} files={files} />
+      {GROUPS.map(({ title, view, kinds }) =>
+        view === "recording" ? (
+          Recordings && <Recordings key={title} files={found.files} />
         ) : (
-          <Files key={title} title={title} view={view} files={files} />
-        );
-      })}
+          <Files
+            key={title}
+            title={title}
+            view={view}
+            files={found.files.filter((file) => kinds.includes(file.kind))}
+            all={found.files}
+          />
+        ),
+      )}
     </>
   );
 }
@@ -62,6 +68,14 @@ const pair = signal<string[]>([]);
 const compared = signal<Compared | null>(null);
 const differences = signal<typeof import("../measured/differences") | null>(null);
 const apart = signal<Problem[]>([]);
+
+const overview = signal<typeof import("../measured/overview") | null>(null);
+
+/** Compare two files. */
+export const comparePair = (paths: string[]): void => {
+  [pair.value, compared.value] = [paths, null];
+  compare();
+};
 
 /** Select a file for the comparison. The newest two count. */
 const tick = (path: string): void => {
@@ -105,9 +119,7 @@ function Compare() {
           : pair.value.join(" and ")}
       </h2>
       <Problems of={apart.value} />
-      {compared.value && Differences && (
-        <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />
-      )}
+      {compared.value && Differences && <Differences {...compared.value} />}
       {compared.value && <Copied {...compared.value} />}
     </section>
   );
@@ -129,7 +141,7 @@ async function rename(): Promise<void> {
   }
 }
 
-function Rename({ path }: { path: string }) {
+export function Rename({ path }: { path: string }) {
   const now = renaming.value;
   if (now.path !== path)
     return (
@@ -154,166 +166,102 @@ function Rename({ path }: { path: string }) {
   );
 }
 
-const chosen = signal<string[]>([]);
-const verb = signal(""); // command whose form is open for the chosen recordings
-const form = signal<typeof import("./form") | null>(null);
+/** Names of a result that is one object of several files: its folder is shown by this file. */
+const MAIN = /(^|\/)(map\.parquet|validation\.toml)$/;
 
-const choose = (paths: string[], isIn: boolean): void => {
-  const others = chosen.value.filter((one) => !paths.includes(one));
-  chosen.value = isIn ? [...others, ...paths] : others;
-};
-
-/** Actions on all chosen recordings. */
-function Chosen({ files }: { files: Listed[] }) {
-  const paths = chosen.value.filter((path) => files.some((one) => one.path === path));
-  const open = async (kind: string) => {
-    form.value ??= await import("./form");
-    verb.value = kind;
-  };
-  if (!paths.length) return null;
-  const JobForm = form.value?.JobForm;
-  const name = verb.value === "characterise" ? nameOf(folderOf(paths[0]!)) || "friction" : verb.value;
-  return (
-    <section class="panel chosen" aria-label="Chosen recordings">
-      <p class="row">
-        <b>{paths.length} chosen</b>
-        <button type="button" class="primary" onClick={() => void open("characterise")}>
-          {paths.length > 1 ? `Characterise ${paths.length} together` : "Characterise"}
-        </button>
-        <button type="button" onClick={() => void open("validate")}>
-          Validate a drive on {paths.length}
-        </button>
-        <button type="button" onClick={() => ([chosen.value, verb.value] = [[], ""])}>
-          Clear
-        </button>
-      </p>
-      {verb.value && JobForm && (
-        <JobForm key={verb.value} kind={verb.value} given={{ recordings: paths }} start={{ name }} />
-      )}
-    </section>
+/** Return the files that belong to a characterisation or a validation, with the file that stands for each. */
+export function partsOf(files: Listed[]): Map<string, string> {
+  const mains = files.filter((file) => MAIN.test(file.path) && folderOf(file.path));
+  return new Map(
+    mains.flatMap(({ path }) =>
+      files
+        .filter((file) => file.path !== path && folderOf(file.path) === folderOf(path))
+        .map((file): [string, string] => [file.path, path]),
+    ),
   );
 }
 
-/** Recordings by folder, many in a row, with a box to choose each or all. */
-function Recordings({ title, files }: { title: string; files: Listed[] }) {
-  if (!files.length) return null;
-  const folders = [...new Set(files.map((one) => folderOf(one.path)))];
-  return (
-    <section class="group">
-      <h3>
-        <a href={link("recording")}>{title}</a>
-      </h3>
-      {folders.map((folder) => {
-        const own = files.filter((one) => folderOf(one.path) === folder);
-        const paths = own.map((one) => one.path);
-        return (
-          <div class="panel" key={folder}>
-            <label class="folder-head">
-              <input
-                type="checkbox"
-                aria-label={`Choose all of ${folder || "the folder"}`}
-                checked={paths.every((path) => chosen.value.includes(path))}
-                onChange={(event) => choose(paths, event.currentTarget.checked)}
-              />{" "}
-              <b>{folder || "Recordings here"}</b>{" "}
-              <span class="note">
-                {count(own.length, "recording")}, {size(own.reduce((sum, one) => sum + one.size, 0))}
-              </span>
-            </label>
-            <ul class="files chips">
-              {own.slice(0, MOST).map(({ path, size: bytes, changed }) => (
-                <li key={path}>
-                  <input
-                    type="checkbox"
-                    aria-label={`Choose ${path}`}
-                    checked={chosen.value.includes(path)}
-                    onChange={(event) => choose([path], event.currentTarget.checked)}
-                  />
-                  <a href={link("recording", path)} title={`${path}, ${size(bytes)}, ${day(changed)}`}>
-                    {nameOf(path)}
-                  </a>
-                  {stale.value.stale[path] && (
-                    <b class="missed" data-stale={path}>
-                      out of date
-                    </b>
-                  )}
-                  <details class="chip-menu">
-                    <summary aria-label={`More of ${path}`}>⋯</summary>
-                    <button
-                      type="button"
-                      class="link"
-                      aria-label={`Made from: ${path}`}
-                      onClick={() => void trace(path)}>
-                      made from
-                    </button>{" "}
-                    <Rename path={path} />
-                  </details>
-                </li>
-              ))}
-            </ul>
-            {own.length > MOST && <p class="note">{own.length - MOST} more: search for them in the tree.</p>}
-          </div>
-        );
-      })}
-    </section>
-  );
-}
-
-function Files({ title, view, files }: { title: string; view: string; files: Listed[] }) {
-  const lines = useHeadlines();
-  if (!files.length) return null;
+/** Results and descriptions of some kinds; the files of a characterisation or a validation stand below its row. */
+function Files({ title, view, files, all }: { title: string; view: string; files: Listed[]; all: Listed[] }) {
+  const parts = partsOf(all);
+  const rows = files.filter((file) => !parts.has(file.path));
+  if (!rows.length) return null;
+  const hasDates = new Set(rows.map((file) => day(file.changed))).size > 1;
   return (
     <section class="group">
       <h3>{view ? <a href={link(view)}>{title}</a> : title}</h3>
       <ul class="files listed">
-        {files.slice(0, MOST).map((one) => (
-          <li key={one.path}>
-            {viewOf(one.kind) ? (
-              <a href={link(viewOf(one.kind)!, one.path)}>
-                <PathName path={one.path} />
-              </a>
-            ) : (
-              <span>
-                <PathName path={one.path} />
-              </span>
-            )}
-            <span class="holds">{pretty(lines[one.path] ?? "")}</span>
-            <span class="note">
-              {one.kind}, {day(one.changed)}
-              {stale.value.stale[one.path] && (
-                <b class="missed" data-stale={one.path}>
-                  {" "}
-                  out of date: made from another {stale.value.stale[one.path]!.join(", ")}
-                </b>
-              )}
-            </span>
-            <span class="row">
-              {ALIKE.includes(one.kind) && (
-                <label>
-                  <input
-                    type="checkbox"
-                    aria-label={`Compare ${one.path}`}
-                    checked={pair.value.includes(one.path)}
-                    onChange={() => tick(one.path)}
-                  />{" "}
-                  compare
-                </label>
-              )}
-              {TRACED.includes(one.kind) && (
-                <button
-                  type="button"
-                  class="link"
-                  aria-label={`Made from: ${one.path}`}
-                  onClick={() => void trace(one.path)}>
-                  made from
-                </button>
-              )}
-              {!FOLDERS.includes(one.kind) && !inCatalogue(one.path) && <Rename path={one.path} />}
-            </span>
-          </li>
+        {rows.slice(0, MOST).map((file) => (
+          <FileRow
+            key={file.path}
+            file={file}
+            hasDate={hasDates}
+            parts={all.filter((part) => parts.get(part.path) === file.path)}
+          />
         ))}
       </ul>
-      {files.length > MOST && <p class="note">{files.length - MOST} more: search for them in the tree.</p>}
+      {rows.length > MOST && <p class="note">{rows.length - MOST} more: search for them in the tree.</p>}
     </section>
+  );
+}
+
+const VERDICTS: Record<string, string> = { "in order": "good", open: "open", "needs you": "bad" };
+
+function FileRow({ file, hasDate, parts }: { file: Listed; hasDate: boolean; parts: Listed[] }) {
+  const { path, kind, changed } = file;
+  const [, line = "", verdict] = /^(.*?)(?:: (needs you|open|in order))?$/.exec(useHeadlines()[path] ?? "") ?? [];
+  const name = <PathName path={MAIN.test(path) && folderOf(path) ? folderOf(path) : path} />;
+  const old = stale.value.stale[path];
+  return (
+    <li>
+      {viewOf(kind) ? (
+        <a href={link(viewOf(kind)!, path)} title={path}>
+          {name}
+        </a>
+      ) : (
+        <span>{name}</span>
+      )}
+      <span class="holds">
+        {pretty(line)} {verdict && <span class={`pill ${VERDICTS[verdict]}`}>{verdict}</span>}
+      </span>
+      <span class="note">
+        {parts.length > 0 && kind === "friction map" ? "characterisation" : kind}
+        {hasDate && `, ${day(changed)}`}
+        {old && (
+          <b class="missed" data-stale={path}>
+            {` out of date: made from another ${old.join(", ")}`}
+          </b>
+        )}
+      </span>
+      <span class="row">
+        {ALIKE.includes(kind) && (
+          <label>
+            <input
+              type="checkbox"
+              aria-label={`Compare ${path}`}
+              checked={pair.value.includes(path)}
+              onChange={() => tick(path)}
+            />{" "}
+            compare
+          </label>
+        )}
+        {TRACED.includes(kind) && (
+          <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>
+            made from
+          </button>
+        )}
+        {!FOLDERS.includes(kind) && !inCatalogue(path) && <Rename path={path} />}
+      </span>
+      {parts.length > 0 && (
+        <details>
+          <summary>{`${count(parts.length, "file")} of ${folderOf(path)}`}</summary>
+          <ul class="files listed">
+            {parts.slice(0, MOST).map((part) => (
+              <FileRow key={part.path} file={part} hasDate={false} parts={[]} />
+            ))}
+          </ul>
+        </details>
+      )}
+    </li>
   );
 }

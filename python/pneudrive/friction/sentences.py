@@ -55,14 +55,8 @@ def flag_table() -> dict[str, dict[str, str]]:
     return read(Path(__file__).with_name("flags.toml"))[0]
 
 
-def flag_sentences(raised: Iterable[str]) -> list[str]:
-    """Return a sentence for each raised flag, in the order of the table."""
-    names = set(raised)
-    return [f"{name}: {flag['means']}. {flag['do']}" for name, flag in flag_table().items() if name in names]
-
-
 IMPOSSIBLE = "negative_friction"  # with the doubts, a flag of values that no rig can have
-MOST_NAMED = 8  # recordings that a finding names
+MOST_NAMED = 3  # recordings that a finding names
 
 
 def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Finding]:

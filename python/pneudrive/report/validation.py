@@ -77,8 +77,12 @@ def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str
         if (columns := run(number)) is not None:
             caption = topic.say("channels", name=record["name"], window_s=content["window_s"])
             figures.append(ShownFigure(f"record-{number + 1}", caption, channel_figure(columns)))
+    tested = [value.state for value in leading if value.limit is not None]
+    missed = tested.count("bad")
+    verdict = f"misses {missed} of {len(tested)} targets" if missed else "meets its tested targets"
+    words = verdict if tested else "is not tested"
     return View(
-        f"{content['provenance']['drive']} against {plural(len(records), 'recording')}",
+        f"{content['provenance']['drive']} {words} on {plural(len(records), 'recording')}",
         tuple(row for record in records for row in _rows(record)),
         notes=tuple(content["notes"]),
         state="bad" if any(value.state == "bad" for value in leading) else state,

@@ -70,6 +70,7 @@ ANSWERS = {
     "POST /api/copy": "drive.beside:copied",
     "GET /api/recording": "measured.recordings:shown_recording",
     "GET /api/spectrum": "measured.recordings:shown_spectrum",
+    "GET /api/samples": "measured.recordings:shown_samples",
     "GET /api/strokes": "measured.recordings:shown_strokes",
     "POST /api/measure": "measured.recordings:measured",
     "GET /api/propose": "measured.recordings:proposed",

@@ -15,17 +15,19 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.fmu.description import read_fmu
+from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.guard import REPORTS, new_token
+from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.views import View
+    from pneudrive.views import State, View
 
 
 #: What a browser allows a report to do: nothing but to be seen, saved and left.
@@ -118,6 +120,7 @@ def report_address(workspace: Workspace, path: str) -> dict[str, str]:
 # --- Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check.
 
 MOST_FILES, MOST_VALUES = 200, 3  # newest files with a line; values in a line
+VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs you"}
 
 
 def headlines(workspace: Workspace) -> dict[str, str]:
@@ -138,10 +141,19 @@ def _of_drive(workspace: Workspace, path: str) -> str:
     return f"{found.name}: bore {1e3 * cylinder.bore_m:.4g} mm, stroke {1e3 * cylinder.stroke_m:.4g} mm"
 
 
+def _of_recording(workspace: Workspace, path: str) -> str:
+    """Return the seal, mounting and drive of a recording, by its layout."""
+    place = workspace.path(path)
+    layout = layout_in(workspace, place)
+    return "" if layout is None else group_of(layout.for_file(place, layout.kind).labels).removeprefix(ALL_RECORDINGS)
+
+
 def _of_view(workspace: Workspace, path: str) -> str:
-    """Return the first leading values of a result with their limits, or its headline."""
+    """Return the first leading values of a result with their limits, or its headline, and the word of its verdict."""
     view = view_at(workspace, path)
-    return ", ".join(one.text for one in view.leading[:MOST_VALUES]) or view.title
+    is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
+    word = f": {VERDICTS[view.state]}" if is_judged else ""
+    return (", ".join(one.text for one in view.leading[:MOST_VALUES]) or view.title) + word
 
 
 def _of_sizing(workspace: Workspace, path: str) -> str:
@@ -169,6 +181,7 @@ def _of_fmu(workspace: Workspace, path: str) -> str:
 LINES: dict[str, Callable[[Workspace, str], str]] = {
     "drive": _of_drive,
     "circuit": _of_drive,
+    "recording": _of_recording,
     "sizing": _of_sizing,
     "task": _of_task,
     "fmu": _of_fmu,

@@ -10,7 +10,7 @@ from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
-from posixpath import dirname
+from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.cli.main import COMMANDS
@@ -271,10 +271,12 @@ def forms(workspace: Workspace) -> dict[str, Any]:
 
 
 def _offered(workspace: Workspace, hint: str) -> list[str]:
-    """Return the recordings with the channels of a command, at most as many as it takes."""
-    paths = []
-    for file in workspace.files():
-        if file.kind == "recording" and len(paths) < MOST_RECORDINGS:
+    """Return the recordings with the channels of a command, but not the runs of validations."""
+    paths, files = [], workspace.files()
+    validations = {dirname(file.path) for file in files if file.kind == "validation"}
+    for file in files:
+        is_run = basename(file.path).startswith("run-") and dirname(file.path) in validations
+        if file.kind == "recording" and not is_run and len(paths) < MOST_RECORDINGS:
             try:
                 missing = _missing(workspace.path(file.path, TABLES), workspace, hint)
             except PneudriveError:  # a damaged file is not offered

@@ -12,7 +12,6 @@ import numpy as np
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
-from pneudrive.friction.sentences import flag_sentences
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.static.fit import fit_file
@@ -34,8 +33,6 @@ from pneudrive.web.requests import shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
@@ -46,7 +43,6 @@ FIT = "fit.toml"
 MOST_POINTS = 10_000
 MOST_CURVES = 8  # of each seal, mounting and drive: as many as there are line styles
 MOST_NEXT = 200  # largest number of proposed points
-HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 
@@ -94,7 +90,10 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
     if fit and fit not in fits:
         raise CommandError(f"there is no fit {fit[:80]} next to the map")
     found = drawn_map(workspace.path(path, MAPS), basename(fit) or FIT)
-    return {**found, "fits": fits, "recordings": recordings_of_map(workspace, path)}
+    names = dict.fromkeys(group["assembly"] for group in found["groups"])
+    files = {name: _beside(path, fit_file(name) if len(names) > 1 else FIT) for name in names}
+    seals = {name: file if file in fits else "" for name, file in files.items()}
+    return {**found, "fits": fits, "seals": seals, "recordings": recordings_of_map(workspace, path)}
 
 
 def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[dict[str, Any]], dict[str, FrictionFit], str]:
@@ -139,15 +138,13 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
             group["curve"] = {"speed": speeds.tolist(), **band, "measured": [min(own), max(own)]}
     return {
         "groups": groups,
-        "heat": _heat(groups, fits),
         "fit": why,
         "left_out": max(int(table.sizes["row"]) - MOST_POINTS, 0),
-        "flags": flag_sentences(flag for text in table["flags"].to_numpy() for flag in str(text).split(",")),
     }
 
 
 def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str, Any]:
-    """Return a map at one speed: friction over the gauge pressure of one chamber, for each pressure of the other.
+    """Return friction over the gauge pressure of one chamber, for each pressure of the other.
 
     Parameters
     ----------
@@ -157,7 +154,7 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
     fit : str
         Name of the fit next to the map whose curves are drawn.
     speed : str
-        m/s. Points count within `NEAR` of it.
+        m/s; points count within `NEAR` of it. ``"all"``: all points count, and curves hold at the mean speed of a seal.
 
     Raises
     ------
@@ -167,11 +164,11 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
         The speed is not positive.
     """
     try:
-        fit_name, speed_m_s = basename(fit) or FIT, float(speed)
+        fit_name, chosen_m_s = basename(fit) or FIT, None if speed == "all" else float(speed)
     except ValueError:
         raise wrong_request() from None
-    if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
-        raise CommandError(f"speed = {speed_m_s} m/s", rule="a speed above zero")
+    if chosen_m_s is not None and not (np.isfinite(chosen_m_s) and chosen_m_s > 0.0):
+        raise CommandError(f"speed = {chosen_m_s} m/s", rule="a speed above zero")
     _, drawn, fits, _ = _drawn_groups(workspace.path(path, MAPS), fit_name)
     gauges = np.array([group["gauges"] for group in drawn])
     along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
@@ -180,17 +177,19 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
     groups, levels = [], []
     for name in names:
         part = np.flatnonzero(assemblies == name)
+        speeds = [point["speed"] for k in part for point in drawn[k]["points"]]
+        speed_m_s = chosen_m_s or float(np.exp(np.mean(np.log(speeds))))
         for inside in (part[near] for near in alike(gauges[part][:, [1 - along]])):
             points = [
                 {**point, "gauge": drawn[k]["gauges"][along]}
                 for k in inside
                 for point in drawn[k]["points"]
-                if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
+                if chosen_m_s is None or abs(np.log(point["speed"] / speed_m_s)) <= NEAR
             ]
             other = float(gauges[inside, 1 - along].mean())
             title = f"{name}: " if len(names) > 1 else ""
             label = f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge"
-            group: dict[str, Any] = {"assembly": name, "label": label, "points": points}
+            group: dict[str, Any] = {"assembly": name, "label": label, "points": points, "speed": speed_m_s}
             groups.append(group)
             reach = gauges[inside, along]
             if name in fits and np.ptp(reach) > SAME_PA:
@@ -201,13 +200,13 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
                 band = _band(fits[name].predict(np.full(SPEEDS, speed_m_s), *pair))
                 group["curve"] = {"gauge": over.tolist(), "measured": measured, **band}
                 file = fit_file(name) if len(names) > 1 else fit_name
-                levels.append((_beside(path, file), other, float(reach.min()), float(reach.max())))
+                levels.append((_beside(path, file), speed_m_s, other, float(reach.min()), float(reach.max())))
     ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     python = (
         "import numpy as np\nfrom pneudrive.identify.static.result import FrictionFit\n\n"
-        f"# fit, gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
+        f"# fit, speed (m/s), gauge pressure in {'ba'[along]}, and the ends of that in {'ab'[along]} (Pa)\n"
         f"levels = {levels!r}\n"
-        f"found = [FrictionFit.from_toml(file).predict({speed_m_s!r}, {ends}) for file, other, low, high in levels]\n"
+        f"found = [FrictionFit.from_toml(file).predict(speed, {ends}) for file, speed, other, low, high in levels]\n"
     )
     return {"chamber": "ab"[along], "groups": groups, "python": python if levels else ""}
 
@@ -290,34 +289,6 @@ def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[s
 
 def _band(curve: Prediction) -> dict[str, list[float]]:
     return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
-
-
-def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict[str, Any]:
-    """Return friction over speed and pressure as cells: the mean of the points, otherwise the value of the fit.
-
-    Each pair of pressures has one row of cells ``[friction, kind]``. The kind is ``"measured"``, ``"fit"`` between the
-    measured speeds of the row, or ``"extrapolated"`` beyond them. A cell without point and fit has the value None.
-    """
-    speeds = np.array([point["speed"] for group in groups for point in group["points"]])
-    if not len(speeds) or not 0.0 < speeds.min() < speeds.max():
-        return {"edges": [], "rows": []}
-    edges = np.geomspace(speeds.min(), speeds.max(), HEAT_COLUMNS + 1)
-    middles = np.sqrt(edges[1:] * edges[:-1])
-    rows = []
-    for group in groups[:HEAT_ROWS]:
-        own, friction = (np.array([point[key] for point in group["points"]]) for key in ("speed", "friction"))
-        column = np.clip(np.searchsorted(edges, own, side="right") - 1, 0, HEAT_COLUMNS - 1)
-        fit = fits.get(group["assembly"])
-        cells: list[list[Any] | None] = [None] * HEAT_COLUMNS
-        if fit is not None:
-            between = (own.min() <= middles) & (middles <= own.max())
-            kinds = np.where(between, "fit", "extrapolated").tolist()
-            known = fit.predict(middles, *group["gauges"]).friction_n.tolist()
-            cells = [list(cell) for cell in zip(known, kinds, strict=True)]
-        for place in set(column.tolist()):
-            cells[place] = [float(friction[column == place].mean()), "measured"]
-        rows.append({"label": group["label"], "assembly": group["assembly"], "cells": cells})
-    return {"edges": edges.tolist(), "rows": rows}
 
 
 def _points(table: xr.Dataset, rows: Array) -> list[dict[str, Any]]:

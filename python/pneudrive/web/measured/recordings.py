@@ -25,7 +25,7 @@ from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
+from pneudrive.web.measured.tiles import BLOCK, KeptRows, KeptSamples, Pyramid, TileWindow
 from pneudrive.web.messages import Array, fault_of, pack, plain, problems_of
 from pneudrive.web.requests import MOST_PIXELS, PageRequest
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
@@ -42,7 +42,7 @@ MOST_VERSIONS = 2  # kept versions of a changing file: the shown one, and the on
 MOST_SAMPLES_OF_STROKES = 5_000_000  # above this, strokes take longer than the page waits
 MOST_STROKES = 5000
 MOST_PLACES = 1000  # listed faults of one kind
-MOST_SAMPLES_OF_SPECTRUM = 1 << 21
+MOST_SAMPLES = 1 << 21  # of a view, for a spectrum or as numbers
 
 
 @dataclass(frozen=True)
@@ -77,19 +77,26 @@ class OpenRecording:
         """
         if self.file.time is None:
             raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
+        found = self.samples_in(span, [column])
+        return amplitude_density(found.time_s, found.values[column])
+
+    def samples_in(self, span: tuple[float, float], columns: Sequence[str]) -> KeptRows:
+        """Return all samples of channels within a span of time.
+
+        Raises
+        ------
+        CommandError
+            The span holds too many samples.
+        """
         blocks = self.pyramid.time
-        first = int(np.searchsorted(blocks[:, 1], span[0]))
-        last = int(np.searchsorted(blocks[:, 0], span[1], "right"))
-        rows = (first * BLOCK, min(last * BLOCK, self.pyramid.count))
-        if rows[1] - rows[0] > MOST_SAMPLES_OF_SPECTRUM:
-            raise CommandError(
-                f"the view has {rows[1] - rows[0]} samples",
-                rule=f"a spectrum of at most {MOST_SAMPLES_OF_SPECTRUM}",
-                remedy="Look closer.",
-            )
-        found = self.samples.get([column], rows)
+        first = int(np.searchsorted(blocks[:, 1], span[0])) * BLOCK
+        last = min(int(np.searchsorted(blocks[:, 0], span[1], "right")) * BLOCK, self.pyramid.count)
+        if last - first > MOST_SAMPLES:
+            what, rule = f"the view has {last - first} samples", f"at most {MOST_SAMPLES} at once"
+            raise CommandError(what, rule=rule, remedy="Look closer.")
+        found = self.samples.get(columns, (first, last))
         inside = (found.time_s >= span[0]) & (found.time_s <= span[1])
-        return amplitude_density(found.time_s[inside], found.values[column][inside])
+        return KeptRows(first, last, found.time_s[inside], {name: found.values[name][inside] for name in columns})
 
     @cached_property
     def samples(self) -> KeptSamples:
@@ -300,6 +307,13 @@ def shown_spectrum(workspace: Workspace, path: str, given: Mapping[str, str]) ->
     for name in asked.columns_in(found):
         arrays[f"hz/{name}"], arrays[f"density/{name}"] = found.spectrum(span, name)
     return pack({"from": span[0], "to": span[1]}, arrays)
+
+
+def shown_samples(workspace: Workspace, path: str, given: Mapping[str, str]) -> bytes:
+    """Return all samples of channels within a view as a frame."""
+    found, asked = workspace.state(Recordings).need(path), ViewRequest.of(given)
+    samples = found.samples_in(asked.span, asked.columns_in(found))
+    return pack({}, {"time": samples.time_s, **samples.values})
 
 
 def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:

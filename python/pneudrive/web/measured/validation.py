@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
+from itertools import chain
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -16,9 +18,12 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
-from pneudrive.figures import plain_data
+from pneudrive.figures import Look, Markers, plain_data
 from pneudrive.free.parameters import numbers_of, with_shape
-from pneudrive.results import compare_results
+from pneudrive.friction.friction_map import groups_of, read_map
+from pneudrive.identify.static.fit import fit_file
+from pneudrive.identify.static.result import FrictionFit
+from pneudrive.results import COMPARED, compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
@@ -27,7 +32,7 @@ from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownFigure
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.lineage import Lineage
+from pneudrive.web.lineage import SAME, Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack, plain
@@ -36,10 +41,11 @@ from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pneudrive.web.lineage import Edge
 
+FIT = "fit.toml"  # of a map with one assembly
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 
 
@@ -222,6 +228,28 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
     return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
 
 
+def _labels(*paths: PurePosixPath) -> tuple[str, str]:
+    """Return short names of two files that differ: those of seals for fits, or else of files or folders."""
+    ways = ([path.stem.removeprefix("fit-") for path in paths], [path.parent.name for path in paths])
+    return next(((a, b) for a, b in ways if a != b), (str(paths[0]), str(paths[1])))
+
+
+def _measured(workspace: Workspace, path: str, look: Look, chamber: str) -> Iterator[Markers]:
+    """Yield the points of a friction fit over the gauge pressure of a chamber, if its map is unchanged."""
+    edge = next(iter(Lineage(workspace).edges(path)), None)
+    if edge is None or edge.state != SAME:
+        return
+    table = read_map(workspace.path(edge.path))
+    groups = groups_of(table)
+    for group in groups:
+        if PurePosixPath(path).name in (fit_file(group.assembly), FIT):
+            part = table.isel(row=group.rows)
+            friction = part["friction_n"].to_numpy()
+            reach = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
+            gauge = np.full(friction.size, group.gauges["ab".index(chamber)])
+            yield Markers(gauge, friction, look=look, low=friction - reach, high=friction + reach, filled=True)
+
+
 def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     """Return the differences between two results or descriptions of one kind: a sentence, values, and a figure.
 
@@ -236,12 +264,20 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     sources = [load_at(workspace, name) for name in names]
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive | Circuit)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
-    found = compare_results(sources[0], sources[1], names)
-    caption = f"{before} and {after}, and the second less the first, with 95 % bands."
+    labels = _labels(*map(PurePosixPath, names))
+    found = compare_results(sources[0], sources[1], labels)
+    figure = found.figure() if found.curves else None
+    if figure is not None and isinstance(sources[0], FrictionFit) and found.curves[0].first.x_unit == "Pa":
+        chamber = found.curves[0].first.x_quantity[-1]
+        marks = [_measured(workspace, *each, chamber) for each in zip(names, COMPARED, strict=True)]
+        first = figure.panels[0]
+        figure = replace(figure, panels=[replace(first, marks=[*first.marks, *chain(*marks)]), *figure.panels[1:]])
+    caption = f"{labels[0]}, {labels[1]} and their difference, with 95 % bands."
     return {
+        "names": labels,
         "sentence": found.sentence,
         "values": [pair._asdict() for pair in found.values],
-        "figure": plain_data(ShownFigure("compared", caption, found.figure())) if found.curves else None,
+        "figure": None if figure is None else plain_data(ShownFigure("compared", caption, figure)),
         "lines": lines,
         "command": shell("compare", *names),
         "python": f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n",

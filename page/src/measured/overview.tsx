@@ -1,0 +1,312 @@
+/** Recordings of the overview: friction of their seals, a row for each seal, and actions on all chosen ones. */
+
+import { signal } from "@preact/signals";
+import { FigureView } from "../plots/figure";
+import { count, digits } from "../plots/looks";
+import { saveRows } from "../plots/saving";
+import { link } from "../routes";
+import type { CommandInput } from "../server/generated";
+import type { Listed } from "../server/server";
+import { useRequest } from "../workspace/answers";
+import { folderOf, nameOf, studies } from "../workspace/files";
+import { JobForm } from "../workspace/form";
+import { stale, trace, useHeadlines } from "../workspace/lineage";
+import { Findings, useView } from "../workspace/result";
+import { comparePair, partsOf, Rename } from "../workspace/studies";
+import { type FrictionMap, overPressure, type Slice } from "./friction";
+
+const MOST_OPEN = 8; // recordings whose names are shown at once
+const MOST = 200; // names of a row; the search of the tree finds the others
+const BAR = 1e5; // Pa
+const MM = 1000; // mm in a metre
+const SPARK = { width: 120, height: 36, room: 4 };
+
+type Part = Slice["groups"][number];
+type Forms = Record<string, { fields: CommandInput[] }>;
+
+const chosen = signal<string[]>([]);
+const verb = signal(""); // command whose form is open for the chosen recordings
+
+const choose = (paths: string[], isIn: boolean): void => {
+  const others = chosen.value.filter((path) => !paths.includes(path));
+  chosen.value = isIn ? [...others, ...paths] : others;
+};
+
+/** The newest characterisation of the folder: its points over speed and over pressure. */
+function useFriction(files: Listed[]) {
+  const maps = files.filter((file) => file.kind === "friction map" && nameOf(file.path) === "map.parquet");
+  const newest = maps.reduce<Listed | null>((best, file) => (best && best.changed >= file.changed ? best : file), null);
+  const path = newest?.path ?? "";
+  const given = newest && { path, fit: "" };
+  const [map] = useRequest<FrictionMap>("/api/map", given, [newest?.changed]);
+  const [slice] = useRequest<Slice>("/api/slice", given && { ...given, speed: "all" }, [newest?.changed]);
+  return { path, map: slice && map, slice: map && slice };
+}
+
+/** Recordings by seal, mounting and drive, or by folder where nothing tells them. */
+export function Recordings({ files: all }: { files: Listed[] }) {
+  const lines = useHeadlines();
+  const { path, map, slice } = useFriction(all);
+  const parts = partsOf(all);
+  const files = all.filter((file) => file.kind === "recording" && !parts.has(file.path));
+  if (!files.length) return null;
+  const labelOf = ({ path: file }: Listed) => lines[file] || folderOf(file) || "Recordings here";
+  const labels = [...new Set(files.map(labelOf))];
+  const paths = files.map((file) => file.path);
+  const isOpen = files.length <= MOST_OPEN;
+  return (
+    <section class="group" aria-label="Recordings">
+      {map && slice && <Friction path={path} map={map} slice={slice} />}
+      <div class="panel by-label">
+        <label class="folder-head">
+          <input
+            type="checkbox"
+            aria-label={`Choose all ${paths.length} recordings`}
+            checked={paths.every((file) => chosen.value.includes(file))}
+            onChange={(event) => choose(paths, event.currentTarget.checked)}
+          />{" "}
+          <a href={link("recording")}>
+            <b>Recordings</b>
+          </a>{" "}
+          <span class="note">{`${count(files.length, "recording")}, ${count(labels.length, "group")}`}</span>
+        </label>
+        <ul>
+          {labels.map((label) => (
+            <Row
+              key={label}
+              label={label}
+              files={files.filter((file) => labelOf(file) === label)}
+              part={slice?.groups.filter((group) => group.assembly === label && isOf(group, map!, paths))[0]}
+              all={slice?.groups ?? []}
+              fit={(lines[map?.seals[label] ?? ""] ?? "").replace(/: [a-z ]+$/, "")}
+              isOpen={isOpen}
+            />
+          ))}
+        </ul>
+      </div>
+      <Chosen paths={paths.filter((file) => chosen.value.includes(file))} map={map} slice={slice} mapPath={path} />
+    </section>
+  );
+}
+
+/** Whether recordings of the folder made the points of a seal. */
+const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): boolean =>
+  points.some((point) => paths.includes(recordings[point.recording] ?? ""));
+
+/** Friction of the seals over pressure, and what needs someone. */
+function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice: Slice }) {
+  const view = useView(path);
+  const seals = Object.keys(map.seals).length;
+  const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.speed));
+  const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.gauge / BAR));
+  const [low, high] = [Math.min(...gauges), Math.max(...gauges)].map((gauge) => digits(gauge, 2));
+  const ends = [Math.min(...speeds), Math.max(...speeds)].map((speed) => digits(speed, 2)).join(" to ");
+  return (
+    <>
+      <h3>
+        <a href={link("friction", path)}>{`Friction of ${count(seals, "seal")}`}</a>{" "}
+        <span class="note">
+          {`${count(Object.keys(map.recordings).length, "recording")}, ${low} to ${high} bar gauge, ${ends} mm/s`}
+        </span>
+      </h3>
+      <div class="result">
+        <div class="panel">
+          <FigureView shown={overPressure(slice, "Points: U (k = 2). Bands: 95 % of the fit.")} />
+        </div>
+        <aside class="panel">
+          <h3>What needs you</h3>
+          {view && <Findings of={view.findings.filter((finding) => finding.state !== "good")} />}
+        </aside>
+      </div>
+    </>
+  );
+}
+
+/** Friction over pressure of a seal on the axes of all seals, small. */
+function Spark({ part, all }: { part: Part; all: Part[] }) {
+  const points = all.flatMap((group) => group.points);
+  const most = {
+    gauge: Math.max(...points.map((point) => point.gauge), 1),
+    friction: Math.max(...points.map((point) => point.friction)),
+  };
+  const { width, height, room } = SPARK;
+  const x = (gauge: number) => room + (Math.max(gauge, 0) / most.gauge) * (width - 2 * room);
+  const y = (friction: number) => height - room - (friction / most.friction) * (height - 2 * room);
+  const { curve } = part;
+  return (
+    <svg width={width} height={height} role="img" aria-label={`Friction of ${part.assembly} over pressure`}>
+      <path d={`M0 ${height - 1}H${width}`} stroke="var(--grid)" />
+      {curve && (
+        <path
+          d={`M${curve.gauge.map((gauge, k) => `${x(gauge).toFixed(1)} ${y(curve.friction[k] ?? 0).toFixed(1)}`).join("L")}`}
+          fill="none"
+          stroke="var(--fig-blue)"
+        />
+      )}
+      {part.points.map((point, k) => (
+        <circle key={k} cx={x(point.gauge)} cy={y(point.friction)} r="2.2" fill="var(--fig-blue)" />
+      ))}
+    </svg>
+  );
+}
+
+function Row(props: {
+  label: string;
+  files: Listed[];
+  part: Part | undefined;
+  all: Part[];
+  fit: string;
+  isOpen: boolean;
+}) {
+  const { label, files, part, all, fit, isOpen } = props;
+  const paths = files.map((file) => file.path);
+  const flags = [...new Set(part?.points.flatMap((point) => point.flags.split(",").filter(Boolean)))];
+  const friction = part?.points.map((point) => point.friction) ?? [];
+  const old = paths.filter((path) => stale.value.stale[path]);
+  return (
+    <li data-label={label}>
+      <label>
+        <input
+          type="checkbox"
+          aria-label={`Choose all of ${label}`}
+          checked={paths.every((path) => chosen.value.includes(path))}
+          onChange={(event) => choose(paths, event.currentTarget.checked)}
+        />{" "}
+        <b>{label}</b> <span class="note">{count(files.length, "recording")}</span>
+      </label>
+      <span>{part && <Spark part={part} all={all} />}</span>
+      <span class="holds">
+        {part && (
+          <>
+            <b>{`${digits(Math.min(...friction), 3)} to ${digits(Math.max(...friction), 3)} N`}</b> {fit}
+          </>
+        )}
+      </span>
+      <span>
+        {part ? (
+          <span class={`pill ${flags.length ? "open" : "good"}`} title={flags.join(", ").replaceAll("_", " ")}>
+            {flags.length ? count(flags.length, "flag") : "no flag"}
+          </span>
+        ) : (
+          <span class="pill">not characterised</span>
+        )}
+        {old.length > 0 && <b class="missed"> out of date</b>}
+      </span>
+      {isOpen ? (
+        <Names paths={paths} />
+      ) : (
+        <details>
+          <summary aria-label={`Recordings of ${label}`}>recordings</summary>
+          <Names paths={paths} />
+        </details>
+      )}
+    </li>
+  );
+}
+
+/** Recordings of a row, each with its box, its origin and another name. */
+function Names({ paths }: { paths: string[] }) {
+  return (
+    <>
+      <ul class="chips">
+        {paths.slice(0, MOST).map((path) => (
+          <li key={path}>
+            <input
+              type="checkbox"
+              aria-label={`Choose ${path}`}
+              checked={chosen.value.includes(path)}
+              onChange={(event) => choose([path], event.currentTarget.checked)}
+            />
+            <a href={link("recording", path)} title={path}>
+              {nameOf(path)}
+            </a>
+            {stale.value.stale[path] && (
+              <b class="missed" data-stale={path}>
+                out of date
+              </b>
+            )}
+            <details class="chip-menu">
+              <summary aria-label={`More of ${path}`}>⋯</summary>
+              <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>
+                made from
+              </button>{" "}
+              <Rename path={path} />
+            </details>
+          </li>
+        ))}
+      </ul>
+      {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
+    </>
+  );
+}
+
+/** Actions on all chosen recordings. A command is offered for those that have its channels. */
+function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice | null; mapPath: string }) {
+  const { paths, map, slice, mapPath } = props;
+  const [forms] = useRequest<Forms>("/api/forms", paths.length ? {} : null, [studies.value]);
+  if (!paths.length) return null;
+  const able = (kind: string) => {
+    const offered = forms?.[kind]?.fields.find((field) => field.kind === "recordings")?.choices ?? [];
+    return paths.filter((path) => offered.some(([file]) => file === path));
+  };
+  const [rig, drive] = [able("characterise"), able("validate")];
+  const isIn = (name: string) => paths.includes(map?.recordings[name] ?? "");
+  const points = (slice?.groups ?? []).flatMap((group) =>
+    group.points.filter((point) => isIn(point.recording)).map((point) => ({ ...point, label: group.assembly })),
+  );
+  const seals = [...new Set(points.map((point) => point.label))];
+  const address = new URLSearchParams({ seal: seals[0] ?? "", with: seals[1] ?? "" });
+  const save = () =>
+    saveRows("recordings", [
+      ["recording", "group", "direction", "pressure, bar gauge", "speed, mm/s", "friction, N", "U (k = 2), N", "flags"],
+      ...points.map((point) => [
+        ...[point.recording, point.label, point.direction > 0 ? "+x" : "-x"],
+        ...[point.gauge / BAR, MM * point.speed, point.friction, point.spread].map((value) => digits(value, 6)),
+        point.flags,
+      ]),
+    ]);
+  const given = verb.value === "characterise" ? rig : drive;
+  const name = verb.value === "characterise" ? nameOf(folderOf(paths[0]!)) || "friction" : verb.value;
+  return (
+    <section class="panel chosen" aria-label="Chosen recordings">
+      <p class="row">
+        <b>{paths.length} chosen</b>
+        <button type="button" class="primary" disabled={!rig.length} onClick={() => (verb.value = "characterise")}>
+          {rig.length > 1 ? `Characterise ${rig.length} together` : "Characterise"}
+        </button>
+        {seals.length === 2 ? (
+          <a class="button" href={`${link("friction", mapPath)}?${address}`}>
+            {`Compare ${seals.join(" and ")}`}
+          </a>
+        ) : (
+          paths.length === 2 && (
+            <button type="button" onClick={() => comparePair(paths)}>
+              Compare
+            </button>
+          )
+        )}
+        {drive.length > 0 && (
+          <button type="button" onClick={() => (verb.value = "validate")}>
+            {`Validate a drive on ${drive.length}`}
+          </button>
+        )}
+        {points.length > 0 && (
+          <button type="button" onClick={save}>
+            Export table
+          </button>
+        )}
+        <button type="button" onClick={() => ([chosen.value, verb.value] = [[], ""])}>
+          Clear
+        </button>
+      </p>
+      {forms && !rig.length && !drive.length && (
+        <p class="note">
+          Nothing tells the channels of these recordings. Open one of them, propose a layout and accept it.
+        </p>
+      )}
+      {verb.value && given.length > 0 && (
+        <JobForm key={verb.value} kind={verb.value} given={{ recordings: given }} start={{ name }} />
+      )}
+    </section>
+  );
+}

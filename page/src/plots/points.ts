@@ -1,0 +1,103 @@
+/** Figures of measured points with their bars, the curves of fits with their bands, and plain lines. */
+import type { Axis, Mark, ShownFigure } from "../server/generated";
+
+export interface Point {
+  x: number;
+  y: number;
+  spread: number | null;
+  run?: number; // points of later runs are open
+}
+
+/** Points, and the curve that belongs to them. */
+export interface Group {
+  label: string;
+  points: Point[];
+  curve?: { x: number[]; y: (number | null)[]; low?: (number | null)[]; high?: (number | null)[]; measured?: number[] };
+}
+
+type Look = [color: string, dash: string, marker: string];
+
+export const MOST_SERIES = 4; // of a panel; the points of others are grey
+const LOOKS: Look[] = [
+  ["blue", "-", "o"],
+  ["orange", "--", "s"],
+  ["green", "-.", "^"],
+  ["path", ":", "D"],
+];
+const GREY: Look = ["grey", "-", "."];
+const DECADE = 10; // values that span as much lie on a logarithmic axis
+
+/** Return an axis without ends of its own; values are in the unit of its label. */
+const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
+  ...{ label, scale, low, high: null, below: 0, above: 0, names: [], is_si: false, is_named: true, unit: "", size: 1 },
+});
+
+/** Return whether the points of all groups lie above zero and span a decade. */
+export function isWide(groups: Group[]): boolean {
+  const all = groups.flatMap((group) => group.points.map((point) => point.x));
+  return all.length > 1 && Math.min(...all) > 0 && Math.max(...all) >= DECADE * Math.min(...all);
+}
+
+/** Return evenly spread indices of the groups that have a look of their own. */
+const shownOf = (count: number): number[] =>
+  Array.from({ length: Math.min(count, MOST_SERIES) }, (_, k) =>
+    Math.round((k * (count - 1)) / Math.max(Math.min(count, MOST_SERIES) - 1, 1)),
+  );
+
+/** Return the marks of a group: its band, its curve, dotted beyond the measured range, and its points by run. */
+function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
+  const marks: Mark[] = [];
+  const line = { width: null, steps: false, kind: "line" } as const;
+  if (curve) {
+    const { x, y, low, high, measured: [from, to] = [-Infinity, Infinity] } = curve;
+    const isInside = x.map((at) => at >= from! * (1 - 1e-9) && at <= to! * (1 + 1e-9));
+    if (low && high) marks.push({ x, low, high, label: "", look, kind: "band" });
+    if (isInside.includes(false)) marks.push({ ...line, x, y, label: "", look: [look[0], ":", look[2]], width: 0.9 });
+    marks.push({ ...line, x, y: y.map((value, k) => (isInside[k] ? value : null)), label, look });
+  }
+  const runs = [...new Set(points.map((point) => point.run ?? 0))];
+  for (const run of runs) {
+    const own = points.filter((point) => (point.run ?? 0) === run);
+    const end = (sign: number) => own.map(({ y, spread }) => (spread === null ? null : y + sign * spread));
+    marks.push({
+      ...{ x: own.map((point) => point.x), y: own.map((point) => point.y), label, look, low: end(-1), high: end(1) },
+      ...{ size: points.length > 60 ? 2.2 : 4, filled: run === runs[0], joined: false, names: [], kind: "markers" },
+    });
+  }
+  return marks;
+}
+
+/** Return a figure with a panel for each part. Panels without axes of their own have equal ones; `isLog` holds for x. */
+export function pointsFigure(about: {
+  name: string;
+  caption?: string;
+  x: string;
+  y: string;
+  panels: { title: string; groups: Group[]; x?: string; y?: string }[];
+  isLog?: boolean;
+  isFromZero?: boolean;
+  row_in?: number;
+}): ShownFigure {
+  const { name, caption = "", x, y, panels, isLog = false, isFromZero = false } = about;
+  const values = panels.flatMap((panel) => panel.groups.flatMap((group) => group.points.map((point) => point.y)));
+  const low = isFromZero && values.every((value) => value >= 0) ? 0 : null;
+  const drawn = panels.map(({ title, groups, ...own }) => {
+    const shown = shownOf(groups.length);
+    const marks = groups.flatMap((group, k) => {
+      const place = shown.indexOf(k);
+      return place < 0 ? marksOf({ label: "", points: group.points }, GREY) : marksOf(group, LOOKS[place]!);
+    });
+    return { marks, title, x: axis(own.x ?? ""), y: axis(own.y ?? ""), right: [], right_y: axis(""), legend: null };
+  });
+  const share = panels.some((panel) => panel.x) ? "" : "all";
+  const row = about.row_in ?? (panels.length > 1 ? 1.4 : 2.2);
+  return {
+    name,
+    caption,
+    figure: {
+      ...{ panels: drawn, x: axis(x, isLog ? "log" : "linear"), y: axis(y, "linear", low), columns: 3, title: "" },
+      ...{ row_in: row, rest_in: 0, width_in: 7, share_x: share, share_y: share, heights: [], widths: [], entries: 4 },
+      ...{ legend: "above", text_scale: 1, has_margins: true, tall: null, tall_first: false },
+    },
+  };
+}
