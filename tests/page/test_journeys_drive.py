@@ -46,7 +46,7 @@ class Hand:
         """Type into a field, and leave it."""
         self.reach(selector)
         self.page.keyboard.press("ControlOrMeta+A")
-        self.page.keyboard.insert_text(text)
+        self.page.keyboard.type(text)
         self.page.keyboard.press("Tab")
 
     def choose(self, selector: str, value: str) -> None:

@@ -79,11 +79,11 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, 
     page.wait_for_selector("[data-end=position_m]")
     page.focus("#slider-friction\\.coulomb")
     page.keyboard.press("End")  # above breakaway
-    page.wait_for_selector(".shown .problem >> text=must not be below")
-    page.wait_for_selector(".shown .banner >> text=belong to the last run")
+    page.wait_for_selector(".top .problem >> text=must not be below")
+    page.wait_for_selector(".top .banner >> text=belong to the last run")
     page.keyboard.press("Home")
-    page.wait_for_selector(".shown .problem:not(.severe)", state="detached")
-    assert page.locator(".shown .banner").count() == 0
+    page.wait_for_selector(".top .problem:not(.severe)", state="detached")
+    assert page.locator(".top .banner").count() == 0
     tab.check()
 
 
@@ -414,7 +414,8 @@ def test_what_does_not_count_is_said(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("text=Pressure, absolute: 8 of 9 curves are drawn")
     page.click("summary:has-text('impacts on the end stops')")
     page.wait_for_selector("text=end of chamber b of right")
-    page.wait_for_selector("text=More impacts:")
+    impacts = page.locator("details:has(summary:has-text('impacts on the end stops'))")
+    assert impacts.locator("li").count() == int(impacts.locator("summary").inner_text().split()[0])  # none is left out
     go(page, "drive", "axis.toml")
     page.wait_for_selector(".fields")
     page.fill("input[aria-label='friction.coulomb']", "31 N")
