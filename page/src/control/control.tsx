@@ -9,6 +9,7 @@ import { inCatalogue, isToml, kept, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { SentView } from "../server/generated";
 import { ask, attempting, Live, type Problem, read, write } from "../server/server";
+import { undoable } from "../undo";
 import { list, studies } from "../workspace/files";
 import { follow, JobList } from "../workspace/jobs";
 import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
@@ -60,13 +61,13 @@ interface Choices {
 }
 
 const drive = signal("");
-const law = signal("nmpc");
-const gains = signal<Record<string, number>>({});
-const reference = signal("");
-const setup = signal("real");
-const mismatch = signal("");
-const seed = signal(1);
-const duration = signal("");
+const law = undoable(signal("nmpc"));
+const gains = undoable(signal<Record<string, number>>({}));
+const reference = undoable(signal(""));
+const setup = undoable(signal("real"));
+const mismatch = undoable(signal(""));
+const seed = undoable(signal(1));
+const duration = undoable(signal(""));
 const choices = signal<Choices | null>(null);
 const answer = signal<Frame<Head> | null>(null);
 /** Gains that follow from the drive: the initial values of the sliders. */
@@ -502,11 +503,11 @@ function Details() {
   );
 }
 
-const laws = signal<string[]>(["pid", "nmpc"]);
-const along = signal<string[]>(["R1", "R3"]);
-const other = signal("");
-const spread = signal("");
-const count = signal(3);
+const laws = undoable(signal<string[]>(["pid", "nmpc"]));
+const along = undoable(signal<string[]>(["R1", "R3"]));
+const other = undoable(signal(""));
+const spread = undoable(signal(""));
+const count = undoable(signal(3));
 const name = signal("laws");
 const notBegun = signal<Problem[]>([]);
 

@@ -1,4 +1,5 @@
 /** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
+
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { digits, fitting, look, pretty } from "../plots/looks";
@@ -6,6 +7,7 @@ import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, frame, type Problem, read } from "../server/server";
+import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
@@ -57,8 +59,8 @@ interface Tracks {
 }
 
 const LOOK_MS = 1000; // between two looks at a comparison that runs
-const measure = signal("max_error_m");
-const along = signal("");
+const measure = undoable(signal("max_error_m"));
+const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
 const notResumed = signal<Problem[]>([]); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in

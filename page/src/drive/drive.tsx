@@ -1,7 +1,7 @@
 /** View of a description: circuit, fields and text side by side. The text is the truth. */
 
 import { effect, signal, useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { count } from "../plots/looks";
 import { route } from "../routes";
 import type { Frame } from "../server/frame";
@@ -11,7 +11,6 @@ import { Choose } from "../workspace/choose";
 import { list } from "../workspace/files";
 import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
 import { notesOf, whole, ZoomedCircuit } from "./circuit";
-import type { Editor } from "./editor";
 import { endsOf, type MotionHead, MovingCircuit } from "./moving";
 import {
   change,
@@ -30,6 +29,7 @@ import {
   valid,
 } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
+import { useEditor } from "./text";
 
 const name = signal("");
 const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
@@ -130,32 +130,11 @@ function Running() {
 }
 
 function Described() {
-  const place = useRef<HTMLDivElement>(null);
-  const editor = useRef<Editor | null>(null);
   const now = opened.value;
   const shapes = useDrawing();
-  useEffect(() => {
-    let gone = false;
-    if (place.current && now)
-      void import("./editor").then(({ edit }) => {
-        if (!gone && place.current && opened.value)
-          editor.current = edit(place.current, opened.value.text, (text) => void change(text, true));
-      });
-    return () => {
-      gone = true;
-      editor.current?.end();
-      editor.current = null;
-    };
-  }, [now?.path]);
   const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
-  useEffect(
-    () =>
-      editor.current?.show(
-        opened.value?.text ?? "",
-        problems.value.filter((one) => isIn(one, own)),
-      ),
-    [now?.text, problems.value],
-  );
+  const inText = problems.value.filter((one) => isIn(one, own));
+  const [editor, goTo] = useEditor(now?.path ?? "", now?.text ?? "", inText, (text) => void change(text, true));
   if (!now) return problems.value.length ? <Problems of={problems.value} /> : null;
   const isNew = !now.sha256;
   const [, , wide, high] = shapes ? whole(shapes) : [0, 0, 1, 1];
@@ -210,7 +189,7 @@ function Described() {
               </button>
             </p>
           )}
-          <Problems of={problems.value} own={own} onLine={(line) => editor.current?.go(line)} />
+          <Problems of={problems.value} own={own} onLine={goTo} />
           {!problems.value.length && <p class="note">No problems.</p>}
         </section>
         <section aria-label="Values of the drive">
@@ -221,7 +200,7 @@ function Described() {
             <summary>
               <h2>{isNew ? "Text of a new file" : now.path}</h2>
             </summary>
-            <div ref={place} class="editor" />
+            {editor}
           </details>
         </section>
       </div>

@@ -6,6 +6,7 @@ import { digits } from "../plots/looks";
 import { download } from "../plots/saving";
 import { link, route } from "../routes";
 import { attempting, bytes, type Problem, read } from "../server/server";
+import { useAnswer } from "../workspace/answers";
 import { filesOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { InFolder, Problems, Table } from "../workspace/parts";
@@ -31,23 +32,14 @@ interface Fmu {
   platforms: string[];
 }
 
-const found = signal<Fmu | null>(null);
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 
 export function HandoverView() {
   const { view, path } = route.value;
   const at = view === "handover" && path.toLowerCase().endsWith(".fmu") ? path : "";
-  useEffect(() => {
-    [found.value, wrong.value] = [null, []];
-    let gone = false;
-    const show = async () => {
-      const one = await read<Fmu>("/api/fmu", { path: at });
-      if (!gone) found.value = one;
-    };
-    if (at) void attempt(show);
-    return () => void (gone = true);
-  }, [at, path]);
+  const [fmu, problems] = useAnswer(at, () => read<Fmu>("/api/fmu", { path: at }));
+  useEffect(() => void (wrong.value = []), [at, path]);
   if (!at) return <Start path={path} />;
   return (
     <div class="handover">
@@ -61,8 +53,8 @@ export function HandoverView() {
         </button>
         <a href={link("handover")}>A new export, and all exports</a>
       </p>
-      <Problems of={wrong.value} />
-      {found.value && <Seen now={found.value} />}
+      <Problems of={[...problems, ...wrong.value]} />
+      {fmu && <Seen now={fmu} />}
     </div>
   );
 }

@@ -1,18 +1,21 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
+
 import { computed, signal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
 import type { Finding, SentView } from "../server/generated";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
+import { undoable } from "../undo";
+import { questions } from "../workspace/answers";
 import { list, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import type { Editor } from "./editor";
 import { wasSaved } from "./opened";
+import { useEditor } from "./text";
 
 type Ends = [number | null, number | null] | null;
 
@@ -83,13 +86,13 @@ const isLoaded = signal(false); // a loaded text may be empty
 const file = signal("task.toml");
 const least = signal(10); // of a search that is continued
 const found = signal<(Sizing & { folder: string }) | null>(null);
-const pinned = signal<string[]>([]);
-const orderBy = signal("Rank");
+const pinned = undoable(signal<string[]>([]));
+const orderBy = undoable(signal("Rank"));
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
 
-let asked = 0;
+const checks = questions();
 
 /** Unsaved texts of tasks by path, with the hash of the file that they started from. */
 const drafts = new Map<string, { text: string; sha256: string }>();
@@ -105,10 +108,9 @@ function type(next: string): Promise<void> {
 /** Replace the text of the task and check it. Only the newest answer counts. */
 async function change(next: string): Promise<void> {
   text.value = next;
-  const mine = ++asked;
+  const answer = checks();
   await attempt(async () => {
-    const one = await ask<Task>("/api/task", { text: next });
-    if (mine !== asked) return;
+    const one = await answer(ask<Task>("/api/task", { text: next }));
     task.value = one;
     if (!one.problems.length) meant.value = one;
   });
@@ -219,22 +221,13 @@ const All = () => (
 );
 
 function TaskView() {
-  const place = useRef<HTMLDivElement>(null);
-  const editor = useRef<Editor | null>(null);
   const now = task.value;
-  useEffect(() => {
-    let gone = false;
-    if (place.current && isLoaded.value)
-      void import("./editor").then(({ edit }) => {
-        if (!gone && place.current) editor.current = edit(place.current, text.value, (next) => void type(next));
-      });
-    return () => {
-      gone = true;
-      editor.current?.end();
-      editor.current = null;
-    };
-  }, [path.value, isLoaded.value]);
-  useEffect(() => editor.current?.show(text.value, now?.problems ?? []), [text.value, now]);
+  const [editor, goTo] = useEditor(
+    isLoaded.value ? `task ${path.value}` : "",
+    text.value,
+    now?.problems ?? [],
+    (next) => void type(next),
+  );
   const values = meant.value?.values ?? [];
   const given = values.filter((one) => one.given).length;
   const files = studies.value?.files ?? [];
@@ -246,7 +239,7 @@ function TaskView() {
         <section aria-label="Task">
           <h2>{path.value || "A new task"}</h2>
           {path.value && <All />}
-          <div ref={place} class="editor" />
+          {editor}
           <p class="row">
             <label>
               File{" "}
@@ -264,7 +257,7 @@ function TaskView() {
             )}
             <span role="status">{said.value}</span>
           </p>
-          <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={(line) => editor.current?.go(line)} />
+          <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={goTo} />
           {now && !now.problems.length && <p class="note">No problems.</p>}
         </section>
         <section aria-label="What the task says">

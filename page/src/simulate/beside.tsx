@@ -8,6 +8,7 @@ import { digits } from "../plots/looks";
 import { type Curve, curveOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
 import type { Frame, Numbers } from "../server/frame";
+import { undoable } from "../undo";
 import { studies } from "../workspace/files";
 import { NumberField, Table } from "../workspace/parts";
 
@@ -31,13 +32,13 @@ export interface BesideHead extends MotionHead {
   };
 }
 
-const others = signal<string[]>([]);
-const loops = signal(false);
+const others = undoable(signal<string[]>([]));
+const loops = undoable(signal(false));
 /** Whether the circuit is shown as it moves. */
-export const motion = signal(false);
-const energy = signal(false);
-const band = signal(false);
-const width = signal(10); // of the spreads, per cent
+export const motion = undoable(signal(false));
+const energy = undoable(signal(false));
+const band = undoable(signal(false));
+const width = undoable(signal(10)); // of the spreads, per cent
 const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
 
 /** Selected comparisons of the run. A spread is centred on each value that has a slider. */
