@@ -9,7 +9,7 @@ import { ask, Live, type Problem } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { Choose } from "../workspace/choose";
 import { list } from "../workspace/files";
-import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
+import { isIn, Problems, SaveButton, TextField } from "../workspace/parts";
 import { notesOf, whole, ZoomedCircuit } from "./circuit";
 import { endsOf, type MotionHead, MovingCircuit } from "./moving";
 import {
@@ -389,7 +389,7 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
                   ))}{" "}
               <span class={`kind ${field.kind}`}>
                 {[
-                  KINDS[field.kind],
+                  field.kind,
                   field.origin.replace(/^assumed: /, ""),
                   field.copies && `one value for ${field.copies.join(", ")}`,
                 ]

@@ -12,10 +12,11 @@ import { curveOf, Plot } from "../plots/plot";
 import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, Live, type Problem, Refused, read } from "../server/server";
+import { undoable } from "../undo";
 import { filesOf, folderOf, kindOf, list, studies } from "../workspace/files";
 import { JobForm, requestOf, useHeldOut } from "../workspace/form";
 import { follow, jobs } from "../workspace/jobs";
-import { InFolder, KINDS, Problems, ReportOf, Select, SliderRow, Table } from "../workspace/parts";
+import { InFolder, Problems, ReportOf, Select, SliderRow, Table } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
 import { type Compared, Differences } from "./differences";
 
@@ -75,8 +76,8 @@ const attempt = attempting(wrong);
 const frame = signal<Frame<Head> | null>(null);
 const record = signal(0);
 const span = signal<[number, number]>([0, 1]);
-const key = signal("");
-const number = signal<number | null>(null);
+const key = undoable(signal(""));
+const number = undoable(signal<number | null>(null));
 
 const INPUTS = ["drive", "circuit", "fit", "recording"];
 const path = computed(() =>
@@ -461,7 +462,7 @@ function Suspect({ now }: { now: Validation }) {
           ends={[low, high]}
           unit={one.unit}
           kind={value === one.number ? one.kind : "changed"}
-          state={value === one.number ? KINDS[one.kind]! : "changed"}
+          state={value === one.number ? one.kind : "changed"}
           put={put}
         />
       )}
@@ -532,7 +533,7 @@ function Origins({ now }: { now: Validation }) {
             one.key,
             one.text,
             <>
-              <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
+              <span class={`kind ${one.kind}`}>{one.kind}</span> {one.origin.replace(/^assumed: /, "")}
             </>,
             one.interval,
             one.source?.map((each) => (

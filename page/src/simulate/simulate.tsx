@@ -24,7 +24,7 @@ import { undoable } from "../undo";
 import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
 import { studies } from "../workspace/files";
-import { Copied, KINDS, Leading, Problems, SliderRow } from "../workspace/parts";
+import { Copied, Leading, Problems, SliderRow } from "../workspace/parts";
 import {
   BesideChoices,
   type BesideHead,
@@ -661,7 +661,7 @@ function Slider({ field }: { field: Field }) {
       ends={[low, high]}
       unit={unit}
       kind={kind}
-      state={isChanged ? "changed" : KINDS[field.kind]!}
+      state={isChanged ? "changed" : field.kind}
       put={put}>
       <button
         type="button"

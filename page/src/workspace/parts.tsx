@@ -237,14 +237,6 @@ export function SliderRow({
   );
 }
 
-export const KINDS: Record<string, string> = {
-  given: "given",
-  source: "source",
-  identified: "identified",
-  assumed: "assumed",
-  default: "default",
-};
-
 type Data = Record<string, unknown>;
 type Cell = ComponentChildren | { text: ComponentChildren; data: Data };
 type Row = Cell[] | { cells: Cell[]; data: Data };

@@ -2,9 +2,8 @@
 import type { ComponentChildren } from "preact";
 import { FigureView } from "../plots/figure";
 import { isSevere, pretty } from "../plots/looks";
-import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
-import type { Finding, SentCurve, SentView } from "../server/generated";
+import type { Finding, SentView } from "../server/generated";
 import { useRequest } from "./answers";
 import { changesOf } from "./files";
 import { Leading, Problems, Table } from "./parts";
@@ -25,38 +24,6 @@ function ShownTable({ view }: { view: SentView }) {
     data: { "data-row": label },
   }));
   return <Table label={`Values: ${view.title}`} heads={view.head} rows={rows} />;
-}
-
-/** One figure for each pair of axes; curves of one group have one colour. */
-export function ShownCurves({ curves }: { curves: SentCurve[] }) {
-  const axes = [...new Set(curves.map((curve) => `${curve.x_title}\n${curve.y_title}`))];
-  return (
-    <>
-      {axes.map((pair) => {
-        const [x, y] = pair.split("\n") as [string, string];
-        const groups = curves.filter((curve) => `${curve.x_title}\n${curve.y_title}` === pair).map(groupOf);
-        const name = `${y.split(",")[0]} over ${x.split(",")[0]}`;
-        return (
-          <FigureView
-            key={pair}
-            shown={pointsFigure({ name, x, y, panels: [{ title: "", groups }], isLog: isWide(groups) })}
-          />
-        );
-      })}
-    </>
-  );
-}
-
-function groupOf({ label, x, y, low, high, measured }: SentCurve): Group {
-  const points = x.flatMap((at, k) => {
-    const [value, least, most] = [y[k], low[k], high[k]];
-    if (!measured[k] || at === null || value == null) return [];
-    return [{ x: at, y: value, spread: least == null || most == null ? null : (most - least) / 2 }];
-  });
-  if (points.length === x.length) return { label, points }; // measured points alone have no curve between them
-  const xs = points.map((point) => point.x);
-  const ends = low.length ? { low, high } : {};
-  return { label, points, curve: { x: x as number[], y, ...ends, measured: [Math.min(...xs), Math.max(...xs)] } };
 }
 
 export function Notes({ of }: { of: string[] }) {
@@ -147,23 +114,17 @@ export function AnswerOf({
 export const useView = (path: string, changed?: unknown): SentView | null =>
   useRequest<SentView>("/api/view", path ? { path } : null, [changed, changesOf(path)])[0];
 
-/** Figures of a view, or its curves. */
+/** Figures of a view. */
 export function Figures({ view }: { view: SentView }) {
-  if (view.figures.length)
-    return (
-      <>
-        {view.figures.map((one) => (
-          <div class="panel" key={one.name}>
-            <FigureView shown={one} />
-          </div>
-        ))}
-      </>
-    );
-  return view.curves.length ? (
-    <div class="panel">
-      <ShownCurves curves={view.curves} />
-    </div>
-  ) : null;
+  return (
+    <>
+      {view.figures.map((one) => (
+        <div class="panel" key={one.name}>
+          <FigureView shown={one} />
+        </div>
+      ))}
+    </>
+  );
 }
 
 /** Values and tables of a view. */
@@ -194,7 +155,7 @@ export function Values({ view }: { view: SentView }) {
 /** A whole result: answer, figure with the values at its side, further tables and figures. */
 export function Shown({ view, label }: { view: SentView; label: string }) {
   const isNarrow = view.head.length <= MOST_BESIDE && view.tables.every((one) => one.head.length <= MOST_BESIDE);
-  const isBeside = isNarrow && (view.figures.length > 0 || view.curves.length > 0);
+  const isBeside = isNarrow && view.figures.length > 0;
   return (
     <section aria-label={label}>
       <Answer view={view} />
