@@ -29,7 +29,7 @@ with lazily(__name__) as _HOME:
     from pneudrive import units as units
     from pneudrive.datasheet.characteristics.air import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
-    from pneudrive.datasheet.linear import linearise as linearise
+    from pneudrive.datasheet.equilibrium import linearise as linearise
     from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
@@ -89,22 +89,22 @@ UPPER.update(
     Pneu="pneudrive.accessor",
     figure_svg="pneudrive.report.page",
     **dict.fromkeys(["characterisation_view", "recording_view"], "pneudrive.report.recordings"),
-    map_view="pneudrive.report.speed",
+    map_view="pneudrive.report.strokes",
     plot="pneudrive.report.trajectory",
     view_of_run="pneudrive.report.trajectory",
     controllers_view="pneudrive.report.control",
-    platform_view="pneudrive.report.platform.page",
+    platform_view="pneudrive.report.platform",
     view_report="pneudrive.report.page",
-    ensemble_view="pneudrive.report.ensemble",
-    sensitivity_view="pneudrive.report.ensemble",
+    ensemble_view="pneudrive.report.trajectory",
+    sensitivity_view="pneudrive.report.trajectory",
     write_fit_report="pneudrive.report.fit",
     validation_view="pneudrive.report.validation",
     write_validation_report="pneudrive.report.validation",
     friction_view="pneudrive.report.validation",
     write_friction_report="pneudrive.report.validation",
-    motion_view="pneudrive.report.motion",
-    follow_page="pneudrive.report.motion",
-    motion_page="pneudrive.report.motion",
+    motion_view="pneudrive.report.trajectory",
+    follow_page="pneudrive.report.trajectory",
+    motion_page="pneudrive.report.trajectory",
     campaign_view="pneudrive.report.campaign",
     comparison_view="pneudrive.report.comparison",
     plot_sizing="pneudrive.report.sizing",

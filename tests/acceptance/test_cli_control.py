@@ -20,7 +20,7 @@ import pneudrive as pn
 from pneudrive.cli.commands import examples_of
 from pneudrive.cli.control import export
 from pneudrive.cli.main import run
-from pneudrive.control.results.measures import score_of
+from pneudrive.control.scores import score_of
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.simulation.trajectory import columns
 

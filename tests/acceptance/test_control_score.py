@@ -15,7 +15,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
-from pneudrive.control.results.measures import SCORED, score_of
+from pneudrive.control.scores import SCORED, score_of
 from pneudrive.errors import PneudriveWarning
 from pneudrive.report.render import draw_figure
 from pneudrive.simulation.trajectory import save

@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.published import FIGURES
+from pneudrive.datasheet.stands import FIGURES
 
 #: Parker, OSP-P catalogue 0980, page 20 [parker-osp-p-0980]: bore in mm, theoretical force at 6 bar in N. The force of
 #: bore 16 is cut, not rounded (120.6 N), so that a whole newton is the tolerance.

@@ -16,7 +16,7 @@ import pytest
 from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
-from pneudrive.report.provenance import reference
+from pneudrive.report.fit import reference
 from pneudrive.sizing.checks import SAME_AIR
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds

@@ -14,7 +14,7 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from pneudrive.control.results.measures import written
+from pneudrive.control.scores import written
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
 from pneudrive.web.messages import unpack

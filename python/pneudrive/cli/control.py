@@ -30,8 +30,7 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import platforms
-    from pneudrive.control import demand, loop, pose, references, source_code, tuning
-    from pneudrive.control.results import card, comparison, measures
+    from pneudrive.control import benchmarks, demand, loop, pose, references, scores, source_code, tuning
     from pneudrive.describe.files import load
     from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
@@ -89,7 +88,7 @@ def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> 
         warn(f"the controller was not tested on this drive: {error.what}")
         return
     title = f"Simulated on this drive as described, along {prepared.reference.text}"
-    terminal.show_view(replace(measures.view_of_score(run.provenance), title=title))
+    terminal.show_view(replace(scores.view_of_score(run.provenance), title=title))
     error_m, reach = run.provenance["score"]["max_error_m"], prepared.reference.reach()
     if run.provenance["score"]["lost"] or error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
         missed = f"{found.law} has an error of up to {1e3 * error_m:.3g} mm in this test"
@@ -160,7 +159,7 @@ def run(
     terminal.check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
     found = loop.run_prepared(prepared, seed, terminal.watch())
-    terminal.show_view(measures.view_of_score(found.provenance))
+    terminal.show_view(scores.view_of_score(found.provenance))
     terminal.write_outputs(
         (out, lambda path: trajectory.save(found.dataset(), path)),
         (plot, lambda path: control_page.plot_control(found.dataset(), path)),
@@ -229,7 +228,7 @@ def benchmark(
     --------
     pneudrive control benchmark axis.toml --laws pid,nmpc --out compared
     """
-    found = comparison.benchmark(
+    found = benchmarks.benchmark(
         load.load_described(drive),
         laws if laws == "all" else names_in(laws),
         references if references == "standard" else names_in(references),
@@ -246,7 +245,7 @@ def benchmark(
         allow_code=allow_code,
     )
     terminal.show_view(control_page.controllers_view(found, SHOWN))
-    terminal.show_paths(out / card.SCORES, control_page.write_control_report(found, out))
+    terminal.show_paths(out / benchmarks.SCORES, control_page.write_control_report(found, out))
 
 
 def reference(

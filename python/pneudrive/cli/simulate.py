@@ -27,8 +27,8 @@ with used_later(__name__):
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
     from pneudrive.platforms import kinematics
+    from pneudrive.report import platform as platform_page
     from pneudrive.report import trajectory as pictures
-    from pneudrive.report.platform import page
     from pneudrive.simulation import run_view, trajectory, tube_study
     from pneudrive.simulation import simulate as simulation
 
@@ -360,13 +360,13 @@ def platform(
     if out is not None and run is None and out.suffix.lower() in OF_RUNS:
         raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
     if out is not None and run is None:
-        page.draw_platform(machine, path=out, dark=dark)
+        platform_page.draw_platform(machine, path=out, dark=dark)
     elif run is None:
         terminal.show_view(machine.view())
     else:
-        columns = page.read_platform_run(machine, run)
+        columns = platform_page.read_platform_run(machine, run)
         if out is None:
-            terminal.show_view(page.platform_run_view(machine, columns))
+            terminal.show_view(platform_page.platform_run_view(machine, columns))
         else:
             _write_platform(machine, columns, out, dark=dark)
     terminal.show_paths(out)
@@ -375,13 +375,13 @@ def platform(
 def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:
     poses, suffix = kinematics.motion_of(machine, columns)[0], out.suffix.lower()
     if suffix in PICTURES:
-        page.draw_platform(machine, poses, out, dark=dark)
+        platform_page.draw_platform(machine, poses, out, dark=dark)
     elif suffix == ".html":
-        page.write_platform_page(machine, columns, out)
+        platform_page.write_platform_page(machine, columns, out)
     elif suffix in (".parquet", ".csv"):
         trajectory.save_columns(columns | kinematics.platform_outputs(machine, columns), {"title": machine.name}, out)
     else:
-        page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
+        platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 
 
 def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser: bool = True) -> None:

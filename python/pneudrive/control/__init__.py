@@ -14,6 +14,7 @@ from __future__ import annotations
 from pneudrive.lazy_names import lazily
 
 with lazily(__name__):
+    from pneudrive.control.benchmarks import ControlComparison, benchmark, read_comparison, standard
     from pneudrive.control.demand import Feasibility, Suitability, feasibility, suitability
     from pneudrive.control.loop import run
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
@@ -21,9 +22,7 @@ with lazily(__name__):
     from pneudrive.control.own_law import signals
     from pneudrive.control.pose import PosePath, PoseScore, pose_path, run_pose
     from pneudrive.control.references import reference
-    from pneudrive.control.results.card import ControlComparison, read_comparison
-    from pneudrive.control.results.comparison import benchmark, standard
-    from pneudrive.control.results.measures import Score, score
+    from pneudrive.control.scores import Score, score
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
     from pneudrive.control.tuning import Controller, LawModel, Plant, TunedGain, Tuning, laws, tune

@@ -12,7 +12,7 @@ from pneudrive import _core
 from pneudrive.control.axis import supply_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach, named_or_read
-from pneudrive.control.results.measures import air_of, score_of
+from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups, told
 from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.system import compiled

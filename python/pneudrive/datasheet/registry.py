@@ -157,11 +157,11 @@ def together(away: Array, shared: Array) -> Array:
 @cache
 def characteristics() -> dict[str, Characteristic]:
     """Return all characteristics by name."""
-    from pneudrive.datasheet import published, stands
-    from pneudrive.datasheet.characteristics import air, frequency, response, sensitivity, steady
+    from pneudrive.datasheet import stands
+    from pneudrive.datasheet.characteristics import air, frequency, response, steady
 
     # in the order of the datasheet
-    families = (steady, response, air, stands, frequency, sensitivity, published)
+    families = (steady, response, air, stands, frequency)
     return {one.name: one for family in families for one in characteristics_in(family)}
 
 

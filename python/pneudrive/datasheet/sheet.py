@@ -12,8 +12,8 @@ from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.datasheet.characteristics.air import FULL_S
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.datasheet.published import parts_of
 from pneudrive.datasheet.registry import characteristics, found_under
+from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError

@@ -12,8 +12,8 @@ with lazily(__name__) as _HOMES:
     from pneudrive.report.control import write_control_report as write_control_report
     from pneudrive.report.datasheet import plot_characteristic as plot_characteristic
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
-    from pneudrive.report.platform.page import animate_platform as animate_platform
-    from pneudrive.report.platform.page import draw_platform as draw_platform
+    from pneudrive.report.platform import animate_platform as animate_platform
+    from pneudrive.report.platform import draw_platform as draw_platform
     from pneudrive.report.recordings import plot_pressure as plot_pressure
     from pneudrive.report.recordings import write_report as write_report
     from pneudrive.report.trajectory import plot as plot

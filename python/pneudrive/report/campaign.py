@@ -22,10 +22,19 @@ from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import plain, with_u
+from pneudrive.report.fit import references, software
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import Paragraph, Picture, view_report, view_section
-from pneudrive.report.provenance import references, software
-from pneudrive.report.tables import MM, Topic, chance, condition_names, plural, spread_evenly
+from pneudrive.report.page import (
+    MM,
+    Paragraph,
+    Topic,
+    chance,
+    condition_names,
+    plural,
+    spread_evenly,
+    view_report,
+    view_section,
+)
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
@@ -103,8 +112,7 @@ def campaign_view(found: CampaignCharacteristics) -> View:
 
 def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
     """Return the figures of sections for a view."""
-    blocks = (block for section in sections for block in section.blocks if isinstance(block, Picture))
-    return tuple(ShownFigure(b.name, b.caption, b.figure) for b in blocks if isinstance(b.figure, Figure))
+    return tuple(block for section in sections for block in section.blocks if isinstance(block, ShownFigure))
 
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
@@ -182,7 +190,7 @@ def curves(found: CampaignCharacteristics) -> Section | None:
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
-    picture = topic.picture("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
+    picture = topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
     return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
@@ -232,7 +240,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
     figure = Figure(panels, SPEED, "force / N", columns=3, row_in=2.3, share_y="all")
     return topic.section(
         topic.text(text, rises=" ".join(_rise(topic, named(a.condition), a) for a in shown)),
-        topic.picture("campaign-air", figure, parts=topic.say(f"parts_{text}")),
+        topic.figure("campaign-air", figure, parts=topic.say(f"parts_{text}")),
         topic.table(row for a in shown for row in _air_rows(named(a.condition), a)),
     )
 
@@ -277,7 +285,7 @@ def pressure(found: CampaignCharacteristics) -> Section | None:
     panels = [_slopes(e) for e in found.pressure if e.slopes]
     y, size = "friction per pressure / (N/bar)", {"columns": 3, "row_in": 2.4, "rest_in": 0.4}
     figure = Figure(panels, SPEED, y, share_y="all", legend="panel", **size)
-    return topic.section(*texts, topic.picture("campaign-pressure", figure) if panels else None)
+    return topic.section(*texts, topic.figure("campaign-pressure", figure) if panels else None)
 
 
 def _slopes(e: PressureEffects) -> Panel:
@@ -305,7 +313,7 @@ def position(found: CampaignCharacteristics) -> Section | None:
         panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
     size = {"columns": 3, "row_in": 1.9, "share_y": "all"}
     figure = Figure(panels, "position / mm", "friction minus its mean / %", **size)
-    return topic.section(topic.text(), topic.picture("campaign-position", figure))
+    return topic.section(topic.text(), topic.figure("campaign-position", figure))
 
 
 def drift(found: CampaignCharacteristics) -> Section | None:
@@ -318,7 +326,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     is_drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
         Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
-        topic.picture("campaign-drift", drift_figure(found)) if is_drawn else None,
+        topic.figure("campaign-drift", drift_figure(found)) if is_drawn else None,
     )
 
 
@@ -356,7 +364,7 @@ def loops(found: CampaignCharacteristics) -> Section | None:
     ]
     figure = Figure(panels, "position / mm", "friction / N", columns=3, row_in=2.1, rest_in=0.4, share_y="all")
     rows = (SimpleNamespace(condition=named(loop.condition), loop=loop) for loop in shown)
-    return topic.section(topic.text(), topic.picture("campaign-loops", figure), topic.table(rows))
+    return topic.section(topic.text(), topic.figure("campaign-loops", figure), topic.table(rows))
 
 
 def stick_slip(found: CampaignCharacteristics) -> Section | None:
@@ -374,7 +382,7 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     rows = [SimpleNamespace(condition=named(p.condition), point=p) for p in found.stick_slip if p.share > 0]
     return topic.section(
         topic.text(thresholds=" ".join(t.text for t in found.stick_slip_thresholds)),
-        topic.picture("campaign-stick-slip", figure),
+        topic.figure("campaign-stick-slip", figure),
         topic.table(rows) if rows else None,
     )
 
@@ -400,7 +408,7 @@ def stops(found: CampaignCharacteristics) -> Section | None:
     moved = any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m"))
     return topic.section(
         topic.text(stops=plural(len(found.stops), "stop")),
-        topic.picture("campaign-stop-traces", traces(found)),
+        topic.figure("campaign-stop-traces", traces(found)),
         *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
         *(_relaxation_blocks(topic, found) if moved else ()),
     )
@@ -470,7 +478,7 @@ def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> A
 def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
     panels = [_increments(found, s) for s in shown]
     figure = Figure(panels, DURATION, INCREMENT, columns=2, row_in=3.2, rest_in=0.3, legend="panel", text_scale=0.9)
-    yield topic.picture("campaign-dwell", figure)
+    yield topic.figure("campaign-dwell", figure)
     for s in shown:
         if s.laws:
             yield topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s)
@@ -517,7 +525,7 @@ def _shape(law: DwellLawFit, name: str, unit: str) -> str:
 
 
 def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
-    yield topic.picture("campaign-stop-relaxation", relaxation(found))
+    yield topic.figure("campaign-stop-relaxation", relaxation(found))
     groups = found.stops.group_by("speed_m_s", "released", "stop_s", maintain_order=True)
     yield topic.table((_medians(key, group) for key, group in sorted(groups, key=lambda pair: pair[0])), "medians")
 
@@ -605,7 +613,7 @@ def run(found: CampaignCharacteristics) -> Section:
     return topic.section(
         topic.text("simulated", "note") if found.synthetic else topic.text("measured"),
         topic.text("counts", counts=counts or "none"),
-        topic.picture("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
+        topic.figure("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
         topic.table(rows, "facts"),
         _sensors(topic, found),
     )

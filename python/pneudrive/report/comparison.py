@@ -11,8 +11,7 @@ from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Pa
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
-from pneudrive.report.page import view_report
-from pneudrive.report.tables import MM, Topic, cell, chance, plural, sentence, spread_evenly
+from pneudrive.report.page import MM, Topic, cell, chance, plural, sentence, spread_evenly, view_report
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -127,7 +126,7 @@ def _curves(c: Comparison, curves: CurveComparison) -> Section:
     common = plural(points.speed_m_s.size, "point")
     return topic.section(
         topic.text(points=common, first=plural(first, "cycle"), second=second),
-        topic.picture("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name),
+        topic.figure("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name),
         topic.table(rows),
     )
 
@@ -196,7 +195,7 @@ def _dwell(c: Comparison) -> Section:
     ]
     duration = Axis("stop duration / s", "log")
     figure = Figure(panels, duration, "breakaway increment / N", columns=2, row_in=2.8, rest_in=0.3)
-    picture = topic.picture("compare-dwell", figure, first=names[0], second=names[1])
+    picture = topic.figure("compare-dwell", figure, first=names[0], second=names[1])
     return topic.section(picture, topic.table(rows))
 
 

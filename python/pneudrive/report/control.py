@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.control.pose.path import PoseScore
-from pneudrive.control.results.measures import view_of_score, written
+from pneudrive.control.scores import view_of_score, written
 from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look, stack, thin
-from pneudrive.report.page import view_report
+from pneudrive.report.page import Topic, plural, view_report
 from pneudrive.report.render import box_marks, draw_figure
-from pneudrive.report.tables import Topic, plural
 from pneudrive.simulation.trajectory import attributes, check_si
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
     import matplotlib.figure
     import xarray as xr
 
+    from pneudrive.control.benchmarks import ControlComparison
     from pneudrive.control.motion import Reference
-    from pneudrive.control.results.card import ControlComparison
     from pneudrive.control.tuning import Plant
 
 MOST_DRAWN = 4000  # samples of a curve

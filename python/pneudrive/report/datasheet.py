@@ -17,10 +17,9 @@ from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.page import Items, Report, view_section
-from pneudrive.report.provenance import references
+from pneudrive.report.fit import references
+from pneudrive.report.page import Items, Report, Topic, view_section
 from pneudrive.report.render import draw_figure
-from pneudrive.report.tables import Topic
 from pneudrive.report.typst_page import write_pdf
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, whole
@@ -221,7 +220,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     curves, *compared = view.figures
     rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes, figures=(curves,))
     sections = [
-        drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
+        drive.section(drive.figure("circuit", draw_circuit(found.drive)), synthetic=False),
         view_section("numbers", rest),
         _definitions(found),
     ]

@@ -12,8 +12,8 @@ import numpy as np
 from pneudrive import figures
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
+from pneudrive.report.page import spread_evenly, texts_of
 from pneudrive.report.render import draw_figure
-from pneudrive.report.tables import spread_evenly, texts_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

@@ -29,13 +29,12 @@ from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
-from pneudrive.report import campaign, provenance, strokes
+from pneudrive.report import campaign, strokes
+from pneudrive.report.fit import provenance_section
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
-from pneudrive.report.page import Picture, Report, view_report
-from pneudrive.report.render import draw_figure
-from pneudrive.report.speed import map_view, recovered_section
-from pneudrive.report.tables import (
+from pneudrive.report.page import (
     MOST_SHOWN,
+    Report,
     Topic,
     broken,
     by_seal,
@@ -45,7 +44,10 @@ from pneudrive.report.tables import (
     sentence,
     speed_mm_s,
     spread_evenly,
+    view_report,
 )
+from pneudrive.report.render import draw_figure
+from pneudrive.report.strokes import map_view, recovered_section
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.units import readable
@@ -359,7 +361,7 @@ def recordings_report(
     for part in filter(None, parts):
         before = joined.pop(part.key, None)
         joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
-    last = provenance.section(found, addition)
+    last = provenance_section(found, addition)
     if found is None:
         title = "Nothing" if addition is None else addition.title
         return Report(title, () if addition is None else addition.verdict, [*joined.values(), last])
@@ -424,7 +426,7 @@ def measured(found: Characterisation) -> Section:
     areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
     return topic.section(
         topic.text(**counts, **used),
-        topic.picture("rig", recorded_rig(first), **areas),
+        topic.figure("rig", recorded_rig(first), **areas),
         Topic("recordings", "recording").table(_sensors(found.recordings), "sensors"),
         topic.table(_files(found), "files"),
         *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
@@ -471,7 +473,7 @@ def record(found: Characterisation) -> Section:
     for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
         shown = group[len(group) // 2]
         caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
-        pictures.append(Picture(f"record-{index}", caption, record_figure(shown.recording, shown.strokes)))
+        pictures.append(ShownFigure(f"record-{index}", caption, record_figure(shown.recording, shown.strokes)))
     return topic.section(topic.text(), *pictures)
 
 
@@ -485,7 +487,7 @@ def budget(found: Characterisation) -> Section:
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
     return topic.section(
         topic.text(),
-        topic.picture("budget", contributions(shown)),
+        topic.figure("budget", contributions(shown)),
         *(topic.table(_sources(level), recording=level.recording) for level in shown),
         topic.text("assumed", "note", sources=assumed) if assumed else None,
     )

@@ -16,10 +16,9 @@ from pneudrive.describe.files import toml
 from pneudrive.figures import Drawing, Figure, Line, Look, Markers, Panel, PenStroke, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.page import Items, Paragraph, Report, view_section
-from pneudrive.report.provenance import references
+from pneudrive.report.fit import references
+from pneudrive.report.page import Items, Paragraph, Report, Topic, view_section
 from pneudrive.report.render import draw_figure
-from pneudrive.report.tables import Topic
 from pneudrive.sizing.checks import READ, read
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import WRITTEN, in_words, maker_type, yearly
@@ -313,7 +312,7 @@ def _best(found: SizingResult) -> list[Section]:
     rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
     parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
     topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
-    drawing = topic.picture("circuit", draw_circuit(circuit), parts=best.part_names)
+    drawing = topic.figure("circuit", draw_circuit(circuit), parts=best.part_names)
     return [
         topic.section(Items((*parts, best.needles)), drawing, synthetic=False),
         sourced.section(sourced.table(values), Items(rest), synthetic=False),

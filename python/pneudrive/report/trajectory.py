@@ -1,4 +1,4 @@
-"""Pictures of simulated runs: a trajectory over time, and speed and stroke time over the tubes of a drive."""
+"""Views of runs: a trajectory, tubes of a drive, a circuit along recorded motions, an ensemble, sensitivities."""
 
 from __future__ import annotations
 
@@ -8,12 +8,35 @@ from itertools import product
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-from pneudrive.figures import LOOKS, MEASURED, MODEL, Axis, Figure, Line, Look, Markers, Panel, Rule, ramp, stack, thin
+import numpy as np
+
+from pneudrive.figures import (
+    LOOKS,
+    MEASURED,
+    MODEL,
+    Axis,
+    Band,
+    Bars,
+    Figure,
+    Line,
+    Look,
+    Markers,
+    Panel,
+    Rule,
+    ramp,
+    stack,
+    thin,
+)
+from pneudrive.identify.follow.fit import fitted_pressures
+from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
+from pneudrive.report.fit import write_fit_report
+from pneudrive.report.page import Topic, plural, view_report
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
-from pneudrive.views import ShownFigure, ShownTable, ShownValue, View
+from pneudrive.units import readable
+from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,6 +47,13 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.follow.fit import FollowFit
+    from pneudrive.identify.follow.problem import FollowSolution
+    from pneudrive.report.page import Section
+    from pneudrive.validate.motion import Closure, MotionValidation
+
+
+# --- Pictures of simulated runs: a trajectory over time, and speed and stroke time over the tubes of a drive.
 
 WITHOUT = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
@@ -154,7 +184,7 @@ def _write_page(
     """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
     from pneudrive.report.page import Section, inline, svg_text, view_report, view_section
-    from pneudrive.report.platform.page import platform_run_view
+    from pneudrive.report.platform import platform_run_view
 
     about, view = attributes(run), view_of_run(run, circuit)
     names = ("version", "solver", "rtol", "description_hash", "statistics")
@@ -222,3 +252,182 @@ def view_of_tubes(study: xr.Dataset) -> View:
         rows += [ShownValue(f"{label}.{head}", label, head, text) for head, text in texts.items()]
     figure = ShownFigure("tubes", f"{study.attrs['title']}: speed and stroke time.", tubes_figure(study))
     return View(str(study.attrs["title"]), tuple(rows), notes=(ABOUT_TUBES,), figures=(figure,))
+
+
+# --- Pages of a circuit along recorded motions: chambers, force balance, and what the recordings do not determine.
+
+MOST_RECORDS = 4
+
+
+def follow_page(fit: FollowFit, folder: str | Path) -> Path:
+    """Write the page of a fit into an existing folder."""
+    return write_fit_report(fit, folder, _chambers(fit.solution))
+
+
+def motion_view(found: MotionValidation) -> View:
+    """Return the view of a circuit along recorded motions: verdicts, force balances, and pressures."""
+    findings = [Finding(text, "good" if met else "bad") for met, text in found.verdicts]
+    findings += [Finding(doubt, "open") for doubt in found.doubts]
+    notes = [f"{record.name}: {record}" for record in found.records]
+    notes += [f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in found.open]
+    topic, figures = Topic("motion", "forces"), []
+    if found.solution is not None:
+        figure = comparison_figure(fitted_pressures(found.solution))
+        figures.append(ShownFigure("pressures", Topic("motion", "chambers").say("time"), figure))
+    if found.closures:
+        figures.append(ShownFigure("closure", topic.say("residual"), closure_figure(found.closures)))
+        notes += [*map(str, found.closures), topic.say()]
+    return View(
+        f"{found.circuit.name} along recorded motions",
+        notes=tuple(notes),
+        state=worst(findings),
+        findings=tuple(findings),
+        tables=(topic.shown(map(_force_row, found.closures)),) if found.closures else (),
+        figures=tuple(figures),
+    )
+
+
+def motion_page(found: MotionValidation, folder: str | Path) -> Path:
+    """Write the page of a validation into an existing folder."""
+    return view_report(found.view(), *_chambers(found.solution)).write(folder)
+
+
+def closure_figure(closures: tuple[Closure, ...]) -> Figure:
+    """Draw the residual of each force balance over time."""
+    dots = Look("blue", "-", ".")
+    panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
+    return Figure(panels, "time / s", "residual / %", row_in=1.3, rest_in=1.2)
+
+
+def _force_row(c: Closure) -> tuple[object, ...]:
+    gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
+    viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
+    return c.name, c.rms_n, 100 * c.share, c.offset_n, gains or None, viscous, c.correlation
+
+
+def _chambers(solution: FollowSolution | None) -> list[Section]:
+    if solution is None:
+        return []
+    out = []
+    for at, record in enumerate(solution.problem.records[:MOST_RECORDS]):
+        topic = Topic("motion", "chambers")
+        local, walls = solution.point.local[at], solution.problem.driven.wall_k
+        rows = [
+            (side, 100 * share, walls[side] + float(local[2 + index]), float(local[4]))
+            for index, (side, share) in enumerate(zip("ab", solution.rms(at), strict=True))
+        ]
+        loops = ShownFigure(f"volume-{at + 1}", topic.say("volume", name=record.name), volume_figure(solution, at))
+        out.append(topic.section(topic.table(rows), loops, name=record.name))
+    return out
+
+
+def volume_figure(solution: FollowSolution, at: int) -> Figure:
+    """Draw pressures over the volumes of the chambers, and residuals over the position."""
+    problem, record = solution.problem, solution.problem.records[at]
+    problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
+    volumes, rest = problem.driven.volumes_m3(record.positions_m), solution.rest(at)
+    left, right = [], []
+    for index, (side, color) in enumerate((("a", "blue"), ("b", "orange"))):
+        measured, own = record.pressures_pa[index], Look(color)
+        left.append(Line(volumes[side], measured, f"chamber {side}", own))
+        left.append(Line(volumes[side], measured - rest[index], look=Look("black", "--"), width=0.7))
+        right.append(Line(record.positions_m, rest[index] / record.ranges_pa[index], look=own, width=0.5))
+    panels = [Panel(left, "", "volume / l", "pressure / bar"), Panel(right, "", "position / m", "residual / %")]
+    return Figure(panels, columns=2, row_in=3.4, rest_in=0.0)
+
+
+# --- Views of an ensemble (spread of each output, fans over time) and of sensitivities (bars of each number).
+
+#: Column of the view of an ensemble -> part of the members below it.
+QUANTILES = {"lowest": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "highest": 1.0}
+MOST_PANELS, BINS = 6, 24
+#: Variables of a sensitivity that are drawn -> look.
+DRAWN = {"total": Look("blue"), "first": Look("orange"), "mu_star": Look("blue"), "sigma": Look("orange")}
+
+
+def ensemble_view(found: xr.Dataset) -> View:
+    """Return the view of an ensemble: the spread of each output over the members that have it, and failures."""
+    rows, missing, fans, counts = [], [], [], []
+    for name, column in ((str(name), found[name]) for name in found.data_vars if name not in ("status", "reason")):
+        values, (size, unit) = column.to_numpy(), readable(str(column.attrs.get("units", "1")))
+        label = Axis(f"{name} / {f'({unit})' if '/' in unit else unit}" if unit else name)
+        finite = values[np.isfinite(values)]
+        if values.ndim > 1:
+            low, first, middle, last, high = np.nanquantile(values, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
+            time, tints = found["time"].to_numpy(), (Look("grey"), Look("blue"))
+            bands = [Band(time, low, high, "5 to 95 %", tints[0]), Band(time, first, last, "25 to 75 %", tints[1])]
+            fans.append(Panel([*bands, Line(time, middle, "median")], "", "time / s", label))
+            continue
+        ends = np.quantile(finite, list(QUANTILES.values())) / size if finite.size else ()
+        texts = [f"{end:.5g} {unit}".strip() for end in ends] or ["-"] * len(QUANTILES)
+        rows += [ShownValue(f"{name}, {q}", name, q, text) for q, text in zip(QUANTILES, texts, strict=True)]
+        if finite.size < values.size:
+            missed = f"{name} has no value in {values.size - finite.size} of {values.size} members"
+            missing.append(Finding(f"{missed}: its row is of the others.", "open"))
+        if finite.size and np.ptp(finite) > 0.0:
+            number, edges = np.histogram(finite, BINS)
+            bars = Bars(0.5 * (edges[1:] + edges[:-1]), number, thickness=float(edges[1] - edges[0]))
+            counts.append(Panel([bars], "", label, "members"))
+    status = found["status"].to_numpy() if "status" in found else np.zeros(found.sizes["member"])
+    failed = np.flatnonzero(status)[:1]
+    words = (str(found["reason"].to_numpy()[i]) if "reason" in found else "see the table of members" for i in failed)
+    reasons = [Finding(f"member {i}: {reason}", "bad") for i, reason in zip(failed, words, strict=True)]
+    panels = {"fan": fans[:MOST_PANELS], "members": counts[:MOST_PANELS]}
+    captions = {"fan": "Median of the members over time, and the ranges of 50 and 90 % of them.",
+                "members": "Distribution of each output over the members."}  # fmt: skip
+    before = f"{found.attrs['title']}: " if "title" in found.attrs else ""
+    return View(
+        f"{before}{found.sizes['member']} members, {np.count_nonzero(status)} failed",
+        tuple(rows),
+        state="bad" if failed.size else "open" if missing else "good",
+        findings=(*reasons, *missing),
+        figures=tuple(
+            ShownFigure(key, captions[key], Figure(each, columns=2, row_in=1.9, rest_in=0.5))
+            for key, each in panels.items()
+            if each
+        ),
+    )
+
+
+def sensitivity_view(found: xr.Dataset) -> View:
+    """Return the view of sensitivities: each number's effect on each output, with intervals, and bars."""
+    numbers, drawn = [str(name) for name in found["number"].to_numpy()], [name for name in DRAWN if name in found]
+    names = [*drawn, *(["mu"] if "mu" in found else [])]
+    rows, leading, findings, panels = [], [], [], []
+    for output in map(str, found["output"].to_numpy()):
+        own = found.sel(output=output)
+        unit = "" if "total" in found else str(own["unit"].item())
+        if not np.isfinite(own[drawn[0]]).any():
+            findings.append(Finding(f"{output} does not vary with these numbers.", "open"))
+            continue
+        marks, positions = [], np.arange(len(numbers), dtype=float)
+        for place, name in enumerate(names):
+            at = positions + 0.2 - 0.4 * place
+            ends = own[f"{name}_interval"].to_numpy() if f"{name}_interval" in own else None
+            if name in DRAWN:
+                marks.append(Bars(at, own[name].to_numpy(), name.replace("_", " "), DRAWN[name], 0.35, across=True))
+            marks += [Line(ends[:, k], (y, y)) for k, y in enumerate(at)] if ends is not None else []
+            words = name.replace("_", " ")
+            for k, number in enumerate(numbers):
+                interval = None if ends is None else (float(ends[0, k]), float(ends[1, k]))
+                value = (float(own[name][k]), unit, interval)
+                rows.append(ShownValue(f"{output}, {number}, {name}", f"{output}: {number}", words, *value))
+        column = own[drawn[0]].to_numpy()
+        most = rows[int(np.nanargmax(column)) - len(names) * len(numbers)]
+        words = f"{output}, most by {most.label.removeprefix(f'{output}: ')}: {most.quantity}"
+        leading.append(LeadingValue(ShownValue(most.key, most.label, words, most.value, unit, most.interval)))
+        axis = Axis(f"effect / {unit}" if unit else "fraction of the variance", is_si=not unit)
+        panels.append(Panel(marks, output, axis, Axis(names=numbers)))
+    points = zip(found["output"].values, found["used"].values, strict=True)
+    used = ", ".join(f"{int(count)} for {name}" for name, count in points)
+    figure = Figure(panels[:MOST_PANELS], columns=2, row_in=0.7 + 0.3 * len(numbers), rest_in=0.5)
+    count = f"{plural(len(numbers), 'number')}, {plural(found.sizes['output'], 'output')}"
+    return View(
+        f"{found.attrs.get('title', 'Sensitivities')}: {count}",
+        tuple(rows),
+        notes=(f"points used: {used}",),
+        state="open" if findings else "good",
+        leading=tuple(leading[:MOST_LEADING]),
+        findings=tuple(findings),
+        figures=(ShownFigure("sensitivity", "Effect of each number, with 95 % intervals.", figure),) if panels else (),
+    )

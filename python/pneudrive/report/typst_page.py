@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.report import style
-from pneudrive.report.page import Items, Paragraph, Picture
+from pneudrive.report.page import Items, Paragraph
 from pneudrive.simulation.trajectory import whole
-from pneudrive.views import ShownTable
+from pneudrive.views import ShownFigure, ShownTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -111,7 +111,7 @@ def _block(block: Block) -> Iterator[str]:
         yield "table.header(" + ", ".join(f"strong({literal(text)})" for text in block.head) + "),"
         yield from (", ".join(_breakable(text) for text in row) + "," for row in block.rows)
         yield ")"
-    elif isinstance(block, Picture):
+    elif isinstance(block, ShownFigure):
         yield f'#align(center, image("{block.name}.svg", width: 100%, alt: {literal(block.caption)}))'
         yield f"#text(6.5pt, fill: luma(90))[#{literal(block.caption)}]\n"
 

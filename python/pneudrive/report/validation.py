@@ -25,8 +25,7 @@ from pneudrive.figures import (
     stack,
     thin,
 )
-from pneudrive.report.page import Paragraph, Picture, view_report
-from pneudrive.report.tables import MOST_SHOWN, Topic, plural, quantity, spread_evenly
+from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, plural, quantity, spread_evenly, view_report
 from pneudrive.validate.balance import BALANCES, moving_mass
 from pneudrive.validate.motion import STATIC_FIT_PERCENT
 from pneudrive.validate.validation import CHANNELS
@@ -182,7 +181,7 @@ def _why(found: Validation) -> Section:
     pictures = []
     for number, r in spread_evenly(list(enumerate(found.records)), MOST_RECORDS)[:2]:
         figure = balance_figure(found.drive, r.signals, diagnosis.scenes[number])
-        pictures.append(Picture(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure))
+        pictures.append(ShownFigure(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure))
     return topic.section(topic.text(), topic.table(alone, "alone") if diagnosis.alone else None, *pictures)
 
 
@@ -194,7 +193,7 @@ def _noise(found: Validation) -> Section:
             strongest = ", ".join(f"{c.signal} {c.value:+.2f}" for c in channel.cross[:3])
             rows.append((record.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
     pictures = (
-        Picture(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
+        ShownFigure(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
         for n, r in spread_evenly(list(enumerate(found.records, 1)), MOST_RECORDS)
     )
     return topic.section(topic.text(), topic.table(rows), *pictures)

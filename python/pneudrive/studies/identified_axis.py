@@ -21,9 +21,9 @@ from pneudrive.control.tuning import Controller
 from pneudrive.figures import Figure, Line, Panel, look
 from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction
-from pneudrive.report.page import Paragraph, Picture, section
+from pneudrive.report.page import Paragraph, section
 from pneudrive.simulation.simulate import simulate
-from pneudrive.views import ShownTable
+from pneudrive.views import ShownFigure, ShownTable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -153,7 +153,7 @@ class IdentifiedAxis:
             "identified-axis",
             "From a datasheet to a controlled axis",
             Paragraph(said),
-            Picture("identified-axis", caption, self.figure()),
+            ShownFigure("identified-axis", caption, self.figure()),
             ShownTable("Errors, medians of three seeds, simulated.", self.SCORES, self.scores),
             ShownTable("Values of the datasheet, identified values, and true values.", self.NUMBERS, self.numbers),
             synthetic=True,

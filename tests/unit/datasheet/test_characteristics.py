@@ -236,7 +236,7 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
 
 def test_dynamic_stiffness_is_that_of_the_springs():
     plant = HeldDrive(DRIVE)
-    from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+    from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model
 
     linear = linear_model(plant, SIDE, 0.25, gas_at(plant, "3 bar abs"))
     slow, fast = (dynamic_stiffness(linear, plant.piston, 1j * w) for w in (1e-3, 1e5))
@@ -257,7 +257,7 @@ def test_frequency_responses_meet_where_they_should():
 
 
 def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it():
-    from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+    from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model
 
     smooth = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N", "viscous": "40 N s/m"}})
     settings = {"frequencies": [1.0, 8.0], "pressures": "3 bar abs"}

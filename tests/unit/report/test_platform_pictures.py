@@ -16,15 +16,16 @@ import pneudrive as pn
 from pneudrive.cli.main import run as command
 from pneudrive.report import style
 from pneudrive.report.page import Picture
-from pneudrive.report.platform.page import (
+from pneudrive.report.platform import (
     FRAMES_S,
+    INKS,
     LEG_PANELS,
     SHORTEST_S,
     draw_platform,
+    platform_lines,
     platform_run_view,
     read_platform_run,
 )
-from pneudrive.report.platform.scene import INKS, platform_lines
 from pneudrive.simulation.trajectory import save
 
 KINDS = ["platform/3-rps", "platform/3-upu", "platform/6-ups", "platform/linear-delta"]

@@ -1,6 +1,6 @@
 """Control of a platform on several cylinders: a path of its pose, a controller for each leg, one run."""
 
+from pneudrive.control.pose.legs import PoseScore, run_pose
 from pneudrive.control.pose.path import PosePath, pose_path
-from pneudrive.control.pose.run import PoseScore, run_pose
 
 __all__ = ["PosePath", "PoseScore", "pose_path", "run_pose"]

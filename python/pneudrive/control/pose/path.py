@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import moves_of_text
-from pneudrive.control.results.measures import event_table, run_title
+from pneudrive.control.scores import event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
 from pneudrive.errors import DescriptionError, PneudriveError, nearest

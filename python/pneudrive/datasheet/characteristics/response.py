@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import under_load
-from pneudrive.datasheet.linear import gas_at, moving_gas
+from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
 from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import at_velocity, under_load
-from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+from pneudrive.datasheet.equilibrium import SIDE, at_velocity, gas_at, linear_model, under_load
 from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.report.tables import texts_of
+from pneudrive.report.page import texts_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

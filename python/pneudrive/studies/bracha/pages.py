@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.figures import MEASURED, MODEL, Figure, Line, Panel, thin
-from pneudrive.report.page import Paragraph, Picture
-from pneudrive.report.speed import recovered
-from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane
-from pneudrive.report.tables import Topic, plural, sentence
+from pneudrive.report.page import Paragraph, Topic, plural, sentence
+from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered
 from pneudrive.studies.bracha.figure import TEXTS, readable
 from pneudrive.studies.bracha.figures import DRAWINGS
 from pneudrive.studies.bracha.general import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
 from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
+from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -91,9 +90,9 @@ def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Sectio
     )
 
 
-def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[PaperFigure], Figure]) -> Picture:
+def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[PaperFigure], Figure]) -> ShownFigure:
     caption = topic.say("caption", number=figure.number, title=figure.title, measured=sentence(figure.measured))
-    return Picture(f"paper-{figure.number}-{name}", caption, drawing(figure))
+    return ShownFigure(f"paper-{figure.number}-{name}", caption, drawing(figure))
 
 
 def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
@@ -110,8 +109,8 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
     return topic.section(
         topic.text(),
         topic.table(rows),
-        topic.picture("stick-slip-time", in_time(shown), True),
-        topic.picture("stick-slip-phase", phase_plane(shown), True),
+        topic.figure("stick-slip-time", in_time(shown)),
+        topic.figure("stick-slip-phase", phase_plane(shown)),
         synthetic=True,
     )
 
@@ -135,7 +134,7 @@ def chambers(compared: ChamberComparison) -> Section:
     return topic.section(
         topic.text(),
         topic.table(rows),
-        topic.picture("chamber-laws", draw_chambers(compared)),
+        topic.figure("chamber-laws", draw_chambers(compared)),
         topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j),
         synthetic=True,
     )

@@ -10,8 +10,8 @@ import numpy as np
 from pneudrive.characterise import characterise_recordings
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.fit import Addition
-from pneudrive.report.speed import recovered_section
-from pneudrive.report.tables import Topic
+from pneudrive.report.page import Topic
+from pneudrive.report.strokes import recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import pages
 from pneudrive.studies.bracha.figure import run_experiments

@@ -17,8 +17,7 @@ from pneudrive.figures import plain_data
 from pneudrive.platforms import platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
-from pneudrive.report.platform.page import platform_run_view, run_columns
-from pneudrive.report.platform.scene import platform_lines
+from pneudrive.report.platform import platform_lines, platform_run_view, run_columns
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, StrictInt, StrictStr
 
+from pneudrive.control.benchmarks import ControlComparison, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
-from pneudrive.control.results.card import ControlComparison, read_comparison
-from pneudrive.control.results.comparison import standard
-from pneudrive.control.results.measures import SHOWN, Score, view_of_score, written
+from pneudrive.control.scores import SHOWN, Score, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml

@@ -1,1 +1,0 @@
-"""Scores of runs, comparisons of controllers, and their files."""

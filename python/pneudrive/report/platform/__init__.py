@@ -1,1 +1,0 @@
-"""Drawings of platforms on legs."""
