@@ -16,9 +16,8 @@ from pneudrive.repr_tables import Card, Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array
 
-    Array = NDArray[np.float64]
     Row = list[float]  # begin, s, duration, s, and ten coefficients, m, of the elapsed fraction of the duration
 
 POWERS = 10

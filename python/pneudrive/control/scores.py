@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     import xarray as xr
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 
 # --- Score of a run under control: error of the drive along its reference, and the effort.

@@ -16,13 +16,11 @@ from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from control import StateSpace
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear, Session
-
-    Array = NDArray[np.float64]
 
 
 # --- Steady states of a drive: constant gas states, with the piston pinned or at a constant velocity.

@@ -29,16 +29,13 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import VolumeRecording
     from pneudrive.validate.balance import Signals
     from pneudrive.validate.validation import RecordResult
     from pneudrive.views import State
-
-    Array = NDArray[np.float64]
 
 
 # --- Air of a cycle from a tank that feeds the drive, disconnected from the mains: measured and simulated.

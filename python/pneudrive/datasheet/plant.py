@@ -21,12 +21,9 @@ from pneudrive.simulation.session import Session
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Linear
-
-    Array = NDArray[np.float64]
 
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.

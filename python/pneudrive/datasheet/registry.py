@@ -21,14 +21,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Characteristic
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Flag
-
-    Array = NDArray[np.float64]
 
 
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.

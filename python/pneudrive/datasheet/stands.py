@@ -19,14 +19,11 @@ from pneudrive.errors import CommandError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.files.catalogue import Entry
-
-    Array = NDArray[np.float64]
 
 
 # --- Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve.

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
-
-    Array = NDArray[np.float64]
 
 #: Shares of the way: the piston has departed, has risen from and to, is nearly there (conventions).
 DEPARTED, RISEN_FROM, RISEN_TO, NEARLY = 0.002, 0.1, 0.9, 0.99

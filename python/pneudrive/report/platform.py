@@ -24,12 +24,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import matplotlib.figure
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from PIL import Image
 
+    from pneudrive.arrays import Array
     from pneudrive.platforms.kinematics import Platform
-
-    Array = NDArray[np.float64]
 
 
 # --- A platform on legs as lines in one isometric projection, for SVG text, figures and the page.

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.sizing.choices import DriveChoice, PartChoice
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
-
-    Array = NDArray[np.float64]
 
 
 # --- Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound.

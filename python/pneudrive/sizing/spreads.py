@@ -10,12 +10,9 @@ from pneudrive.sizing.checks import SizedDrive, explained, interval, is_met, lim
 from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.sizing.checks import LimitMargin
     from pneudrive.sizing.strokes import StrokeResults
-
-    Array = NDArray[np.float64]
 
 #: Draws that are simulated for a limit beside those that may fail, and the estimated margin, over the least one, up to
 #: which a limit may decide.

@@ -29,12 +29,9 @@ from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, choices
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.task import SizingTask
-
-    Array = NDArray[np.float64]
 
 #: What is drawn, in the order of the columns of a draw.
 DRAWN = (

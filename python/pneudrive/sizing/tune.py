@@ -20,13 +20,11 @@ from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.sizing.choices import DriveChoice
     from pneudrive.sizing.strokes import DriveStrokes, StrokeResults
     from pneudrive.sizing.task import SizingTask
 
-    Array = NDArray[np.float64]
     #: Yields runs, takes their results.
     Search = Generator[StrokeRuns, StrokeResults, Any]
 

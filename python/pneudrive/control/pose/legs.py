@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.control.mismatch import Mismatch
     from pneudrive.control.motion import Reference
     from pneudrive.control.pose.path import PosePath
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from pneudrive.control.tuning import Controller, Tuning
     from pneudrive.platforms import Platform
     from pneudrive.progress import Flag
-
-    Array = NDArray[np.float64]
 
 
 # --- Legs of a platform as axes: circuit and controller of each, its reference and its preview, and checks of a path.

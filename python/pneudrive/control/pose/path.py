@@ -23,11 +23,8 @@ from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View,
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.platforms import Platform
-
-    Array = NDArray[np.float64]
 
 
 FORMS = (

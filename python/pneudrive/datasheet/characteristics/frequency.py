@@ -19,13 +19,10 @@ from pneudrive.errors import CommandError, PneudriveError, SimulationError, near
 from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear
-
-    Array = NDArray[np.float64]
 
 
 # --- Frequency response of the linear model, and of the nonlinear drive at finite amplitudes.

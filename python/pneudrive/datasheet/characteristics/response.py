@@ -19,13 +19,11 @@ from pneudrive.simulation.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
-
-    Array = NDArray[np.float64]
 
 
 # --- Runs of a drive for its characteristics: one stroke, and a periodic cycle out and back.

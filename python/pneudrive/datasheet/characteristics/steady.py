@@ -14,13 +14,9 @@ from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.session import Linear
-
-    Array = NDArray[np.float64]
 
 
 # --- Steady motion and blocked piston: velocity against command and load, force against velocity, pressure gain.
