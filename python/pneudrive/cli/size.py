@@ -149,7 +149,8 @@ def characteristic(
     kind = registry.characteristic_named(name)
     texts = pairs_in("--set", set or (), "command = 0.6")
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
-    found = registry.found_under(load.load_described(drive), name, terminal.watch(), intervals=intervals, **settings)
+    uncertain = registry.UncertainDrive(load.load_described(drive))
+    found = uncertain.characteristic(name, terminal.watch(), intervals=intervals, **settings)
     terminal.show_view(sheet_page.characteristic_view(found))
     terminal.write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 

@@ -224,9 +224,8 @@ class _SteadySearch:
         if gas is None:
             gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
         z = np.r_[np.log(gas).T.ravel(), velocity]
-        lasting, step = FIRST_S, np.inf
+        lasting, step, found = FIRST_S, np.inf, self._rates(z)
         for _ in range(MOST_STEPS):
-            found = self._rates(z)
             self.rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
             own = z.size if self.free and not self.rests else z.size - 1
             left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
@@ -235,13 +234,14 @@ class _SteadySearch:
                 self._check_held(z, found[:own])
                 return self._gas(z)
             step, far = self._step(z, found, own, lasting)
-            share = self._damped(z, step, found, own)
+            share, found = self._damped(z, step, found, own)
             lasting *= 1.0 if far else max(GROWTH * share, 1.0)
             z[:own] += share * step
             if np.max(z[: len(self.plant.nodes)]) > math.log(HIGHEST * supply):
                 break
             if self.free and self.toward * z[-1] < SLOWEST:
                 z[-1] = self.toward * SLOWEST
+                found = self._rates(z)
         raise SimulationError(
             f"there is no steady state at command = {self.command:g}, velocity = {float(z[-1]):.3g} m/s",
             remedy="A shut valve holds any pressure. Choked exhaust flow limits the velocity.",
@@ -258,18 +258,18 @@ class _SteadySearch:
                     remedy="Open the valve, or describe its leakage.",
                 )
 
-    def _damped(self, z: Array, step: Array, found: Array, own: int) -> float:
-        """Return the fraction of a step to take.
+    def _damped(self, z: Array, step: Array, found: Array, own: int) -> tuple[float, Array]:
+        """Return the fraction of a step to take, and the rates after it.
 
         Flow near equal pressures changes sharply, and full steps would jump across.
         """
-
-        def left(share: float) -> float:
-            return float(np.max(np.abs(self._rates(np.r_[z[:own] + share * step, z[own:]])[:own])))
-
-        if left(1.0) < DAMPED * np.max(np.abs(found[:own])):
-            return 1.0
-        return min(SHORTER, key=left)
+        tried: dict[float, Array] = {}
+        for share in SHORTER:
+            tried[share] = self._rates(np.r_[z[:own] + share * step, z[own:]])
+            if share == 1.0 and np.max(np.abs(tried[share][:own])) < DAMPED * np.max(np.abs(found[:own])):
+                break
+        best = min(tried, key=lambda share: float(np.max(np.abs(tried[share][:own]))))
+        return best, tried[best]
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
         """Return an implicit step over a time, and whether the step was shortened because it was too long."""

@@ -15,7 +15,7 @@ from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.identify.export import steady_friction
+from pneudrive.identify.export import steady_force
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
@@ -431,13 +431,15 @@ class HeldDrive:
     def frictionless(self) -> HeldDrive:
         """The same drive with negligible friction (the core's simplest law, with a force too small to matter)."""
         tables = self.circuit.to_dict()
-        for name in self.slides:
-            if self._friction(name) is not None:
-                tables["components"][name]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
+        for name in self.frictions:
+            tables["components"][name]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
         return self.varied(tables)
 
-    def _friction(self, name: str) -> Any:  # noqa: ANN401 - of a drive or a component
-        return getattr(self.circuit.components[name], "friction", None)
+    @cached_property
+    def frictions(self) -> dict[str, dict[str, Any]]:
+        """Friction of the piston and its slides in the core's form, by component; only of those with friction."""
+        laws = {name: getattr(self.circuit.components[name], "friction", None) for name in self.slides}
+        return {name: law.core() for name, law in laws.items() if law is not None}
 
     @cached_property
     def slides(self) -> tuple[str, ...]:
@@ -572,11 +574,10 @@ class HeldDrive:
 
     def sliding_of(self, name: str, velocity: float, pressures: tuple[float, float], position: float) -> float:
         """Return the steady friction of a component at a velocity, N, with the velocity's sign."""
-        friction = self._friction(name)
-        if friction is None:
+        if name not in self.frictions:
             return 0.0
-        gauges = [pressure - self.ambient[0] for pressure in pressures]
-        size = steady_friction(friction, np.array([velocity]), gauges[0], gauges[1], position)[0]
+        gauge_a, gauge_b = (pressure - self.ambient[0] for pressure in pressures)
+        size = steady_force(self.frictions[name], np.array([velocity]), gauge_a, gauge_b, position)[0]
         return float(np.copysign(size, velocity))
 
     def pressures(self, gas: Array) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
-from pneudrive.progress import Watch
+from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -84,9 +84,62 @@ def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a dri
     return [Ends("heat_transfer_scale", 0.95, {}, low, high)]
 
 
-def with_intervals(
-    drive: Drive | Circuit, plain: xr.Dataset, compute: Callable[[Drive], xr.Dataset], watch: Watch
-) -> xr.Dataset:
+class UncertainDrive:
+    """A drive with its variants at the ends of values with intervals; all characteristics share what is prepared.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    """
+
+    def __init__(self, drive: Drive | Circuit) -> None:
+        self.drive = drive
+        self._plants: dict[int, HeldDrive] = {}
+
+    @cached_property
+    def ends(self) -> tuple[list[Ends], list[str]]:
+        """Variants, and names of values with an open interval; see `ends_of`."""
+        return ends_of(self.drive)
+
+    def characteristic(
+        self,
+        name: str,
+        watch: Watch = UNWATCHED,
+        *,
+        intervals: bool = True,
+        **settings: Any,  # noqa: ANN401 - of each characteristic its own
+    ) -> xr.Dataset:
+        """Return a characteristic; see `drive_characteristic`."""
+        kind = characteristic_named(name)
+        for setting in settings:
+            if setting not in kind.settings:
+                raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, kind.settings))
+        settings = {setting: _read_setting(kind, setting, value) for setting, value in settings.items()}
+        watch.look()
+        plain = self._compute(self.drive, kind, settings)
+        if not intervals:
+            return plain
+        ends, left_out = self.ends
+        if left_out:
+            plain.attrs["interval_left_out"] = left_out
+        if not ends:
+            plain.attrs["interval"] = "none: no value of the drive has an interval"
+            return plain
+        variants = ((one.low, one.high) for one in watch.each(ends, "values"))
+        return with_intervals(plain, ends, [[self._compute(d, kind, settings) for d in pair] for pair in variants])
+
+    def _compute(self, drive: Drive | Circuit, kind: Characteristic, settings: dict[str, Any]) -> xr.Dataset:
+        """Return a characteristic of one variant, without intervals."""
+        plant = self._plants[id(drive)] = self._plants.get(id(drive)) or HeldDrive(drive)
+        if plant.actuation.is_switched and kind.needs_shares:
+            raise CommandError(
+                f"{plant.name}: {' and '.join(plant.actuation.held)} is on or off",
+                rule=f"{kind.name} is about small and partial commands, which a switching valve does not have",
+            )
+        return kind.of(plant.static if kind.held else plant, **settings)
+
+
+def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
     A value at the end of its interval changes the result by d_i. Each d_i is that of the end which moves the result in
@@ -94,22 +147,18 @@ def with_intervals(
 
         d^2 = sum r_ij d_i d_j
 
-    This is exact for results that are linear in the values. A drive without identified values is returned unchanged.
+    This is exact for results that are linear in the values.
+
+    Parameters
+    ----------
+    plain : xarray.Dataset
+    ends : sequence of Ends
+    moved : sequence of pairs of xarray.Dataset
+        Results with each value at its lower and at its upper end.
     """
-    ends, left_out = ends_of(drive)
-    if left_out:
-        plain.attrs["interval_left_out"] = left_out
-    if not ends:
-        plain.attrs["interval"] = "none: no value of the drive has an interval"
-        return plain
-    moved = [[compute(other) for other in (one.low, one.high)] for one in watch.each(ends, "values")]
     shared = correlations(ends)
     confidence = min(one.confidence for one in ends)
-    plain.attrs |= {
-        "interval": SAID,
-        "confidence": confidence,
-        "interval_of": [one.name for one in ends],
-    }
+    plain.attrs |= {"interval": SAID, "confidence": confidence, "interval_of": [one.name for one in ends]}
     for name, value in list(plain.data_vars.items()):
         said = {"units": value.attrs["units"], "long_name": f"{value.attrs['long_name']}, {{}} end of the interval"}
         away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
@@ -210,28 +259,8 @@ def drive_characteristic(
     >>> found.stall_force.attrs["units"], round(float(found.stall_force[0]), 1)
     ('N', 248.9)
     """
-    return found_under(drive, name, Watch(progress, cancel), intervals=intervals, **settings)
-
-
-def found_under(
-    drive: Drive | Circuit,
-    name: str,
-    watch: Watch,
-    *,
-    intervals: bool = True,
-    **settings: Any,  # noqa: ANN401
-) -> xr.Dataset:
-    """Return a characteristic like `characteristic`, under a watch."""
-    one = characteristic_named(name)
-    for setting in settings:
-        if setting not in one.settings:
-            raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
-    settings = {setting: _read_setting(one, setting, value) for setting, value in settings.items()}
-    watch.look()
-    plain = _seen(drive, one, settings)
-    if not intervals:
-        return plain
-    return with_intervals(drive, plain, lambda other: _seen(other, one, settings), watch)
+    watch = Watch(progress, cancel)
+    return UncertainDrive(drive).characteristic(name, watch, intervals=intervals, **settings)
 
 
 def characteristic_named(name: str) -> Characteristic:
@@ -268,13 +297,3 @@ def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: A
     if isinstance(value, str) and name not in _UNITS:
         raise CommandError(f"{name} = {value} is not a number", remedy=f"{name}: {one.settings[name][1]}")
     return number_of(value, _UNITS.get(name, ""), name)
-
-
-def _seen(drive: Drive | Circuit, one: Characteristic, settings: dict[str, Any]) -> xr.Dataset:
-    plant = HeldDrive(drive)
-    if plant.actuation.is_switched and one.needs_shares:
-        raise CommandError(
-            f"{plant.name}: {' and '.join(plant.actuation.held)} is on or off",
-            rule=f"{one.name} is about small and partial commands, which a switching valve does not have",
-        )
-    return one.of(plant.static if one.held else plant, **settings)

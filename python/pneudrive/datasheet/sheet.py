@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,14 +13,13 @@ from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.datasheet.characteristics.air import FULL_S
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.datasheet.registry import characteristics, found_under
+from pneudrive.datasheet.registry import UncertainDrive, characteristics
 from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
-from pneudrive.progress import UNWATCHED
 from pneudrive.views import Finding, Viewed
 
 if TYPE_CHECKING:
@@ -102,9 +102,6 @@ class Datasheet(Viewed):
         Characteristic -> data set.
     failed : dict
         Characteristic -> why the drive does not have it.
-    numbers : tuple of SheetNumber
-    values : tuple of DescribedValue
-    assumed : tuple of str
     measured : MeasuredBeside or None
     hazards : tuple of Finding
         Those that endanger people or the machine.
@@ -115,11 +112,39 @@ class Datasheet(Viewed):
     supply_pa: float
     results: dict[str, xr.Dataset]
     failed: dict[str, str]
-    numbers: tuple[SheetNumber, ...]
-    values: tuple[DescribedValue, ...]
-    assumed: tuple[str, ...]
     measured: MeasuredBeside | None
     hazards: tuple[Finding, ...] = ()
+
+    @cached_property
+    def numbers(self) -> list[SheetNumber]:
+        """Headline numbers, and the stated life."""
+        return [*_numbers(self.results), *_life(self.drive)]
+
+    @property
+    def values(self) -> list[DescribedValue]:
+        """Each value that the drive states, as written, with its source."""
+        drive = self.drive
+        written = {key for key, _ in leaves(drive.plain_tables)}
+        identified: Any = getattr(drive, "provenance", None) or {}
+        out = []
+        for one in values_of(drive):
+            if one.key in written:
+                origin, text = (
+                    one.origin or "given",
+                    f"{one.value:g}" if isinstance(one.value, float) else str(one.value),
+                )
+                if one.key in identified:
+                    known = identified[one.key]
+                    ends = f"{known.interval.low} .. {known.interval.high} ({100 * known.confidence:g} %)"
+                    origin = f"identified: {ends}, {known.source}"
+                out.append(one._replace(value="table" if isinstance(one.value, np.ndarray) else text, origin=origin))
+        return out
+
+    @property
+    def assumed(self) -> list[str]:
+        """Assumptions that are not in the drive file."""
+        written = {key.removeprefix("components.") for key in self.drive.origin_of}
+        return [line for line in self.drive.assumed() if line.partition(" = ")[0] not in written]
 
     @property
     def findings(self) -> list[Finding]:
@@ -219,22 +244,15 @@ def build(
     measured = beside(drive, recordings, layout, watch) if isinstance(drive, Drive) and recordings else None
     results: dict[str, xr.Dataset] = {}
     failed: dict[str, str] = {}
+    uncertain = UncertainDrive(drive)
     for name in watch.each(OF_A_SHEET, "characteristics"):
-        _try(drive, name, results, failed, intervals=intervals)
-    return Datasheet(
-        *(
-            drive,
-            plant.stroke_m,
-            plant.supply_pa,
-            results,
-            failed,
-            (*_numbers(results), *_life(drive)),
-            tuple(stated_values(drive)),
-            tuple(_defaults(drive)),
-        ),
-        measured,
-        tuple(_hazards(plant, results)),
-    )
+        try:
+            results[name] = uncertain.characteristic(name, intervals=intervals)
+        except Cancelled:  # noqa: PERF203 - a characteristic takes seconds
+            raise
+        except PneudriveError as error:
+            failed[name] = error.what
+    return Datasheet(drive, plant.stroke_m, plant.supply_pa, results, failed, measured, tuple(_hazards(plant, results)))
 
 
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
@@ -256,17 +274,6 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
 def energy_limit_j(bore_m: float) -> float:
     """Return the assumed largest energy of an impact, J."""
     return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * bore_m**2
-
-
-def _try(
-    drive: Drive | Circuit, name: str, results: dict[str, xr.Dataset], failed: dict[str, str], *, intervals: bool
-) -> None:
-    try:
-        results[name] = found_under(drive, name, UNWATCHED, intervals=intervals)
-    except Cancelled:
-        raise
-    except PneudriveError as error:
-        failed[name] = error.what
 
 
 def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
@@ -321,25 +328,3 @@ def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
     value = 0.0 if abs(value) < 1e-9 else value
     ends = [float(found[f"{name}_{end}"].isel(at)) if f"{name}_{end}" in found else math.nan for end in ("low", "high")]
     return written_value(value, found[name].attrs["units"], *ends)
-
-
-def stated_values(drive: Drive | Circuit) -> list[DescribedValue]:
-    """Return each value that the drive states, as written, with its source."""
-    written = {key for key, _ in leaves(drive.plain_tables)}
-    identified: Any = getattr(drive, "provenance", None) or {}
-    out = []
-    for one in values_of(drive):
-        if one.key in written:
-            origin, text = one.origin or "given", f"{one.value:g}" if isinstance(one.value, float) else str(one.value)
-            if one.key in identified:
-                known = identified[one.key]
-                ends = f"{known.interval.low} .. {known.interval.high} ({100 * known.confidence:g} %)"
-                origin = f"identified: {ends}, {known.source}"
-            out.append(one._replace(value="table" if isinstance(one.value, np.ndarray) else text, origin=origin))
-    return out
-
-
-def _defaults(drive: Drive | Circuit) -> list[str]:
-    """Return the assumptions that are not in the drive file."""
-    written = {key.removeprefix("components.") for key in drive.origin_of}
-    return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]

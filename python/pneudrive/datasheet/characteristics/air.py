@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, cast
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from pneudrive.simulation.simulate import run
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Drive, Initial
@@ -55,31 +57,37 @@ def accounts_of(plant: HeldDrive, command: float, half_s: float) -> Accounts:
     return Accounts(values, drawn_mass(plant, command, half_s), half_s, many["energy_error"], many["entropy_error"])
 
 
+@lru_cache(maxsize=64)  # characteristics of one drive share runs
 def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = REPEATS) -> float:
     """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
-    import warnings
-
-    from pneudrive.ensemble.many import simulate_many
-    from pneudrive.errors import PneudriveWarning
-
     plans = plant.plans([(k * half_s, command if k % 2 == 0 else -command) for k in range(2 * repeats + 2)])
     start = {f"{plant.piston}.position": "0 mm"}
     if f"{plant.piston}.b" in plant.nodes:
         start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
     reservoir = plant.supply.removesuffix(".pressure_pa")
+    as_it_is = {f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2}
+    ends_s = [2 * repeats * half_s, (2 * repeats + 2) * half_s]
+    (found,) = _supplied(plant.circuit, plans, ends_s, as_it_is, [reservoir], initial=start, rtol=RTOL)
+    few, many = np.abs(found)
+    return float(many - few)
+
+
+def _supplied(
+    circuit: Circuit,
+    plans: Commands,
+    duration: Any,  # noqa: ANN401 - of one run, or of each
+    vary: Mapping[str, Sequence[str]],
+    reservoirs: Sequence[str],
+    **options: Any,  # noqa: ANN401 - of `simulate_many`
+) -> list[Array]:
+    """Return the mass that each reservoir supplies in each run, kg: the integral of its flow over time."""
+    from pneudrive.ensemble.many import simulate_many
+
+    outputs = [f"air_{number} = integral({name}.mass_flow)" for number, name in enumerate(reservoirs)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
-        found = simulate_many(
-            plant.circuit,
-            plans,
-            [2 * repeats * half_s, (2 * repeats + 2) * half_s],
-            vary={f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2},
-            outputs=[f"drawn = integral({reservoir}.mass_flow)"],
-            initial=start,
-            rtol=RTOL,
-        )
-    few, many = np.abs(found["drawn"].to_numpy())
-    return float(many - few)
+        found = simulate_many(circuit, plans, duration, vary=vary, outputs=outputs, **options)
+    return [found[f"air_{number}"].to_numpy() for number in range(len(reservoirs))]
 
 
 def specific_exergy(plant: HeldDrive, pressure: float, temperature: float) -> float:
@@ -332,7 +340,7 @@ def energy_balance(
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
     circuit = drive.circuit
     lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
-    air = _balance(drive, command, duration, initial, rtol, cancel)
+    air = _balance(drive, command, duration, initial, rtol=rtol, cancel=cancel)
     return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)
 
 
@@ -341,12 +349,9 @@ def _balance(
     command: Commands,
     duration: str | float,
     initial: Initial | Mapping[str, object] | str | None,
-    rtol: float,
-    cancel: Flag | None,
+    **options: Any,  # noqa: ANN401 - of `simulate_many`
 ) -> dict[str, float]:
-    """Return the mass that each reservoir supplies: the integral of its flow, in the circuit of the drive."""
-    from pneudrive.ensemble.many import simulate_many
-
+    """Return the mass that each reservoir of a drive supplies, kg."""
     circuit = drive.circuit
     supplies = [name for name, one in circuit.components.items() if one.kind == _KIND]
     if not supplies:
@@ -357,19 +362,9 @@ def _balance(
             key.removesuffix(end): f"{value!r} {unit}" for key, value in start.items() for end, unit in _one(key)
         }
         command = cast("Commands", dict.fromkeys(circuit.commandable, command))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PneudriveWarning)
-        found = simulate_many(
-            circuit,
-            command,
-            duration,
-            vary={f"{supplies[0]}.pressure": [circuit.components[supplies[0]].plain()["pressure"]]},  # as it is
-            outputs=[f"air_{number} = integral({name}.mass_flow)" for number, name in enumerate(supplies)],
-            initial=initial,
-            rtol=rtol,
-            cancel=cancel,
-        )
-    return {name: float(found[f"air_{number}"][0]) for number, name in enumerate(supplies)}
+    as_it_is = {f"{supplies[0]}.pressure": [circuit.components[supplies[0]].plain()["pressure"]]}
+    masses = _supplied(circuit, command, duration, as_it_is, supplies, initial=initial, **options)
+    return {name: float(mass[0]) for name, mass in zip(supplies, masses, strict=True)}
 
 
 def _one(key: str) -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -61,6 +62,7 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
     return {short_name(name, plant.piston): values for name, values in columns_of(run).items()}
 
 
+@lru_cache(maxsize=64)
 def expected_time(plant: HeldDrive, command: float) -> float:
     """Return a time in which a stroke should end, s."""
     try:
@@ -98,6 +100,7 @@ def start_of(plant: HeldDrive, position: float, pressures: tuple[float, float]) 
     return start | {f"{own}.{side}": f"{p!r} Pa abs" for side, p in sides}
 
 
+@lru_cache(maxsize=16)  # characteristics of one drive share runs
 def cycle(
     plant: HeldDrive,
     command: float = 1.0,

@@ -46,7 +46,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     import jinja2
     from numpy.typing import NDArray
@@ -227,12 +227,19 @@ def steady_friction(
     friction: Friction, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
 ) -> Array:
     """Return the steady friction of a law against the motion, N, at velocities, gauge pressures and a position."""
+    return steady_force(friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, position_m)
+
+
+def steady_force(
+    core: Mapping[str, Any], velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
+) -> Array:
+    """Return the steady friction of a law in the core's form; see `steady_friction`."""
     from pneudrive import _core
 
-    core = friction.core()
-    law, parameters, pressure = core.pop("law"), core.pop("parameters"), core.pop("pressure", None)
+    more = {key: value for key, value in core.items() if key not in ("law", "parameters", "pressure")} or None
     v = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
-    force = _core.steady_friction(law, parameters, v, gauge_a_pa, gauge_b_pa, pressure, core or None, position_m)
+    law = core["law"], core["parameters"]
+    force = _core.steady_friction(*law, v, gauge_a_pa, gauge_b_pa, core.get("pressure"), more, position_m)
     return np.asarray(force) * np.sign(v)
 
 
