@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 #: Judgement of a result, a value or a finding, from the best to the worst.
 State: TypeAlias = Literal["good", "open", "bad"]

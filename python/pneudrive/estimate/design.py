@@ -21,7 +21,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 #: Numbers of repeats that are tried for a budget of time.
 MOST_REPEATS = 12

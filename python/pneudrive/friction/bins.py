@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 ALTERNATIONS, CONVERGED = 50, 1e-9
 MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it

@@ -18,11 +18,8 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.friction.level import Level
-
-    Array = NDArray[np.float64]
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains

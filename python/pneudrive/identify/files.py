@@ -18,10 +18,7 @@ from pneudrive.identify.volume import RegulatorFit, VolumeFit
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
 KINDS: dict[str, type[AnyFit]] = {

@@ -25,12 +25,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive
     from pneudrive.simulation.command import Commands
 
-    Array = NDArray[np.float64]
     Described = Drive | Circuit
 
 

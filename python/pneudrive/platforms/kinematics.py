@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from pneudrive._core import Platform as CorePlatform
+    from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive
 
-    Array = NDArray[np.float64]
     Pose = Mapping[str, str | float] | ArrayLike
 
 #: Largest residual of a forward solution, m.

@@ -30,11 +30,8 @@ from pneudrive.rig.motion import MotionLimits, uniform_in_position
 from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.rig.motion import Motion
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.rig.interface import Sampling
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

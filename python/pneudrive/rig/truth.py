@@ -23,14 +23,11 @@ import numpy as np
 from pneudrive.rig.interface import Hold, Move
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.rig.description import AnalogSensor
     from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
-
-    Array = NDArray[np.float64]
 
 #: Distance from the beginning of a move in which its peak is searched, m.
 RESTART_M = 5e-3

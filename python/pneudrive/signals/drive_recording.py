@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
 
-    Array = NDArray[np.float64]
     Given = str | Path | xr.Dataset | Mapping[str, Any]
 
 NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")

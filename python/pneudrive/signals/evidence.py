@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.signals.text_table import FileForm
-
-    Array = NDArray[np.float64]
 
 GROUPED = ("tdms", "mf4")  # formats with names group/channel
 RAW = ("V", "mV", "mA", "count")  # units of sensors whose scale the file does not state

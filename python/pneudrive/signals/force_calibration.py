@@ -17,9 +17,7 @@ from pneudrive.describe.marks import Bounds, Percent, Quantity, Reads
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 RECTANGULAR = float(np.sqrt(3.0))
 PLAUSIBLE_GAIN = (0.5, 2.0)  # reading over force: outside this range, units or columns were swapped

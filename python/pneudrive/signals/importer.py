@@ -52,9 +52,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.signals.layout import FileLayout, TimeColumn
 
-    Array = NDArray[np.float64]
     Columns = dict[str, Array]
 
 WITH_CLOCKS = ("tdms", "mf4")  # formats in which each channel has its own times

@@ -23,11 +23,8 @@ import numpy as np
 from pneudrive.constants import ANR_TEMPERATURE_K
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.signals.recording import Recording
-
-    Array = NDArray[np.float64]
 
 PRESSURES = ("pressure_a_pa", "pressure_b_pa")
 GAMMA = 1.4  # ratio of specific heats of air and nitrogen

@@ -45,12 +45,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.progress import Watch
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
     from pneudrive.signals.text_table import FileForm
-
-    Array = NDArray[np.float64]
 
 CLEAR = 1.0  # least difference of the weights of two candidates
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness

@@ -9,9 +9,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 LEAST_SAMPLES, SEGMENT = 32, 1 << 14
 UNEVEN = 0.01  # largest deviation of a step of time from the median one, as a share

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 DATE_TIME = "date-time"  # the unit of such a column in a layout
 ISO = ""  # format of ISO 8601; the time of day may stand alone

@@ -18,9 +18,7 @@ from pneudrive.describe.system import short_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 #: Joint of the ambient air.
 AMBIENT = "ambient"

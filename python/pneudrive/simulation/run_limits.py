@@ -19,12 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     import numpy as np
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe import Drive
     from pneudrive.describe.circuit import Circuit
-
-    Array = NDArray[np.float64]
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
 HIGHEST_PA = 20e5

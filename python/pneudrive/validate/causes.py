@@ -21,11 +21,9 @@ from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
 
-    Array = NDArray[np.float64]
     #: What depends on the drive in a cause: arguments of `Cause`.
     Row = dict[str, Any]
 

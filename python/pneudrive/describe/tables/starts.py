@@ -16,15 +16,11 @@ from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from pneudrive._core import Platform
+    from pneudrive.arrays import Array
     from pneudrive.describe.components import Component
     from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.describe.tables.parts import Ambient, Initial
-
-    Array = NDArray[np.float64]
 
 
 # --- Start poses of platforms: positions of their legs from heave, tilt and place.

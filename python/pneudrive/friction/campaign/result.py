@@ -21,14 +21,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.estimate.estimates import Estimate, FTest
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.friction_map import Skipped
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,16 +16,12 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
     from pneudrive.friction.campaign.curves import CurveBand, Fits
     from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
     from pneudrive.friction.campaign.trends import Causes, Pure
     from pneudrive.friction.sentences import Said, Statement
-
-    Array = NDArray[np.float64]
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve

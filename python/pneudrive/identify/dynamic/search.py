@@ -26,14 +26,11 @@ from pneudrive.progress import UNWATCHED
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.identify.base import Undetermined
     from pneudrive.identify.dynamic.problem import FitProblem, Shot
     from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import DriveRecording
-
-    Array = NDArray[np.float64]
 
 #: Share of the largest direction of the scaled Jacobian below which a direction is ignored.
 SINGULAR_SHARE = 1e-4

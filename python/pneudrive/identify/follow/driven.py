@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.signals.layout import Layout
-
-    Array = NDArray[np.float64]
 
 MOST_GRID = 4500  # times at which pressures are compared
 COARSEST_S = 0.1  # largest step of these times, unless the recording has fewer samples

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.identify.follow.driven import DrivenCircuit, DrivenRecording, Number
     from pneudrive.progress import Watch
-
-    Array = NDArray[np.float64]
 
 #: Standard uncertainty of the gas temperature at a start at rest and in motion, K, and of the delay, s (assumed).
 AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0

@@ -17,11 +17,9 @@ from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.studies.bracha.figure import Experiment
-
-    Array = NDArray[np.float64]
 
 
 SLOW_DRIVE = Path(__file__).with_name("slow_drive.toml")
