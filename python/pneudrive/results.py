@@ -16,7 +16,7 @@ import polars as pl
 import xarray as xr
 
 from pneudrive.campaign.planning.protocol import read_protocol
-from pneudrive.control.results.card import read_comparison
+from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive

@@ -17,8 +17,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from pneudrive.control.benchmarks import SO_FAR
 from pneudrive.control.references import reference
-from pneudrive.control.results.card import SO_FAR
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pydantic import TypeAdapter
 
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
-from pneudrive.control.results.card import ABOUT as COMPARISON
+from pneudrive.control.benchmarks import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
