@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from pneudrive.datasheet.plant import HeldDrive
 
-    Found = dict[str, Any]  # values, or `ResultValue` if the meaning depends on the drive
+    #: Values by name or in the order of the docstring; `ResultValue` if the meaning depends on the drive.
+    Found = Mapping[str, Any] | tuple[Any, ...]
     Find = Callable[..., Found]
 
 
@@ -51,7 +52,8 @@ class Characteristic:
     algorithm : str
         Method of calculation.
     find : callable
-        Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name.
+        Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name, or as a tuple in the
+        order of its docstring.
     standard : str
         Standard that defines it. Empty without a standard. "form" of a standard: its definition with other conditions.
     cites : tuple of str
@@ -92,7 +94,9 @@ class Characteristic:
         upper("Pneu")  # registers `found.pneu`
 
         known = {name: default for name, (default, _) in self.settings.items()} | settings
-        values = {name: self._value(name, value, known) for name, value in self.find(plant, **settings).items()}
+        found = self.find(plant, **settings)
+        named = dict(zip(self.results, found, strict=True)) if isinstance(found, tuple) else found
+        values = {name: self._value(name, value, known) for name, value in named.items()}
         axes = {dim for value in values.values() for dim in value.dims}
         if "direction" in axes:
             values["direction"] = DIRECTIONS

@@ -218,13 +218,7 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     values = np.array(curves)
     half = times.size // 2  # until then the gas and the piston have settled
     rate = np.log(values[:, half] / values[:, -1]) / (times[-1] - times[half])
-    return {
-        "chamber": list(plant.sides),
-        "time": times,
-        "pressure": values,
-        "decay_rate": rate,
-        "fall": values[:, 0] - values[:, -1],
-    }
+    return list(plant.sides), times, values, rate, values[:, 0] - values[:, -1]
 
 
 # --- Published figures of the catalogue's parts, compared with the results of the drive's simulated test stands.
@@ -339,9 +333,4 @@ def _published(plant: HeldDrive) -> Found:
     if not rows:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
-    return {
-        "figure": [row[0] for row in rows],
-        "printed": printed,
-        "computed": computed,
-        "difference": computed / printed - 1.0,
-    }
+    return [row[0] for row in rows], printed, computed, computed / printed - 1.0

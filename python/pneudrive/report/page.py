@@ -520,6 +520,10 @@ class Topic:
         """Return a figure with its caption."""
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
+    def picture(self, name: str, figure: Any, synthetic: bool, /, **values: object) -> Picture:  # noqa: ANN401
+        """Return a picture of simulated or of other data, whatever its section is."""
+        return Picture(*vars(self.figure(name, figure, **values)).values(), synthetic)
+
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of records."""
         said = self.texts[name]

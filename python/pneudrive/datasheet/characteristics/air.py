@@ -179,13 +179,8 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     own, gas = drawn_mass(plant, command, half), plant.circuit.gas
     density = gas.anr_density_kg_m3
     normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
-    return {
-        "full": litres_anr(full, density),
-        "full_normal": full / normal * 1e3,
-        "cycle": litres_anr(own, density),
-        "half_period": half,
-        "mean_flow": 60.0 * litres_anr(own, density) / (2.0 * half),
-    }
+    litres = litres_anr(own, density)
+    return litres_anr(full, density), full / normal * 1e3, litres, half, 60.0 * litres / (2.0 * half)
 
 
 @characteristic(
@@ -238,15 +233,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
     work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
     rest = entered + wall + work - sum(lost.values())
-    return {
-        "loss": list(lost),
-        "lost": list(lost.values()),
-        "drawn": drawn,
-        "exhausted": drawn - entered,
-        "load_work": -work,
-        "open": rest / drawn,
-        "half_period": half_period,
-    }
+    return list(lost), list(lost.values()), drawn, drawn - entered, -work, rest / drawn, half_period
 
 
 # --- The energy of one run: its accounts and their closure, the lost exergy, and the air from each supply.

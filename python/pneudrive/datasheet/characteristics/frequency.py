@@ -19,6 +19,8 @@ from pneudrive.errors import CommandError, PneudriveError, SimulationError, near
 from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
@@ -97,17 +99,10 @@ def _bode(
     f = np.array(FREQUENCIES)
     velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
+    size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
     gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
-    return {
-        "frequency": f,
-        "velocity_response": np.abs(velocity),
-        "velocity_magnitude": 20.0 * np.log10(np.abs(velocity)),
-        "velocity_phase": np.unwrap(np.angle(velocity)) * 180.0 / math.pi,
-        "position_response": np.abs(velocity) / (2.0 * math.pi * f),
-        "pressure_response": np.abs(a - b),
-        "velocity_gain": gain,
-        "resonance": f[int(np.argmax(np.abs(velocity)))],
-    }
+    position, difference = size / (2.0 * math.pi * f), np.abs(a - b)
+    return f, size, 20.0 * np.log10(size), phase, position, difference, gain, f[int(np.argmax(size))]
 
 
 @characteristic(
@@ -145,14 +140,15 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     distortion : 1 over amplitude, frequency
         harmonics 2 to 10 over the first one, root of squares
     """
-    grid = np.array([[_harmonics(plant, float(a), float(f)) for f in frequencies] for a in amplitudes])
-    return {
-        "amplitude": list(map(float, amplitudes)),
-        "frequency": list(map(float, frequencies)),
-        "gain": grid[:, :, 0],
-        "phase": grid[:, :, 1],
-        "distortion": grid[:, :, 2],
-    }
+    return _over_grid(amplitudes, frequencies, lambda a, f: _harmonics(plant, a, f))
+
+
+def _over_grid(
+    amplitudes: Sequence[float], frequencies: Sequence[float], find: Callable[[float, float], tuple[float, ...]]
+) -> tuple[Any, ...]:
+    """Return amplitudes and frequencies, and the results of each pair, shape (amplitudes, frequencies)."""
+    axes = list(map(float, amplitudes)), list(map(float, frequencies))
+    return *axes, *np.moveaxis(np.array([[find(a, f) for f in axes[1]] for a in axes[0]]), 2, 0)
 
 
 def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
@@ -163,9 +159,7 @@ def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[fl
         return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
 
     periods = SETTLING + COUNTED
-    rest = gas_at(plant)
-    pressures = plant.pressures(rest)
-    start = start_of(plant, 0.5 * plant.stroke_m, pressures)
+    start = start_of(plant, 0.5 * plant.stroke_m, plant.pressures(gas_at(plant)))
     try:
         plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
         run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
@@ -226,20 +220,11 @@ def _load_describing(
     distortion : 1 over amplitude, frequency
         harmonics 2 to 10 over the first one, root of squares
     """
-    from pneudrive.datasheet.characteristics.steady import full_force
-
     if amplitudes is None:
         most = min(full_force(plant, direction)[0] for direction in (1.0, -1.0))
         amplitudes = [share * most for share in LOADS]
     gas = gas_at(plant, pressures)
-    grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
-    return {
-        "amplitude": list(map(float, amplitudes)),
-        "frequency": list(map(float, frequencies)),
-        "compliance": grid[:, :, 0],
-        "phase": grid[:, :, 1],
-        "distortion": grid[:, :, 2],
-    }
+    return _over_grid(amplitudes, frequencies, lambda a, f: _load_harmonics(plant, a, f, gas))
 
 
 def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:

@@ -271,18 +271,8 @@ def _impact(plant: HeldDrive) -> Found:
     values = [
         [(*(hit[name] for name in names), stroke.mean_speed, stroke.stroke_time) for hit, stroke in row] for row in rows
     ]
-    speed, energy, absorbed, force, depth, mean, time = np.moveaxis(np.array(values), 2, 0)
-    return {
-        "command": commands,
-        "end_speed": speed,
-        "end_energy": energy,
-        "absorbed_energy": absorbed,
-        "peak_force": force,
-        "depth": depth,
-        "mean_speed": mean,
-        "stroke_time": time,
-        "end_over_mean_speed": speed / mean,
-    }
+    speed, *others, mean, time = np.moveaxis(np.array(values), 2, 0)
+    return commands, speed, *others, mean, time, speed / mean
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:

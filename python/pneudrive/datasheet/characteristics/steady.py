@@ -159,13 +159,7 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
             for direction, row in zip(directions, loads, strict=True)
         ]
     )
-    return {
-        "share": shares,
-        "load_force": loads,
-        "speed": speeds,
-        "blocked_force": blocked,
-        "stall_force": stall,
-    }
+    return shares, loads, speeds, blocked, stall
 
 
 def _blocked(plant: HeldDrive, command: float, position: float) -> float:
@@ -218,13 +212,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
     except SimulationError:  # no leak: any pressure holds at a shut valve
         centre, slope = (math.nan, math.nan), math.inf
-    return {
-        "command": commands,
-        "pressure_difference": difference,
-        "pressure_gain": slope,
-        "centre_pressure_a": centre[0],
-        "centre_pressure_b": centre[1],
-    }
+    return commands, difference, slope, *centre
 
 
 # --- Stiffness of the air spring, natural frequency and damping, from exact linearisations with the valve shut.
@@ -402,15 +390,8 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
         for m in MASSES
     ]
-    return {
-        "position": positions,
-        "pressure": levels,
-        "mass": [k * plant.mass for k in MASSES],
-        "natural_frequency": np.sqrt(bare / plant.mass) / (2.0 * math.pi),
-        "mode_frequency": modes[:, :, 0],
-        "damping_ratio": modes[:, :, 1],
-        "frequency_by_mass": by_mass,
-    }
+    natural, masses = np.sqrt(bare / plant.mass) / (2.0 * math.pi), [k * plant.mass for k in MASSES]
+    return positions, levels, masses, natural, *np.moveaxis(modes, 2, 0), by_mass
 
 
 def _mode(linear: Linear) -> tuple[float, float]:
@@ -492,8 +473,4 @@ def _minimum(plant: HeldDrive) -> Found:
         x = 0.0 if direction > 0.0 else plant.stroke_m
         breakaway = abs(plant.sliding(direction * LEAST_VELOCITY, (plant.ambient[0], plant.ambient[0]), x))
         rows.append((least_pressure(plant, direction) - plant.ambient[0], breakaway))
-    values = np.array(rows)
-    return {
-        "minimum_pressure": values[:, 0],
-        "breakaway_force": values[:, 1],
-    }
+    return tuple(np.array(rows).T)
