@@ -17,12 +17,11 @@ from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
 from pneudrive.report.fit import reference
-from pneudrive.sizing.checks import SAME_AIR
+from pneudrive.sizing.checks import SAME_AIR, sized
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
-from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune

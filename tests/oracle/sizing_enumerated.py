@@ -18,11 +18,10 @@ from typing import Any
 import numpy as np
 
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.sizing.checks import PROBABILITY, SizedDrive
+from pneudrive.sizing.checks import PROBABILITY, SizedDrive, sized
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size
-from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune

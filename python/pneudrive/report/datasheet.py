@@ -18,9 +18,8 @@ from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Marke
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
-from pneudrive.report.page import Items, Report, Topic, view_section
+from pneudrive.report.page import Items, Report, Topic, view_section, write_pdf
 from pneudrive.report.render import draw_figure
-from pneudrive.report.typst_page import write_pdf
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, whole
 from pneudrive.validate.validation import run_columns

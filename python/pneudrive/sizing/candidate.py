@@ -22,8 +22,7 @@ from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.checks import SizedDrive
-    from pneudrive.sizing.spreads import DrawResults, Hardest
+    from pneudrive.sizing.checks import DrawResults, Hardest, SizedDrive
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
 

@@ -17,10 +17,9 @@ from pneudrive.files.content import read_json
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import whole
-from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive
+from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, sized
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
 from pneudrive.sizing.folder import LINES, read_choices, read_drive
-from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import Setting, circuit_of, cycle_s
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune

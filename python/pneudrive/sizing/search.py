@@ -19,11 +19,10 @@ import numpy as np
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import machine_checks, rank_of
+from pneudrive.sizing.checks import hardest, machine_checks, rank_of, simulated
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import SizingResult, nearest_miss, savings
-from pneudrive.sizing.spreads import hardest, simulated
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune_all
