@@ -142,8 +142,9 @@ def _marked(part: Section, synthetic: bool) -> Section:
     own = synthetic if part.synthetic is None else part.synthetic
 
     def marked(block: Block) -> Block:
-        is_open = isinstance(block, ShownFigure) and not isinstance(block, Picture)
-        return Picture(block.name, block.caption, block.figure, own) if is_open else block
+        if isinstance(block, ShownFigure) and not isinstance(block, Picture):
+            return Picture(block.name, block.caption, block.figure, own)
+        return block
 
     return replace(part, blocks=tuple(map(marked, part.blocks)), synthetic=own)
 
@@ -523,7 +524,8 @@ class Topic:
 
     def picture(self, name: str, figure: Any, synthetic: bool, /, **values: object) -> Picture:  # noqa: ANN401
         """Return a picture of simulated or of other data, whatever its section is."""
-        return Picture(*vars(self.figure(name, figure, **values)).values(), synthetic)
+        shown = self.figure(name, figure, **values)
+        return Picture(shown.name, shown.caption, shown.figure, synthetic)
 
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of records."""

@@ -101,8 +101,8 @@ def _bode(
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
     gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
-    position, difference = size / (2.0 * math.pi * f), np.abs(a - b)
-    return f, size, 20.0 * np.log10(size), phase, position, difference, gain, f[int(np.argmax(size))]
+    displacement, difference = size / (2.0 * math.pi * f), np.abs(a - b)
+    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, f[int(np.argmax(size))]
 
 
 @characteristic(
