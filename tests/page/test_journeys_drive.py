@@ -46,6 +46,7 @@ class Hand:
         """Type into a field, and leave it."""
         self.reach(selector)
         self.page.keyboard.press("ControlOrMeta+A")
+        self.page.keyboard.press("Delete")  # by the editor: the browser would insert styles, which the page forbids
         self.page.keyboard.type(text)
         self.page.keyboard.press("Tab")
 
