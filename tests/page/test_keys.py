@@ -135,6 +135,6 @@ def test_a_choice_that_the_address_keeps_is_undone_and_not_on_another_object(ser
     page.wait_for_selector(".cm-content >> text=28 N")
     page.keyboard.press("Control+Z")
     go(page, "friction", "map.parquet")
-    page.wait_for_selector("figure[data-plot='Friction over speed'] canvas")
+    choice.wait_for()
     assert page.url == page.url.split("?")[0]
     tab.check()
