@@ -12,8 +12,8 @@ with lazily(__name__):
     from pneudrive.friction.campaign.characteristics import characterise
     from pneudrive.friction.characterisation import Characterisation, characterise_recordings
     from pneudrive.friction.friction_map import read_map, write_map
-    from pneudrive.friction.motion import Settled, SourcePaper
     from pneudrive.friction.stick_slip import StickSlip, find_stick_slip
+    from pneudrive.friction.strokes import Settled, SourcePaper
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.load import from_run, load_recordings
     from pneudrive.signals.recording import Recording

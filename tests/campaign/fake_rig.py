@@ -164,9 +164,6 @@ class FakeRig:
             raise RigError("this is not my memory")
         self.past = dict(memory)
 
-    def truth(self) -> dict:
-        return {"law": "stribeck", "travel_m": self.past["travel_m"]}
-
 
 def at_rest(rig):
     """Tell whether the rig was stopped last, but for looks at its state, and no cycle was left open."""

@@ -9,7 +9,7 @@ import pytest
 
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.protocol import read_protocol
-from pneudrive.campaign.running.checks import FLAGS, arrival_flags
+from pneudrive.campaign.running.attempt import FLAGS, arrival_flags
 from pneudrive.rig import load_rig
 from pneudrive.rig.interface import Samples
 

@@ -138,10 +138,10 @@ def test_a_lock_ends_with_its_process(tmp_path):
 def test_the_live_picture_shows_what_runs():
     from rich.console import Console
 
-    from pneudrive.campaign.running.live import ScreenDisplay
+    from pneudrive.campaign.running.live import TerminalDisplay
 
     out = io.StringIO()
-    screen = ScreenDisplay(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
+    screen = TerminalDisplay(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))
     rig, asked = FakeRig(), protocol()
     plan = lay_out(asked.model_copy(update={"name": "seal [/dry]"}), rig.identity(), rig.limits())
     screen.began(plan, [])

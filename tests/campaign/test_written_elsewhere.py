@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import KINDS, Cycle, Head
-from pneudrive.campaign.running.checks import FLAGS
+from pneudrive.campaign.running.attempt import FLAGS
 from pneudrive.campaign.status import preliminary_friction, status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
 from pneudrive.friction.campaign.reading import _plans, read_part
-from pneudrive.friction.motion import Settled
+from pneudrive.friction.strokes import Settled
 from pneudrive.rig.interface import Identity
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/campaign-folder.md").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import re
@@ -46,8 +45,6 @@ def assert_same_campaign(one: Path, other: Path) -> list[int]:
         assert a.head.sha256 == b.head.sha256, a.name  # every bit of every sample
         for what in ("cycle", "began_s", "flags", "memory"):
             assert getattr(a.head, what) == getattr(b.head, what), (a.name, what)
-        truths = [json.loads((folder / "truth" / f"{a.name}.json").read_text()) for folder in (one, other)]
-        assert truths[0] == truths[1]
     assert Campaign.open(one).identity == Campaign.open(other).identity
     return [file.head.attempts for file in there]
 

@@ -172,8 +172,6 @@ def test_a_campaign_again(recorded, tmp_path):
     for a, b in zip(original.cycles(), again.cycles(), strict=True):
         assert (a.name, a.head.sha256, a.head.flags) == (b.name, b.head.sha256, b.head.flags)
         assert a.head.began_s == b.head.began_s
-        truths = [(folder / "truth" / f"{a.name}.json").read_text() for folder in (recorded, tmp_path / "again")]
-        assert truths[0] == truths[1]
     assert characterise(tmp_path / "again").identical(characterise(recorded))
 
 

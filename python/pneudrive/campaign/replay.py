@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
+from pneudrive.campaign.storage.folder import ABOUT, CYCLES, Campaign
 from pneudrive.describe.marks import Bounds, Percent, Quantity
 from pneudrive.errors import RigError
-from pneudrive.files.content import read_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
 from pneudrive.rig.rig_file import RigFile
 
@@ -109,7 +108,6 @@ class ReplayRig:
         self._played = dict.fromkeys((file.name for file in files), 0)
         self._key = ""
         self._levels: dict[str, str] = {}
-        self._last: CycleFile | None = None
         self._halted = threading.Event()
         ambient = identity.ambient_pressure_pa
         supply = max(limits.supply_pressure_pa, ambient)
@@ -148,7 +146,7 @@ class ReplayRig:
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
-        self._last = file = self._find(steps)
+        file = self._find(steps)
         self._played[file.name] += 1
         self._halted.clear()
         return self._play(file, file.samples())
@@ -173,11 +171,6 @@ class ReplayRig:
     def restore(self, memory: dict[str, Any]) -> None:
         """Restore how often each recording was played."""
         self._played.update(memory.get("played", {}))
-
-    def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the last recording, if it was kept."""
-        path = None if self._last is None else self._last.path.parents[1] / TRUTH / f"{self._last.name}.json"
-        return {} if path is None or not path.is_file() else read_json(path, RigError)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the mountings of the recordings."""

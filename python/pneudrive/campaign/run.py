@@ -24,7 +24,7 @@ from pneudrive.rig.interface import plain
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.campaign.planning.points import Plan
+    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Identity, Rig
@@ -105,7 +105,8 @@ def run_campaign(
     folder = Path(into)
     audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
     if (folder / ABOUT).exists():
-        return _resume(folder, rig, asked, options, pace, None, audience)
+        _refuse_another(Campaign.open(folder), asked)
+        return resume_campaign(folder, rig, options=options, pace=pace, **audience)
     with _bench(rig, asked.seed, pace) as (bench, source):
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
@@ -155,8 +156,16 @@ def resume_campaign(
     ProtocolError, CampaignError, RigError
         As in `run_campaign`; or if `rig` is needed.
     """
-    audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
-    return _resume(Path(folder), rig, None, options, pace, allow_code, audience)
+    folder = Path(folder)
+    campaign = Campaign.open(folder)
+    plan = plan_of(campaign)
+    with FolderLock(folder) as lock, _rig_again(campaign, rig, plan, pace, allow_code) as (bench, source):
+        _check_rig(campaign, bench.identity(), source)
+        if (limits := bench.limits()) != plan.envelope:
+            lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
+        options = _with_operator(options, str(campaign.about.get("operator", "")))
+        audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+        return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
 
 
 def can_be_resumed(error: BaseException) -> bool:
@@ -164,30 +173,15 @@ def can_be_resumed(error: BaseException) -> bool:
     return getattr(error, "while_running", False)
 
 
-def _resume(
-    folder: Path,
-    rig: Rig | str | Path | None,
-    protocol: Protocol | None,
-    options: Options | None,
-    pace: float | None,
-    allow_code: str | None,
-    audience: dict[str, Any],
-) -> Result:
-    campaign = Campaign.open(folder)
-    if protocol is not None and protocol.text.strip() != campaign.protocol.strip():
+def _refuse_another(campaign: Campaign, protocol: Protocol) -> None:
+    """Refuse to run a protocol in the folder of a campaign of another one."""
+    if protocol.text.strip() != campaign.protocol.strip():
         raise CampaignError(
             "this folder holds a campaign of another protocol",
-            where=str(folder),
+            where=str(campaign.path),
             value=f"the folder has {campaign.about.get('name', '')!r}; requested: {protocol.name!r}",
-            remedy=f"Name another folder, or resume the campaign in this one: pneudrive campaign resume {folder}",
+            remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {campaign.path}",
         )
-    plan = plan_of(campaign)
-    with FolderLock(folder) as lock, _rig_again(campaign, rig, plan, pace, allow_code) as (bench, source):
-        _check_rig(campaign, bench.identity(), source)
-        if (limits := bench.limits()) != plan.envelope:
-            lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
-        options = _with_operator(options, str(campaign.about.get("operator", "")))
-        return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
 
 
 def _result(run: CampaignRun) -> Result:

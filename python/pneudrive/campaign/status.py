@@ -115,7 +115,7 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
 def preliminary_friction(samples: Samples, cycle: Cycle, identity: Identity) -> float:
     """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
     from pneudrive.friction.level import extract
-    from pneudrive.friction.motion import Settled
+    from pneudrive.friction.strokes import Settled
 
     try:
         recording = _recording(samples, cycle, identity)
@@ -138,8 +138,6 @@ def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN
         name=cycle.key,
         **{name: getattr(samples, name)[good] for name in channels},
         **{name: getattr(identity, name) for name in SHARED},
-        accuracy=dict(identity.accuracy),
-        limits=dict(identity.limits),
     )
 
 

@@ -94,7 +94,7 @@ def run(
     again = _again(out, rig)
     with _running(again):
         result = campaigns.run_campaign(
-            protocol, rig, out, options=options, labels=labels, pace=speed, display=_display()
+            protocol, rig, out, options=options, labels=labels, pace=speed, display=live.TerminalDisplay()
         )
     _end(result, again)
 
@@ -132,7 +132,12 @@ def resume(
     again = _again(folder, rig, allow_code)
     with _running(again):
         result = campaigns.resume_campaign(
-            folder, rig or None, options=options, pace=speed, allow_code=allow_code or None, display=_display()
+            folder,
+            rig or None,
+            options=options,
+            pace=speed,
+            allow_code=allow_code or None,
+            display=live.TerminalDisplay(),
         )
     _end(result, again)
 
@@ -202,10 +207,6 @@ def _options(operator: str, yes: bool, timeout: str) -> campaigns.Options:
     if seconds < 0.0:
         raise CommandError(f"--timeout {timeout} is out of bounds", rule="zero or more")
     return campaigns.Options(operator=operator, yes=yes, patience_s=seconds)
-
-
-def _display() -> live.Display:
-    return live.ScreenDisplay() if sys.stdout.isatty() else live.LineDisplay()
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:

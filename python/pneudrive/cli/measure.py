@@ -21,8 +21,7 @@ from pneudrive.lazy_names import used_later
 with used_later(__name__):
     from pneudrive import report
     from pneudrive.campaign.storage import folder as folders
-    from pneudrive.friction import characterisation, friction_map
-    from pneudrive.friction import motion as motions
+    from pneudrive.friction import characterisation, friction_map, strokes
     from pneudrive.friction.campaign import characteristics, files
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
@@ -123,7 +122,7 @@ def characterise(
     pneudrive characterise bench/*.csv --layout layout.toml --out results
     pneudrive characterise my-campaign --out results
     """
-    choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)()
+    choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)()
     one_of("--law", law, dict.fromkeys(static_fits.LAWS))
     recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
@@ -147,7 +146,7 @@ def characterise(
 
 
 def _characterise_campaign(
-    recordings: list[Path], layout: Path | None, out: Path, choice: motions.SampleChoice, law: str
+    recordings: list[Path], layout: Path | None, out: Path, choice: strokes.SampleChoice, law: str
 ) -> None:
     """Characterise one campaign folder."""
     if len(recordings) > 1 or layout is not None:
@@ -230,7 +229,7 @@ def compare(
     pneudrive compare old.toml new.toml
     pneudrive compare before.parquet after.parquet --plot difference.svg
     """
-    choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)
+    choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)
     if not all((path / folders.RIG).is_file() for path in (first, second)):
         _compare_results(str(first), str(second), plot)
         return

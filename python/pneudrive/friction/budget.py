@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.motion import CLOCK_S
+from pneudrive.friction.strokes import CLOCK_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -17,7 +17,6 @@ from pneudrive.friction import level as reduction
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
 from pneudrive.friction.friction_map import rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
-from pneudrive.friction.motion import SampleChoice, Settled
 from pneudrive.friction.pressure import (
     CONFOUNDED,
     MINIMUM_RANGE_PA,
@@ -30,7 +29,7 @@ from pneudrive.friction.pressure import (
     run_spread,
 )
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.strokes import StrokeUse, stroke_notes
+from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.signals.layout import Layout

@@ -21,19 +21,11 @@ import numpy as np
 from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
-from pneudrive.friction.budget import (
-    COVERAGE_FACTOR,
-    BudgetEntry,
-    chance_n,
-    combined,
-    systematic_budget,
-    window_entry,
-)
+from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import group_of
-from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
-from pneudrive.friction.strokes import Strokes, stroke_grid, stroke_use
+from pneudrive.friction.strokes import RecordedMotion, Strokes, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
@@ -46,9 +38,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.bins import Profile
-    from pneudrive.friction.motion import SampleChoice
     from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
-    from pneudrive.friction.strokes import Side, Strokes, StrokeUse
+    from pneudrive.friction.strokes import SampleChoice, Side, Strokes, StrokeUse
     from pneudrive.progress import Watch
     from pneudrive.signals.load import LongFile
     from pneudrive.signals.motion import Stroke

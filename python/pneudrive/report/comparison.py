@@ -111,21 +111,22 @@ def _labels(found: CampaignCharacteristics) -> str:
 
 
 def _curves(c: Comparison, curves: CurveComparison) -> Section:
-    topic, points = Topic("comparison", "curves"), curves.points
-    first, second = (int(points.count[points.campaign == k].sum()) for k in (0, 1))
+    topic, common = Topic("comparison", "curves"), curves.common
+    first, second = (int(common["count"][common["campaign"] == k].sum()) for k in (0, 1))
     rows = (
         (
-            _gauge(points.gauge_pa[i], points.levels[i]),
-            MM * points.speed_m_s[i],
-            *curves.friction_n[:, i],
+            _gauge((point["gauge_a_pa"], point["gauge_b_pa"]), point["title"]),
+            MM * point["speed_m_s"],
+            point["first_n"],
+            point["second_n"],
             with_interval(curves.difference[i], _mean(curves, i), "N"),
-            float(curves.adjusted_p[i]),
+            point["corrected_p"],
         )
-        for i in range(min(points.speed_m_s.size, MOST_ROWS))
+        for i, point in enumerate(curves.points.head(MOST_ROWS).iter_rows(named=True))
     )
-    common = plural(points.speed_m_s.size, "point")
+    points = plural(curves.points.height, "point")
     return topic.section(
-        topic.text(points=common, first=plural(first, "cycle"), second=second),
+        topic.text(points=points, first=plural(first, "cycle"), second=second),
         topic.figure("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name),
         topic.table(rows),
     )
@@ -135,7 +136,7 @@ def _mean(curves: CurveComparison, point: int) -> float:
     return float(curves.friction_n[:, point].mean())
 
 
-def _gauge(pair: np.ndarray, levels: str) -> str:
+def _gauge(pair: tuple[float, float], levels: str) -> str:
     a, b = (round(float(v) / PA_PER_BAR, 3) + 0.0 for v in pair)
     text = f"{a:.3g} bar in both" if a == b else f"a {a:.3g} bar, b {b:.3g} bar"
     return f"{text}, {levels}" if levels else text
@@ -143,21 +144,22 @@ def _gauge(pair: np.ndarray, levels: str) -> str:
 
 def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
-    points = curves.points
+    gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
     groups: dict[tuple, list[int]] = {}
-    for i, at in enumerate(zip(map(tuple, points.gauge_pa.round(-2)), points.levels, strict=True)):
+    for i, at in enumerate(zip(map(tuple, gauges.round(-2)), curves.points["title"], strict=True)):
         groups.setdefault(at, []).append(i)
     above, below = [], []
     for at in spread_evenly(list(groups), MOST_PANELS):
-        chosen = sorted(groups[at], key=lambda i: points.speed_m_s[i])
-        above.append(Panel(_both(c, curves, chosen), _gauge(np.array(at[0]), at[1]), y="friction / N"))
+        chosen = sorted(groups[at], key=lambda i: speed[i])
+        above.append(Panel(_both(c, curves, chosen), _gauge(*at), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
     shared = {"share_x": "col", "share_y": "row", "heights": (3, 2)}
     return Figure([*above, *below], SPEED, columns=len(above), row_in=2.2, rest_in=0.0, **shared)
 
 
 def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
-    gauge, marks = curves.points.gauge_pa[chosen[0]], []
+    gauge, marks = curves.points.row(chosen[0], named=True), []
+    gauge, speed = (gauge["gauge_a_pa"], gauge["gauge_b_pa"]), curves.points["speed_m_s"].to_numpy()
     for k, found in enumerate((c.first, c.second)):
         own, ambient = look(k), found.identity.ambient_pressure_pa
         for curve in found.curves:
@@ -167,7 +169,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
                 marks.append(Line(curve.speed_m_s, curve.friction_n, look=own, width=1.0))
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({NAMES[k]})"
-        marks.append(Markers(curves.points.speed_m_s[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
+        marks.append(Markers(speed[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
     return marks
 
 
@@ -175,10 +177,10 @@ def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
     """Draw differences with their intervals; significant ones are filled."""
     marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
     for i in chosen:
-        differs = bool(curves.adjusted_p[i] < CHANCE)
+        differs = curves.points["corrected_p"][i] < CHANCE
         own = Look("orange" if differs else "grey", "-", "D")
         value, low, high = ends([curves.difference[i]], _mean(curves, i))
-        marks.append(Markers([curves.points.speed_m_s[i]], value, "", own, low, high, filled=differs))
+        marks.append(Markers([curves.points["speed_m_s"][i]], value, "", own, low, high, filled=differs))
     return marks
 
 

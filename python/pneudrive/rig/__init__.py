@@ -1,7 +1,7 @@
-"""Rigs, real and simulated. Simulated rigs also give their ground truth.
+"""Rigs, real and simulated.
 
 A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine verbs), and for simulated
-rigs `Reproducible` (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive).
+rigs `Reproducible` (begin_cycle, memory, restore) and `Changeable` (levels, change: mounting, seal, drive).
 Times of samples are those of `pneudrive.rig.motion.schedule`::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"

@@ -77,7 +77,10 @@ Texts = Annotated[
 
 ONLY_KNOWN = ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
-SHARED = ("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad")
+SHARED = (
+    *("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad", "stiffness_n_m"),
+    *("accuracy", "limits", "calibration", "force_calibration", "synthetic"),
+)
 #: Channels that every rig delivers, in the order of the files; SI. Channels that a rig does not measure are constant.
 CHANNELS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa", "temperature_k")
 
@@ -419,10 +422,6 @@ class Reproducible(Protocol):
 
     def restore(self, memory: dict[str, Any]) -> None:
         """Restore a saved state from `memory`."""
-        ...
-
-    def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the last cycle as plain data, stored with the recording for tests only."""
         ...
 
 

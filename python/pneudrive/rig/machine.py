@@ -310,8 +310,6 @@ RTOL = 1e-6
 SHORTEST_M = 1e-9
 #: Share of the set pressure within which chambers count as settled; longest time of settling, s.
 SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
-#: Number of positions for the mean of friction along a move.
-PLACES = 32
 #: Speed at which friction counts as breakaway, to check whether a released axis stays.
 CREEP_M_S = 1e-9
 
@@ -343,29 +341,11 @@ class Machine:
         """Return the present friction in the core's form."""
         return friction_in_force(self.d, self.past, self.seed)
 
-    def steady_n(
-        self, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float] | None = None
-    ) -> float:
-        """Return the steady friction at a velocity and the set pressures, N, positive against the motion.
-
-        For friction that depends on position: its mean along a move, or its value at the present position.
-        """
+    def steady_n(self, friction: dict[str, Any], velocity_m_s: float) -> float:
+        """Return the steady friction at a velocity, the set pressures and the present position, N; positive."""
         d, past = self.d, self.past
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
-        if way_m is None or friction.get("position") is None:
-            return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
-        borders = np.linspace(*way_m, PLACES + 1)
-        places = 0.5 * (borders[1:] + borders[:-1])
-        return float(np.mean([abs(steady_friction_n(friction, velocity_m_s, gauges, x)[0]) for x in places]))
-
-    def dwell_increment_n(self, friction: dict[str, Any], age_s: float) -> float:
-        """Return the increase of friction by the age of the contact at the set pressures, N."""
-        dwell = friction.get("dwell")
-        if dwell is None or not age_s > 0.0:
-            return 0.0
-        # age of the contact in steady sliding at this speed
-        speed = dwell["distance_m"] / age_s
-        return self.steady_n(friction, speed) - self.steady_n({**friction, "dwell": None}, speed)
+        return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
 
     def run(
         self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None

@@ -26,11 +26,10 @@ from pneudrive.rig.machine import (
     stream,
 )
 from pneudrive.rig.motion import Limits, Motion, cycles, step_times
-from pneudrive.rig.truth import truth_of_cycle, truth_of_step
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Sampling
 
     Array = NDArray[np.float64]
+    Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,6 +216,9 @@ class SimulatedRig:
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
         accurate = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+        shared: dict[str, Any] = {name: getattr(identity, name) for name in SHARED}
+        shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
+        shared["accuracy"] = {channel: identity.accuracy[channel] for channel in accurate}
         return Recording(
             name=name or f"{speed}, {shown}",
             time_s=true["time_s"],
@@ -223,10 +226,8 @@ class SimulatedRig:
             force_n=d.force_sensor.read(true["sensor_force_n"], rng),
             pressure_a_pa=d.pressure_sensor.read(true["pressure_a_pa"], rng),
             pressure_b_pa=d.pressure_sensor.read(true["pressure_b_pa"], rng),
-            **{shared: getattr(identity, shared) for shared in SHARED},
-            accuracy={channel: identity.accuracy[channel] for channel in accurate},
+            **shared,
             labels={"rig": d.name, "speed": speed, "pressure": f"{shown} gauge"},
-            synthetic=True,
             truth={
                 "law": d.law,
                 "parameters": dict(d.parameters),
@@ -237,8 +238,6 @@ class SimulatedRig:
                 "force_zero_n": d.force_sensor.zero,
                 "friction_n": float(self.true_friction(trace.speed_m_s, trace.pressure_a_pa, trace.pressure_b_pa)),
             },
-            stiffness_n_m=identity.stiffness_n_m,
-            limits={"force_n": identity.limits["force_n"]},
         )
 
     def measure(
@@ -443,7 +442,8 @@ class RigSession:
         self._instruments = Instruments(rig.description, seed)
         self._rng = stream(seed, "noise", "")
         self._running: _Run | None = None
-        self._truth: dict[str, Any] = {}
+        #: Called after each step of a cycle with machine, history before it, step, motion and true signals.
+        self.observe: Observer | None = None
         self._lock, self._halted = RLock(), Event()
 
     @property
@@ -560,7 +560,6 @@ class RigSession:
         """Seed the noise of the next cycle from the rig's seed and this key."""
         self.past.key = key
         self._rng = stream(self.seed, "noise", key)
-        self._truth = {}
 
     def memory(self) -> dict[str, Any]:
         """Return the saved state as plain data."""
@@ -570,10 +569,6 @@ class RigSession:
         """Restore a saved state from `memory`."""
         self._idle()
         self._machine.past = Past.from_dict(memory)
-
-    def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the last cycle as plain data; see `pneudrive.rig.truth`."""
-        return self._truth
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the factors that can be changed, with their possible levels.
@@ -632,10 +627,9 @@ class RigSession:
             return run
 
     def _acquire(self, steps: list[Step], sampling: Sampling | None) -> Iterator[Samples]:
-        """Run steps; without a sampling the readings have no noise, and a cycle has no ground truth."""
+        """Run steps; without a sampling the readings have no noise."""
         run, rng = self._begin(), None if sampling is None else self._rng
         began, done_s = time.monotonic(), 0.0
-        truths: list[dict[str, Any]] = []
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
             for i, step in enumerate(steps):
@@ -644,8 +638,8 @@ class RigSession:
                     continue
                 times = self._times(motion.duration_s, isinstance(step, Move), sampling)
                 machine, before, true = self._ahead(run, step, motion, times)
-                if sampling is not None:
-                    truths.append(truth_of_step(machine, before, step, motion, true))
+                if sampling is not None and self.observe is not None:
+                    self.observe(machine, before, step, motion, true)
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
                 for part in self._parts(times[:count], motion.duration_s):
@@ -658,8 +652,6 @@ class RigSession:
                     yield Samples(time_s=done_s + times[part], **named, step=index)
                 run.motion = None
                 done_s += motion.duration_s
-            if sampling is not None:
-                self._truth = truth_of_cycle(self._machine, self._instruments.force, truths)
         finally:
             with self._lock:
                 self._halt(run)

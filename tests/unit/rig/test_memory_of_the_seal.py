@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from oracle.rig_truth import telling
 from pneudrive.errors import DescriptionError
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 from pneudrive.rig.description import read_description
@@ -24,7 +25,7 @@ def stop(rig, duration, speed=0.01, released=False):
 
 @pytest.fixture
 def rig():
-    return load_rig("open-chambers", seed=1)
+    return telling(load_rig("open-chambers", seed=1))
 
 
 def test_the_held_force_relaxes_by_what_the_springs_in_series_let_it(rig):
@@ -67,7 +68,7 @@ def test_a_released_contact_ages_as_a_held_one_does(rig):
 
 
 def test_age_weighs_more_under_pressure():
-    rig = load_rig("common-manifold", seed=1)
+    rig = telling(load_rig("common-manifold", seed=1))
     added = []
     for pressure in (101300.0, 251300.0):
         rig.set_pressure(pressure, pressure)
@@ -77,7 +78,7 @@ def test_age_weighs_more_under_pressure():
 
 
 def test_mounting_direction_and_place_are_in_the_friction():
-    rig = load_rig("open-chambers", seed=1)
+    rig = telling(load_rig("open-chambers", seed=1))
     d = rig.rig.description
 
     def friction(mounting):
@@ -140,5 +141,5 @@ def test_a_rig_file_takes_temperature_wear_and_the_shape_of_the_curve(tmp_path):
     assert d.dependences["temperature"]["viscous_per_k"] == 0.02
     assert d.dependences["wear"]["rate_per_m"] == 5e-6
     assert d.dependences["stribeck_shape"] == "free"
-    _, told = stop(load_rig(str(file), seed=1), 1.0)
+    _, told = stop(telling(load_rig(str(file), seed=1)), 1.0)
     assert told

@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.planning.points import Way
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
 from pneudrive.describe.files import toml
 from pneudrive.errors import ProtocolError, nearest
@@ -18,7 +17,7 @@ from pneudrive.rig.interface import Changeable, Hold, Move
 
 if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.points import Plan
+    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Rig
     from pneudrive.rig.motion import Limits
@@ -82,7 +81,7 @@ class Allowed:
     @cached_property
     def axis(self) -> Limits:
         """Limits of starts and stops of the axis."""
-        return Way.on(self.plan.protocol, self.plan.envelope).limits
+        return self.plan.way.limits
 
     @cached_property
     def envelope(self) -> Envelope:
@@ -143,19 +142,6 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     }
 
 
-def check_range(protocol: Protocol, envelope: Envelope) -> None:
-    """Refuse a range of positions that is empty or leaves the rig's range."""
-    way = Way.on(protocol, envelope)
-    low, high = envelope.position_m
-    if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
-        raise protocol.fail(
-            "position",
-            f"the campaign would move from {_mm(way.low_m)} to {_mm(way.high_m)}",
-            rule=f"the axis may move from {_mm(low)} to {_mm(high)}",
-            remedy="Change [position] range or margin.",
-        )
-
-
 def check_levels(protocol: Protocol, rig: Rig) -> None:
     """Refuse a level of mounting, seal or drive that the rig lacks; only a simulated rig knows its levels."""
     if not isinstance(rig, Changeable):
@@ -187,7 +173,7 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
         speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
             remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
-            yield "stroke", f"{_mm(step.to_m)}; from {_mm(low)} to {_mm(high)}", remedy
+            yield "stroke", f"{millimetres(step.to_m)}; from {millimetres(low)} to {millimetres(high)}", remedy
         if speed > allowed.envelope.speed_m_s * (1.0 + ROUNDING):
             yield "speed", f"{_mm_s(speed)}; at most {_mm_s(allowed.envelope.speed_m_s)}", "Lower the speed."
         peak, top = allowed.peak_acceleration_m_s2(distance, speed), allowed.envelope.acceleration_m_s2
@@ -201,11 +187,11 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
     for (distance, step), hold in zip(moves, measures, strict=True):
         speed, reached = step.speed_m_s, allowed.axis.top_speed_m_s(distance)
         if (hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
-            ramps = _mm(2.0 * allowed.axis.ramp_distance_m(speed))
+            ramps = millimetres(2.0 * allowed.axis.ramp_distance_m(speed))
             limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield (
                 "ramp",
-                f"{_mm_s(speed)} within {_mm(distance)}; {limit}",
+                f"{_mm_s(speed)} within {millimetres(distance)}; {limit}",
                 "Lower the speed, or use more of the stroke.",
             )
 
@@ -277,7 +263,8 @@ def _cycles(count: int) -> str:
     return f"{count} cycle{'' if count == 1 else 's'}"
 
 
-def _mm(value_m: float) -> str:
+def millimetres(value_m: float) -> str:
+    """Return a length as text."""
     return f"{1e3 * value_m:.5g} mm"
 
 
@@ -311,7 +298,7 @@ def cautions(plan: Plan) -> tuple[str, ...]:
 
 def _of_samples(plan: Plan) -> Iterator[Caution]:
     """Yield the effects that the samples and strokes of a plan cannot show."""
-    protocol, way = plan.protocol, Way.on(plan.protocol, plan.envelope)
+    protocol, way = plan.protocol, plan.way
     samples, speeds = protocol.samples, protocol.speed
     burst = samples.burst_rate_hz if samples.burst_after_s > 0.0 else 0.0
     if burst < BURST_RATE_HZ:

@@ -14,23 +14,20 @@ import uuid
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.running.attempt import Attempts, GivenUpError, as_own_error
-from pneudrive.campaign.running.checks import FAULT, NO_ANSWER, MeasuringBounds, arrival_flags, look, serious
-from pneudrive.campaign.running.live import Display, LiveFiles, guarded
-from pneudrive.campaign.storage.control import (
-    ABORT,
-    CTRL_C,
-    LOOK_S,
-    PAUSE,
-    REMEDIES,
-    RESUME,
-    STOP,
-    Journal,
-    Requests,
-    now,
-    user,
+from pneudrive.campaign.running.attempt import (
+    FAULT,
+    NO_ANSWER,
+    Attempts,
+    GivenUpError,
+    MeasuringBounds,
+    arrival_flags,
+    as_own_error,
+    look,
+    serious,
 )
-from pneudrive.campaign.storage.folder import CYCLES, LOG, tidy, write_cycle, write_truth
+from pneudrive.campaign.running.live import Display, LiveFiles, guarded
+from pneudrive.campaign.storage import control
+from pneudrive.campaign.storage.folder import CYCLES, LOG, tidy, write_cycle
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 
 if TYPE_CHECKING:
@@ -39,8 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.campaign.cycle import Cycle, Head
-    from pneudrive.campaign.planning.points import Plan
-    from pneudrive.campaign.storage.control import FolderLock
+    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
@@ -200,7 +196,7 @@ class CampaignRun:
         plan: Plan,
         rig: Rig,
         options: Options,
-        lock: FolderLock,
+        lock: control.FolderLock,
         *,
         display: Display | None,
         prompt: Terminal | None,
@@ -209,12 +205,12 @@ class CampaignRun:
     ) -> None:
         self.campaign, self.plan, self.options = campaign, plan, options
         self._lock, self._prompt, self._subscribers = lock, prompt or Terminal(), subscribers
-        self._journal = Journal(campaign.path / LOG)
+        self._journal = control.Journal(campaign.path / LOG)
         self._display = guarded(self._journal, display or Display(), LiveFiles(campaign.path))
         files, tidied = tidy(campaign)
         for line in tidied:
             self._tell(line)
-        self._requests = Requests(campaign.path, someone_there=self._prompt.there, cancel=cancel)
+        self._requests = control.Requests(campaign.path, someone_there=self._prompt.there, cancel=cancel)
         self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
         self._attempts = Attempts(rig, self._bounds.during, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
@@ -337,22 +333,22 @@ class CampaignRun:
         if request is None:
             return
         self._leaving = request.leave
-        if request.word == PAUSE:
+        if request.word == control.PAUSE:
             self._lock.tell(state="pausing", text="after the cycle")
             action = "ending" if request.leave else "pausing"
             self._tell(f"{action} after this cycle ({request.by}); Ctrl-C again stops the axis now")
-            self._pausing = PAUSE
-        elif request.word == STOP:
+            self._pausing = control.PAUSE
+        elif request.word == control.STOP:
             self._lock.tell(state="pausing", text="now")
             self._tell(f"stopping now ({request.by})")
-            self._pausing = STOP
+            self._pausing = control.STOP
             self._rest()
-        elif request.word == ABORT:
+        elif request.word == control.ABORT:
             self._lock.tell(state="stopping", text="")
             self._tell(f"ending now ({request.by}); finished cycles are kept")
             self._rest()
             raise EndedError(request.by)
-        elif request.word == RESUME:
+        elif request.word == control.RESUME:
             self._tell(f"{request.by} asked to continue, but nothing is paused")
 
     def _checkpoint(self) -> None:
@@ -378,7 +374,7 @@ class CampaignRun:
         self._rest()
         if self._leaving:
             raise EndedError("nobody would answer")
-        operator = self.options.operator or user()
+        operator = self.options.operator or control.user()
         if question:
             text = f"Operator's step: {question}"
             keys = f"Enter: done (by {operator}), another name: done by that person, a: end > "
@@ -402,7 +398,7 @@ class CampaignRun:
         self._display.go_on()
         self._requests.began_again()
         self._lock.tell(state="running", text="")
-        return {"name": name, "time": now(), "how": how}
+        return {"name": name, "time": control.now(), "how": how}
 
     def _answer(self, operator: str) -> tuple[bool, str, str]:
         """Wait for the answer to a pause, at the terminal or from another process.
@@ -414,11 +410,13 @@ class CampaignRun:
         """
         while True:
             request = self._requests.take()
-            if request is not None and (request.word in (ABORT, RESUME) or request.by == CTRL_C):
-                return request.word == RESUME, request.by, "another process"
+            if request is not None and (
+                request.word in (control.ABORT, control.RESUME) or request.by == control.CTRL_C
+            ):
+                return request.word == control.RESUME, request.by, "another process"
             if not self._prompt.there:
                 self._requests.wait()
-            elif (line := self._prompt.line(LOOK_S)) is not None:
+            elif (line := self._prompt.line(control.LOOK_S)) is not None:
                 return line.lower() not in ("a", "abort", "end"), line or operator, "terminal"
 
     # -- a cycle ----------------------------------------------------------------------------------------------
@@ -434,12 +432,12 @@ class CampaignRun:
         """Ask the operator for a step and return who confirmed it."""
         if self.options.yes:
             self._journal.write(f"{cycle.key}: {cycle.text} (assumed done: --yes)")
-            return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
+            return {"name": self.options.operator or control.user(), "time": control.now(), "how": "--yes"}
         answer = self._pause(cycle.text)  # at rest: somebody will reach into the rig
         self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
         return answer
 
-    def _measured(self, cycle: Cycle) -> tuple[Head, Samples, dict[str, Any]]:
+    def _measured(self, cycle: Cycle) -> tuple[Head, Samples]:
         """Run a cycle until it is complete; wait while conditions are not met."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
@@ -450,7 +448,7 @@ class CampaignRun:
             error = attempt.exception()
             if error is None:
                 return attempt.result()
-            if self._pausing != STOP:  # this request ended the cycle
+            if self._pausing != control.STOP:  # this request ended the cycle
                 self._give_up(cycle, error)
             self._checkpoint()
 
@@ -527,20 +525,18 @@ class CampaignRun:
                 "the disk is full",
                 where=str(self.campaign.path),
                 value=f"{free / 1e6:.3g} MB are free, the next cycle may need {needed / 1e6:.3g} MB",
-                remedy=REMEDIES[errno.ENOSPC],
+                remedy=control.REMEDIES[errno.ENOSPC],
             )
 
     # -- finished cycles ----------------------------------------------------------------------------------------
 
-    def _write(self, head: Head, samples: Samples, truth: dict[str, Any], confirmed: dict[str, str]) -> dict[str, Any]:
+    def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> dict[str, Any]:
         """Store a cycle. The cycle is then finished. The storing cannot be interrupted."""
         cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1
         flags = arrival_flags(samples, cycle, self.campaign.identity) if cycle.steps else {}
         head = replace(head, index=self._index, flags=flags, confirmed=confirmed)
-        if truth:
-            write_truth(self.campaign.path, head, truth)
         self._path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(head)
         self.finished[cycle.key] = flags

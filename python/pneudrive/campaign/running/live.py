@@ -1,4 +1,4 @@
-"""Displays of a running campaign: one live table, plain lines, or two files in ``control/``."""
+"""Displays of a running campaign: one table or plain lines in the terminal, and two files in ``control/``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from zlib import crc32
 
 import numpy as np
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.points import Plan
+    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.storage.control import Journal
     from pneudrive.rig.interface import Samples
 
@@ -134,49 +134,21 @@ def guarded(journal: Journal, *displays: Display) -> Display:
     return cast("Display", Guarded())
 
 
-class LineDisplay(Display):
-    """One line per finished cycle, for files and pipes.
-
-    Parameters
-    ----------
-    out : text stream, optional
-        Default: standard output.
-    """
-
-    def __init__(self, out: TextIO | None = None) -> None:
-        self._out = out or sys.stdout
-
-    def began(self, plan: Plan, done: Collection[str]) -> None:
-        """Show that the campaign begins."""
-        super().began(plan, done)
-        progress = self.progress
-        to_do = f"{progress.total - progress.count} of {progress.total} cycles to do"
-        self.say(f"{self.title}: {to_do if done else f'{progress.total} cycles'}, {progress.left} on the rig")
-
-    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
-        """Show that a cycle is stored."""
-        super().finished(cycle, flags)
-        progress, flagged = self.progress, f"  flags: {', '.join(flags)}" if flags else ""
-        self.say(f"{progress.count}/{progress.total} {cycle.key}  {progress.left} left{flagged}")
-
-    def say(self, text: str) -> None:
-        """Write a line."""
-        self._out.write(text + "\n")
-        self._out.flush()
-
-
-class ScreenDisplay(Display):
+class TerminalDisplay(Display):
     """A live table on a terminal: finished cycles, remaining time, the current cycle, the latest messages.
+
+    In a file or pipe, a line for each finished cycle and message.
 
     Parameters
     ----------
     console : rich.console.Console, optional
-        Default: the terminal.
+        Default: standard output.
     """
 
     def __init__(self, console: Any = None) -> None:  # noqa: ANN401 - rich is imported on use
         from rich.console import Console
 
+        self._is_screen = sys.stdout.isatty() if console is None else console.is_terminal
         self._console = console or Console(file=sys.stdout, highlight=False)  # even if redirected later
         self._live: Any = None
         self._messages: list[str] = []
@@ -185,18 +157,26 @@ class ScreenDisplay(Display):
         """Show that the campaign begins."""
         super().began(plan, done)
         self.go_on()
+        total, left = self.progress.total, self.progress.total - self.progress.count
+        if not self._is_screen:
+            to_do = f"{left} of {total} cycles to do" if done else f"{total} cycles"
+            self.say(f"{self.title}: {to_do}, {self.progress.left} on the rig")
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
         super().finished(cycle, flags)
-        if flags:
-            self.say(f"{cycle.key}: {', '.join(f'{flag} {count}' for flag, count in flags.items())}")
+        flagged, progress = ", ".join(f"{flag} {count}" for flag, count in flags.items()), self.progress
+        if not self._is_screen:
+            end = f"  flags: {flagged}" if flagged else ""
+            self.say(f"{progress.count}/{progress.total} {cycle.key}  {progress.left} left{end}")
+        elif flagged:
+            self.say(f"{cycle.key}: {flagged}")
 
     def say(self, text: str) -> None:
         """Show a line."""
         self._messages = [*self._messages, text][-LINES:]
         if self._live is None:
-            self._console.print(text, markup=False)
+            self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def suspend(self) -> None:
         """Release the terminal for a prompt."""
@@ -213,7 +193,7 @@ class ScreenDisplay(Display):
         from rich.live import Live
 
         self._messages = []
-        if self._live is None:
+        if self._is_screen and self._live is None:
             options = {"refresh_per_second": REFRESHED_HZ, "redirect_stdout": False, "redirect_stderr": False}
             self._live = Live(get_renderable=self._table, console=self._console, **options)
             self._live.start()

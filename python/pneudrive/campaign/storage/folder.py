@@ -6,7 +6,6 @@ The list of files is the catalogue.
 - ``campaign.json``: schema, name, seed, operator, labels, created, version
 - ``rig.json``: the rig's identity and calibration (`pneudrive.rig.interface.Identity`)
 - ``cycles/00001-KEY.parquet``: raw samples; the header of the cycle is JSON under the key "pneudrive" of its metadata
-- ``truth/00001-KEY.json``: simulated rigs only: ground truth for tests, never read by an analysis
 
 docs/reference/campaign-folder.md describes the format key by key.
 """
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.planning.points import Plan
+    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.files.tables import Text
 
     Array = NDArray[np.float64]
@@ -121,7 +120,7 @@ def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np
 HEAD = "pneudrive"
 COLUMNS = (*CHANNELS, "step")
 REQUIRED_COLUMNS = ("time_s", "position_m", "force_n")
-CYCLES, TRUTH = "cycles", "truth"
+CYCLES = "cycles"
 PROTOCOL, ABOUT, RIG, LOG = "campaign.toml", "campaign.json", "rig.json", "campaign.log"
 #: Ending of a damaged file that was put aside; its cycle is run again.
 ASIDE = ".damaged"
@@ -274,14 +273,6 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     columns = {name: np.asarray(getattr(given, name), dtype=kind) for name, kind in types.items()}
     head = replace(head, sha256=digest(columns))
     write_whole(target, sealed_parquet(pl.DataFrame(columns), {HEAD: head.to_json()}))
-    return target
-
-
-def write_truth(folder: Path, head: Head, truth: dict[str, Any]) -> Path:
-    """Write the ground truth of a cycle of a simulated rig."""
-    target = folder / TRUTH / f"{file_name(head.index, head.cycle.key)}.json"
-    make_folder(target.parent)
-    write_whole(target, json.dumps(truth, default=plain).encode(), flush=False)  # results do not depend on it
     return target
 
 
@@ -471,7 +462,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any
     make_folder(folder)
 
     # A process that was killed while it created the folder leaves some of these.
-    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, TRUTH, CONTROL}
+    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, CONTROL}
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
         raise CampaignError(
@@ -501,7 +492,7 @@ def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
         If the folder cannot be written to.
     """
     done = []
-    for folder in (campaign.path, campaign.path / CYCLES, campaign.path / TRUTH):
+    for folder in (campaign.path, campaign.path / CYCLES):
         for path in sorted(folder.glob(f"*{PART}")):
             with clear_errors("the campaign folder cannot be tidied", path):
                 path.unlink()
@@ -521,7 +512,7 @@ def _free_name(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-__all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle", "write_truth"]
+__all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle"]
 
 
 def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:

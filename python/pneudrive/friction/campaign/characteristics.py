@@ -13,42 +13,18 @@ from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate
 from pneudrive.estimate.profile import one_thread
-from pneudrive.friction.campaign.curves import (
-    air_shares,
-    asymmetries,
-    bands_of,
-    curves_of,
-    cycle_terms,
-    fit_points,
-    sensor_zero,
-    sources,
-    stick_slip_points,
-    thresholds,
-)
+from pneudrive.friction.campaign import curves as campaign_curves
+from pneudrive.friction.campaign import trends
 from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
-from pneudrive.friction.campaign.stops.dwell_law import (
-    ASSUMED_DISTANCE_M,
-    FEWEST_STOPS,
-    ContactAge,
-    fit_contact_age,
-    fit_dwell,
-)
+from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.campaign.trends import (
-    causes,
-    drift_of,
-    position_dependence,
-    pressure_effects,
-    pure_scatter,
-    repeatability,
-)
 from pneudrive.friction.friction_map import BOTH, LEVELS, Condition
-from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
+from pneudrive.friction.strokes import SAMPLE_CHOICES, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
 from pneudrive.progress import Watch
@@ -62,9 +38,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.result import Asymmetry
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.motion import SampleChoice
+    from pneudrive.friction.strokes import SampleChoice
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
@@ -188,27 +163,27 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     points = points_of(reading)
     large = points is not None and points.is_large
     fitted = condensed(points) if points is not None and large else points
-    fits = fit_points(fitted, reading.tares, condensed=large) if fitted is not None else None
+    fits = campaign_curves.fit_points(fitted, reading.tares, condensed=large) if fitted is not None else None
     if fits is not None and not large:
         points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays so
     rig, why, pure, bands, parts = reading.identity, None, None, (), {}
-    terms = None if points is None else cycle_terms(points, fits)
+    terms = None if points is None else campaign_curves.cycle_terms(points, fits)
     if fits is not None:
-        bands, separated = bands_of(fits), rig.pressure_measured_at == "chamber"
-        parts["curves"] = curves_of(fits, bands, contains_air=not separated)
-        parts["air"] = air_shares(fits, bands, separated=separated)
-        parts["asymmetry"] = asymmetries(fits, bands)
-    parts["zero"] = sensor_zero(reading.tares)
+        bands, separated = campaign_curves.bands_of(fits), rig.pressure_measured_at == "chamber"
+        parts["curves"] = campaign_curves.curves_of(fits, bands, contains_air=not separated)
+        parts["air"] = campaign_curves.air_shares(fits, bands, separated=separated)
+        parts["asymmetry"] = campaign_curves.asymmetries(fits, bands)
+    parts["zero"] = campaign_curves.sensor_zero(reading.tares)
     if fits is not None:
-        why, pure = causes(fits), pure_scatter(fits)
-        parts["drift"] = drift_of(fits, why)
-        parts["repeatability"] = repeatability(fits, pure)
-        parts["pressure"] = pressure_effects(fits, rig.ambient_pressure_pa)
-        parts["sources"] = sources(fits, bands, reading.gain, rig.force_calibration)
+        why, pure = trends.causes(fits), trends.pure_scatter(fits)
+        parts["drift"] = trends.drift_of(fits, why)
+        parts["repeatability"] = trends.repeatability(fits, pure)
+        parts["pressure"] = trends.pressure_effects(fits, rig.ambient_pressure_pa)
+        parts["sources"] = campaign_curves.sources(fits, bands, reading.gain, rig.force_calibration)
     if points is not None:
-        parts["position"] = position_dependence(points)
-        parts["stick_slip"] = stick_slip_points(points)
-        parts["stick_slip_thresholds"] = thresholds(points)
+        parts["position"] = trends.position_dependence(points)
+        parts["stick_slip"] = campaign_curves.stick_slip_points(points)
+        parts["stick_slip_thresholds"] = campaign_curves.thresholds(points)
         parts["loops"] = _loops(reading, points)
     cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
@@ -248,7 +223,7 @@ def _with_stops(
     if not any(file.head.cycle.kind == "stop" for file in reading.files):
         return found
     stops, lost = find_stops(opened, processes, reading.files)
-    dwell, said = fit_dwell(stops, opened.identity.ambient_pressure_pa)
+    dwell, said = dwell_law.fit_dwell(stops, opened.identity.ambient_pressure_pa)
     skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
@@ -450,7 +425,9 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
 # --- stops ---------------------------------------------------------------------------------------------------------
 
 
-def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]) -> ContactAge | None:
+def _contact_age(
+    series: dwell_law.DwellSeries | None, ambient_pa: float, notes: list[str]
+) -> dwell_law.ContactAge | None:
     """Fit the age of the contact with the growth of the best law of breakaway that a drive file supports."""
     if series is None:
         return None
@@ -460,10 +437,10 @@ def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]
     law = next((law for law in series.laws if law.form.growth), None)
     if law is None or not series.slope.differs:
         return None
-    return fit_contact_age(series.stops, law.form, law.shape.get("m", law.form.exponent), ambient_pa)
+    return dwell_law.fit_contact_age(series.stops, law.form, law.shape.get("m", law.form.exponent), ambient_pa)
 
 
-def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
+def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
     if age.distance is None:
         notes.append("stops: no return to sliding was recorded; the renewal distance of the contact is assumed, 0.1 mm")
     if age.together:
@@ -488,7 +465,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
 
     known = stops.filter(pl.col("relaxation_n").is_not_nan())
     held = known.filter((pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0))
-    if len(held) < FEWEST_STOPS:
+    if len(held) < dwell_law.FEWEST_STOPS:
         return
     of_one_time = held.filter(relaxation_form="exponential")
     if len(of_one_time) <= len(held) / 2:
@@ -497,7 +474,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     amplitude = of_one_time["relaxation_amplitude_n"].to_numpy()
     shares = amplitude / (of_one_time["relaxation_held_n"].to_numpy() + amplitude)
     shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
-    if shares.size < FEWEST_STOPS:
+    if shares.size < dwell_law.FEWEST_STOPS:
         return
     share = mean_estimate(shares, "1")
     time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
@@ -507,7 +484,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     table: dict[str, object] = {
         "share": round(share.value, 6),
         "time": f"{seconds.value:.6g} s",
-        "distance": f"{ASSUMED_DISTANCE_M:.6g} m",
+        "distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m",
     }
     yield "relaxation", table, {"share": share, "time": seconds}
 

@@ -27,8 +27,8 @@ from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.estimate.profile import one_thread
+from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
-from pneudrive.friction.campaign.sensors import stated_gain
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import capitalised, say
 from pneudrive.lazy_names import upper
@@ -121,47 +121,35 @@ KEY = ("title", "gauge_a_pa", "gauge_b_pa", "speed_m_s")  # what a point is, apa
 
 @dataclass(frozen=True, eq=False)
 class CommonPoints:
-    """Cycles of both campaigns at common points, shape (n,) each.
-
-    In large campaigns, neighbouring repeats at one point form one row.
+    """Cycles of both campaigns at common points.
 
     Attributes
     ----------
-    log_n, noise : ndarray
-        Logarithm of friction, variance of its noise.
-    count : ndarray
-        Number of cycles in a row.
-    campaign : ndarray of int
-        0 or 1.
-    point : ndarray of int
-    block : ndarray, shape (n, blocks)
+    cycles : polars.DataFrame
+        A row for each cycle; in large campaigns, for neighbouring repeats at one point. Columns: ``campaign`` (0 or 1),
+        ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles of the row), ``order``
+        (place in the campaign, 0 to 1).
+    block : ndarray, shape (rows, blocks)
         Share of each block of both campaigns.
-    order : ndarray
-        Place in the campaign, 0 to 1.
-    speed_m_s : ndarray, shape (m,)
-    gauge_pa : ndarray, shape (m, 2)
-    levels : tuple of str, length m
-        Mounting, seal and drive of each point.
+    points : polars.DataFrame
+        A row for each point: `KEY`. The title names mounting, seal and drive.
     left_out : int
         Further common points.
     """
 
-    log_n: Array
-    noise: Array
-    count: Array
-    campaign: NDArray[np.int64]
-    point: NDArray[np.int64]
+    cycles: pl.DataFrame
     block: Array
-    order: Array
-    speed_m_s: Array
-    gauge_pa: Array
-    levels: tuple[str, ...]
-    left_out: int = 0
+    points: pl.DataFrame
+    left_out: int
+
+    def __getitem__(self, name: str) -> NDArray:
+        """Return a column of the cycles."""
+        return self.cycles[name].to_numpy()
 
     @property
     def blocks(self) -> list[int]:
         """Number of blocks of each campaign."""
-        return [int((self.block[self.campaign == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
+        return [int((self.block[self["campaign"] == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,31 +158,36 @@ class CurveComparison:
 
     Attributes
     ----------
-    points : CommonPoints
+    common : CommonPoints
+    points : polars.DataFrame
+        A row for each common point: `KEY`, ``first_n`` and ``second_n`` (mean of each campaign), and ``corrected_p``,
+        the probability of the difference after Holm's correction for the number of points [holm1979].
+    difference : tuple of Estimate
+        At each common point, relative to friction.
+    mean : Estimate
+        Mean difference over the common points, relative.
     shape : FTest
         Probability for the difference over all speeds: level, slope and bend together.
     pressure : FTest or None
         Probability for a difference in the effect of pressure.
-    mean : Estimate
-        Mean difference over the common points, relative to friction.
-    difference : tuple of Estimate
-        At each common point, relative.
-    adjusted_p : ndarray, shape (m,)
-        Probabilities of the differences after Holm's correction for their number [holm1979].
-    friction_n : ndarray, shape (2, m)
-        Mean of each campaign at the points.
-    several_blocks : bool
-        Both campaigns have more than one block, so the tests include differences of blocks.
     """
 
-    points: CommonPoints
+    common: CommonPoints
+    points: pl.DataFrame
+    difference: tuple[Estimate, ...]
+    mean: Estimate
     shape: FTest
     pressure: FTest | None
-    mean: Estimate
-    difference: tuple[Estimate, ...]
-    adjusted_p: Array
-    friction_n: Array
-    several_blocks: bool
+
+    @property
+    def several_blocks(self) -> bool:
+        """Whether both campaigns have more than one block: the tests then include differences of blocks."""
+        return min(self.common.blocks) > 1
+
+    @property
+    def friction_n(self) -> Array:
+        """Mean of each campaign at the points, shape (2, m)."""
+        return self.points.select("first_n", "second_n").to_numpy().T
 
 
 def compare_curves(
@@ -213,54 +206,56 @@ def compare_curves(
     CurveComparison or str
         A string gives the reason if they cannot be compared.
     """
-    points = common_points(first, second)
-    if points.speed_m_s.size == 0:
+    common = common_points(first, second)
+    point, campaign, count = (common[name] for name in ("point", "campaign", "count"))
+    m = common.points.height
+    if not m:
         return "no speed at the same pressures was run in both campaigns"
-    cycles = [points.count[points.campaign == k].sum() for k in (0, 1)]
+    cycles = [count[campaign == k].sum() for k in (0, 1)]
     if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
-    u, m, u_log = float(np.sqrt(2.0)) * gain, points.speed_m_s.size, np.log10(points.speed_m_s)
-    sign = (points.campaign.astype(np.float64) - 0.5)[:, None]
-    dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
+    u, u_log = float(np.sqrt(2.0)) * gain, np.log10(common.points["speed_m_s"].to_numpy())
+    sign = (campaign.astype(np.float64) - 0.5)[:, None]
+    dummies = (point[:, None] == np.arange(m)[None, :]).astype(float)
     away = u_log - u_log.mean()
-    speeds, bar = np.unique(np.round(away, 2)).size, points.gauge_pa / 1e5
+    speeds, bar = np.unique(np.round(away, 2)).size, common.points.select(KEY[1:3]).to_numpy(order="c") / 1e5
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
     shape = np.column_stack([np.ones(m), away, away**2 - np.mean(away**2)])
     shape = shape[:, : 1 + (speeds > 1) + (speeds >= BEND_SPEEDS)]
     pressure = (bar - bar.mean(axis=0))[:, : 1 if np.allclose(bar[:, 0], bar[:, 1], atol=0.02) else 2]
-    x = np.c_[dummies, shape[points.point] * sign, pressure[points.point] * sign]
+    x = np.c_[dummies, shape[point] * sign, pressure[point] * sign]
     kept = independent(x)
     rows = np.eye(x.shape[1])[:, kept]
     of_shape, of_pressure = kept[(kept >= m) & (kept < m + shape.shape[1])], kept[kept >= m + shape.shape[1]]
-    cell = m * points.campaign + points.point
-    total, number = (np.bincount(cell, points.count * v, 2 * m) for v in (points.log_n, np.ones(cell.size)))
+    cell = m * campaign + point
+    total, number = (np.bincount(cell, count * v, 2 * m) for v in (common["log_n"], np.ones(cell.size)))
+    means = np.exp(total / number).reshape(2, m)
     with one_thread():
-        fit, each = (_model(points, columns).fit() for columns in (x[:, kept], np.c_[dummies, dummies * sign]))
+        fit, each = (_model(common, columns).fit() for columns in (x[:, kept], np.c_[dummies, dummies * sign]))
         difference = tuple(each.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
+        p = holm(np.array([e.p for e in difference]))
         return CurveComparison(
-            points=points,
+            common=common,
+            points=common.points.with_columns(first_n=means[0], second_n=means[1], corrected_p=p),
+            difference=difference,
+            mean=fit.contrast(rows[m], unit="").widened(u),
             shape=fit.f_test(rows[of_shape], u**2),
             pressure=fit.f_test(rows[of_pressure]) if of_pressure.size else None,
-            mean=fit.contrast(rows[m], unit="").widened(u),
-            difference=difference,
-            adjusted_p=holm(np.array([e.p for e in difference])),
-            friction_n=np.exp(total / number).reshape(2, m),
-            several_blocks=min(points.blocks) > 1,
         )
 
 
-def _model(points: CommonPoints, x: Array) -> MixedModel:
+def _model(common: CommonPoints, x: Array) -> MixedModel:
     components = []
     for k in (0, 1):
-        own = (points.campaign == k).astype(float)
-        components.append(RandomEffect(f"cycle {k + 1}", own / points.count, USUAL))
+        own = (common["campaign"] == k).astype(float)
+        components.append(RandomEffect(f"cycle {k + 1}", own / common["count"], USUAL))
         if own.sum() >= DRIFT_CYCLES:
             kernel, members = np.zeros((own.size, own.size)), np.flatnonzero(own)
-            kernel[np.ix_(members, members)] = centred_walk(points.order[members])
+            kernel[np.ix_(members, members)] = centred_walk(common["order"][members])
             components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
-    if max(points.blocks) > 1:
-        components.append(RandomEffect("block", points.block @ points.block.T, USUAL))
-    return MixedModel(points.log_n, x, points.noise, tuple(components))
+    if max(common.blocks) > 1:
+        components.append(RandomEffect("block", common.block @ common.block.T, USUAL))
+    return MixedModel(common["log_n"], x, common["noise"], tuple(components))
 
 
 def holm(p: Array) -> Array:
@@ -298,34 +293,23 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     chosen = np.linspace(0, common.height - 1, min(common.height, MOST_POINTS)).round().astype(int)
     points = common[chosen].with_row_index("point")
     cycles = cycles.join(points.select("place", "point"), on="place", maintain_order="left")
-    campaign, point = cycles["campaign"].to_numpy(), cycles["point"].to_numpy().astype(np.int64)
-    named = list(zip(cycles["campaign"], cycles["block"], strict=True))
-    known = {block: i for i, block in enumerate(dict.fromkeys(named))}
-    blocks = np.array([known[block] for block in named], dtype=np.int64)
+    campaign, point = (cycles[name].to_numpy().astype(np.int64) for name in ("campaign", "point"))
+    blocks = cycles.select(pl.struct("campaign", "block").rank("dense")).to_series().to_numpy().astype(np.int64)
     groups = [[i] for i in range(cycles.height)]
     if cycles.height > MOST_CELLS:  # a row for several neighbouring repeats at one point
         begin = np.array([blocks[campaign == k].min() for k in (0, 1)])
         where = (2 * point + campaign, blocks - begin[campaign], np.zeros_like(point))
         groups = grouped(*where, rows=MOST_CYCLES, cells=MOST_CELLS)[0]
     heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
+    friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
 
     def mean(values: Array) -> Array:
         return np.array([np.mean(values[group]) for group in groups], dtype=np.float64)
 
-    friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
-    return CommonPoints(
-        log_n=mean(np.array([np.log(f) for f in friction])),
-        noise=mean((stderr / friction) ** 2) / count,
-        count=count,
-        campaign=campaign[heads],
-        point=point[heads],
-        block=shares_of([blocks[group].tolist() for group in groups]),
-        order=mean(cycles["order"].to_numpy()),
-        speed_m_s=points["speed_m_s"].to_numpy(),
-        gauge_pa=points.select("gauge_a_pa", "gauge_b_pa").to_numpy(),
-        levels=tuple(points["title"]),
-        left_out=common.height - points.height,
-    )
+    rows = {"campaign": campaign[heads], "point": point[heads], "log_n": mean(np.array([np.log(f) for f in friction]))}
+    rows |= {"noise": mean((stderr / friction) ** 2) / count, "count": count, "order": mean(cycles["order"].to_numpy())}
+    shares = shares_of([blocks[group].tolist() for group in groups])
+    return CommonPoints(pl.DataFrame(rows), shares, points.select(KEY), common.height - points.height)
 
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
@@ -337,12 +321,11 @@ def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
     cycles = found.cycles.filter(pl.col("kind").is_in(KINDS), pl.col("friction_n") > 0.0, finite)
     cycles = cycles.filter([not reasons.intersection(flags) for flags in cycles["flags"].to_list()])
     sides = {f"gauge_{side}_pa": [round(p - ambient, -2) for p in cycles[f"pressure_{side}_pa"]] for side in "ab"}
-    titles = [", ".join(level for level in row if level) for row in cycles.select(LEVELS).iter_rows()]
-    last = cycles["index"].max() or 1
+    titles = [", ".join(filter(None, row)) for row in cycles.select(LEVELS).iter_rows()]
     return cycles.with_columns(
         campaign=pl.lit(campaign, pl.Int64),
         title=pl.Series(titles, dtype=pl.String),
-        order=pl.Series([index / last for index in cycles["index"]], dtype=pl.Float64),
+        order=pl.Series(cycles["index"].to_numpy() / (cycles["index"].max() or 1), dtype=pl.Float64),
         **{name: pl.Series(values, dtype=pl.Float64) for name, values in sides.items()},
     )
 
@@ -391,8 +374,6 @@ class Comparison(Viewed):
     curves : CurveComparison or None
     dwell : tuple of (DwellSeries, DwellSeries)
         Series that were compared.
-    different : bool
-        Any test is different.
     statements : tuple of Statement
     """
 
@@ -402,13 +383,12 @@ class Comparison(Viewed):
     tests: tuple[Test, ...]
     curves: CurveComparison | None
     dwell: tuple[tuple[DwellSeries, DwellSeries], ...]
-    different: bool
-    statements: tuple[Statement, ...]
+    statements: tuple[Statement, ...] = ()
 
     @property
-    def attributable(self) -> bool:
-        """Whether a difference of curves can be separated from mounting and day: both have several blocks."""
-        return self.curves is None or self.curves.several_blocks
+    def different(self) -> bool:
+        """Whether any test is different."""
+        return any(test.different for test in self.tests)
 
     def view(self) -> View:
         """Return a row for each question, cautions, and the figures of both campaigns."""
@@ -423,7 +403,7 @@ class Comparison(Viewed):
             return f"No difference is shown in {count}: the campaigns may be equal, or too short."
         what = ", ".join(dict.fromkeys(test.what for test in self.tests if test.different))
         text = f"The campaigns differ by more than their cycles scatter: {what}."
-        if not self.attributable:
+        if self.curves is not None and not self.curves.several_blocks:
             text += " With a single block in a campaign this may be the mounting or the day."
         return text
 
@@ -440,22 +420,20 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     -------
     Comparison
     """
-    abouts = [about_of(found) for found in (first, second)]
-    curves = compare_curves(first, second, _gain(first, second, abouts))
-    pairs = tuple(_pairs(first, second))
+    both, abouts = (first, second), [about_of(found) for found in (first, second)]
+    found, pairs = compare_curves(*both, _gain(*both, abouts)), tuple(_pairs(*both))
+    why, curves = (found, None) if isinstance(found, str) else ("", found)
     tests = [
-        *(_curve_tests(first, second, curves) if isinstance(curves, CurveComparison) else ()),
+        *(() if curves is None else _curve_tests(*both, curves)),
         *(test for pair in pairs for test in _dwell_tests(*pair)),
-        *_drift_test(first, second),
-        *_repeatability_test(first, second),
+        *_drift_test(*both),
+        *_repeatability_test(*both),
     ]
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
         tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
-    why, curves = (curves, None) if isinstance(curves, str) else ("", curves)
-    checks = tuple(checks_of(first, second, *abouts))
-    found = Comparison(first, second, checks, tuple(tests), curves, pairs, any(test.different for test in tests), ())
-    return replace(found, statements=tuple(_statements(found, why)))
+    compared = Comparison(first, second, tuple(checks_of(*both, *abouts)), tuple(tests), curves, pairs)
+    return replace(compared, statements=tuple(_statements(compared, why)))
 
 
 def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
@@ -490,7 +468,7 @@ def _curve_tests(
     within = [found.repeatability.within for found in (first, second) if found.repeatability is not None]
     limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
     beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
-    note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
+    note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"
     yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
     if curves.pressure is not None:
         note = "growth of friction with pressure, as a fraction of friction"
@@ -572,7 +550,7 @@ def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
     if found.curves is None:
         yield say("curve.not_comparable", why=not_comparable)
     else:
-        size, left = found.curves.points.speed_m_s.size, found.curves.points.left_out
+        size, left = found.curves.points.height, found.curves.common.left_out
         if left:
             yield say("curve.thinned", all=size + left, compared=size)
         if not found.curves.several_blocks:

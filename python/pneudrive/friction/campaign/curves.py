@@ -17,6 +17,8 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.friction.budget import CycleTerms, SharedTerms
+from pneudrive.friction.campaign import smooth
+from pneudrive.friction.campaign.cycles import GROWING
 from pneudrive.friction.campaign.points import (
     NAMES,
     OUTLIER,
@@ -35,19 +37,6 @@ from pneudrive.friction.campaign.result import (
     StickSlipThreshold,
     UncertaintySource,
 )
-from pneudrive.friction.campaign.sensors import GROWING
-from pneudrive.friction.campaign.smooth import (
-    CARRIED,
-    WILD,
-    WILD_SPREAD,
-    CurveData,
-    CurveFit,
-    carried_drift,
-    either_chance,
-    fit_curves,
-    wild_cycles,
-    with_doubt,
-)
 from pneudrive.friction.friction_map import BOTH
 
 if TYPE_CHECKING:
@@ -57,9 +46,8 @@ if TYPE_CHECKING:
 
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.estimate.mixed import Predicted
-    from pneudrive.friction.campaign.cycles import CycleTable
+    from pneudrive.friction.campaign.cycles import CycleTable, Gain
     from pneudrive.friction.campaign.points import CurvePoints
-    from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.friction.friction_map import Condition
     from pneudrive.signals.force_calibration import ForceCalibration
 
@@ -96,8 +84,8 @@ class Fits:
 
     points: CurvePoints
     speeds: tuple[CurveSpeeds, ...]
-    friction: CurveFit
-    offset: CurveFit
+    friction: smooth.CurveFit
+    offset: smooth.CurveFit
     drift_share: float
     block_kind: str
     doubtful: tuple[int, ...] = ()
@@ -140,7 +128,7 @@ def fit_points(points: CurvePoints, tares: CycleTable, *, condensed: bool = Fals
     if fits is None or condensed:
         return fits
     rows = np.flatnonzero(points.use)
-    found, readings = wild_cycles(fits.friction.data)
+    found, readings = smooth.wild_cycles(fits.friction.data)
     if found:
         wild = set(rows[found].tolist())
         reason = points["reason"].copy()
@@ -150,7 +138,9 @@ def fit_points(points: CurvePoints, tares: CycleTable, *, condensed: bool = Fals
         return fits
     left = np.flatnonzero(fits.points.use)
     among = [np.searchsorted(left, rows[some]) for some in readings]
-    both = with_doubt(fits.friction, among, WILD_SPREAD * fits.friction.data.level, WILD / (1.0 - WILD))
+    both = smooth.with_doubt(
+        fits.friction, among, smooth.WILD_SPREAD * fits.friction.data.level, smooth.WILD / (1.0 - smooth.WILD)
+    )
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
@@ -162,16 +152,16 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     (blocks, kind), speeds = block_shares(points), curve_speeds(points)
     ones = np.ones(int(use.sum()))
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
-    friction = CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
-    share = carried_drift(friction)
-    fitted = _better(replace(friction, drift=share < CARRIED))
-    offset = CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
+    friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
+    share = smooth.carried_drift(friction)
+    fitted = _better(replace(friction, drift=share < smooth.CARRIED))
+    offset = smooth.CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     offset = _with_tares(tares, offset)
-    carries = carried_drift(offset) < CARRIED or (offset.curve < 0).sum() > 1
-    return Fits(points, speeds, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
+    carries = smooth.carried_drift(offset) < smooth.CARRIED or (offset.curve < 0).sum() > 1
+    return Fits(points, speeds, fitted, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
 
 
-def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
+def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:
     """Fit curves to another result of the same cycles, shape (n,), with chance in N.
 
     Parameters
@@ -185,28 +175,28 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFi
     """
     use, like = fits.points.use, fits.friction.data
     data = replace(like, y=y[use], noise=stderr[use] ** 2, logarithmic=False)
-    return fit_curves(data if drift else replace(data, drift=False, blocks=None))
+    return smooth.fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
-def _better(data: CurveData) -> CurveFit:
+def _better(data: smooth.CurveData) -> smooth.CurveFit:
     """Fit friction or its logarithm, whichever is more likely, with both forms of scatter."""
-    plain = fit_curves(data)
+    plain = smooth.fit_curves(data)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
         return plain
-    relative = fit_curves(data.logarithms())
+    relative = smooth.fit_curves(data.logarithms())
     # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
     freedom = len(data) - plain.fit.model.x.shape[1]
     likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
     better = relative if likelier > plain.fit.log_likelihood() else plain
     del plain, relative  # free the other one before a third: each takes much memory
-    return either_chance(better)
+    return smooth.either_chance(better)
 
 
-def _with_tares(tares: CycleTable, data: CurveData) -> CurveData:
+def _with_tares(tares: CycleTable, data: smooth.CurveData) -> smooth.CurveData:
     """Add the zero runs: observations of only the zero, without a curve."""
     ones = np.ones(len(tares))
     columns = (tares["standing_n"], tares["standing_stderr_n"] ** 2, np.nan * ones, np.full(len(tares), -1))
-    added = CurveData(*columns, tares["order"], ones, ones)
+    added = smooth.CurveData(*columns, tares["order"], ones, ones)
     names = [name for name, values in vars(added).items() if isinstance(values, np.ndarray)]
     return replace(data, **{name: np.concatenate([getattr(data, name), getattr(added, name)]) for name in names})
 
@@ -292,7 +282,7 @@ def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> 
                     cycles=at.cycles,
                     excluded=at.excluded,
                     contains_air=contains_air,
-                    complete=fits.drift_share < CARRIED,
+                    complete=fits.drift_share < smooth.CARRIED,
                 )
             )
     return tuple(curves)
@@ -314,7 +304,7 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> CycleTerms:
     return CycleTerms(**terms)
 
 
-def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
+def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     """Return the value, low and high of the statistical 95 % interval, N."""
     half = found.half_width()
     if fit.logarithmic:
@@ -322,7 +312,7 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     return found.mean, found.mean - half, found.mean + half
 
 
-def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
+def by_chance(fits: Fits, fit: smooth.CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
     """Return value, low and high end of the 95 % interval from chance, N.
 
     The scatter at the point gives a lower limit of its width.

@@ -236,18 +236,11 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
         "statement": list(compared.statements),
     }
     if compared.curves is not None:
-        points = compared.curves.points
-        tables["curves"] = {
-            "speed_m_s": points.speed_m_s,
-            "gauge_a_pa": points.gauge_pa[:, 0],
-            "gauge_b_pa": points.gauge_pa[:, 1],
-            "first_n": compared.curves.friction_n[0],
-            "second_n": compared.curves.friction_n[1],
-            "relative_difference": [e.value for e in compared.curves.difference],
-            "low": [e.low for e in compared.curves.difference],
-            "high": [e.high for e in compared.curves.difference],
-            "corrected_p": compared.curves.adjusted_p,
-        }
+        columns = compared.curves.points.select("speed_m_s", "gauge_a_pa", "gauge_b_pa", "first_n", "second_n")
+        tables["curves"] = columns.to_dict(as_series=False)
+        for name, of in {"relative_difference": "value", "low": "low", "high": "high"}.items():
+            tables["curves"][name] = [getattr(estimate, of) for estimate in compared.curves.difference]
+        tables["curves"]["corrected_p"] = compared.curves.points["corrected_p"].to_list()
     return _write(tables, path)
 
 

@@ -24,11 +24,21 @@ from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
-from pneudrive.friction.campaign.cycles import CycleTable, Loop, chosen_loops, cycle_row, reduce_cycle, reversal_loop
-from pneudrive.friction.campaign.sensors import Gain, corrected, pressure_zeros, sensor_gain, without_zeros
+from pneudrive.friction.campaign.cycles import (
+    CycleTable,
+    Gain,
+    Loop,
+    chosen_loops,
+    corrected,
+    cycle_row,
+    pressure_zeros,
+    reduce_cycle,
+    reversal_loop,
+    sensor_gain,
+    without_zeros,
+)
 from pneudrive.friction.friction_map import LEVELS, Condition, Skipped
-from pneudrive.friction.motion import RecordedMotion
-from pneudrive.friction.strokes import stroke_rows
+from pneudrive.friction.strokes import RecordedMotion, stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move
 from pneudrive.signals.recording import Recording, clean, refuse_channels
 
@@ -38,11 +48,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.storage.folder import Campaign, Head
-    from pneudrive.friction.campaign.cycles import Row
-    from pneudrive.friction.campaign.sensors import PressureZero
+    from pneudrive.friction.campaign.cycles import PressureZero, Row
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.friction.motion import SampleChoice
+    from pneudrive.friction.strokes import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
@@ -83,13 +92,12 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     if stands and np.isfinite(position).any():
         position = np.full(position.size, float(np.nanmedian(position)))
     known = identity.force_calibration
-    limits = {channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()}
-    force = samples.force_n[good]
+    shared, force = {name: getattr(identity, name) for name in SHARED}, samples.force_n[good]
     if known is not None:
         force = known.force_n(force)
-        if "force_n" in limits:
-            low, high = known.force_n(np.array(limits["force_n"]))
-            limits["force_n"] = (float(low), float(high))
+        if "force_n" in identity.limits:
+            low, high = known.force_n(np.array(identity.limits["force_n"])).tolist()
+            shared["limits"] = identity.limits | {"force_n": (low, high)}
     recording = clean(
         Recording(
             name=name,
@@ -98,15 +106,9 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
             force_n=force,
             pressure_a_pa=samples.pressure_a_pa[good],
             pressure_b_pa=samples.pressure_b_pa[good],
-            **{name: getattr(identity, name) for name in SHARED},
-            accuracy=dict(identity.accuracy),
+            **shared,
             labels=dict(file.head.cycle.levels),
             source=file.path,
-            synthetic=identity.synthetic,
-            stiffness_n_m=identity.stiffness_n_m,
-            limits=limits,
-            calibration=dict(identity.calibration),
-            force_calibration=known,
         )
     )
     if len(recording) < (1.0 - LOST_SHARE) * count:
@@ -479,7 +481,7 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     return CampaignData(
         name=name,
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
-        identity=_identity(found.recordings[0], name),
+        identity=Identity(name=name, **{field: getattr(found.recordings[0], field) for field in SHARED}),
         files=(),
         sliding=CycleTable.of([row for row in rows if row["sides"]], BINS),
         tares=CycleTable.of([], BINS),
@@ -490,19 +492,6 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
         edges_m=edges,
         loops={},
         several=len({row["block"] for row in rows}) > 1,
-    )
-
-
-def _identity(recording: Recording, name: str) -> Identity:
-    return Identity(
-        name=name,
-        **{field: getattr(recording, field) for field in SHARED},
-        stiffness_n_m=recording.stiffness_n_m,
-        accuracy=dict(recording.accuracy),
-        limits=dict(recording.limits),
-        calibration=dict(recording.calibration),
-        force_calibration=recording.force_calibration,
-        synthetic=recording.synthetic,
     )
 
 

@@ -21,17 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import centred_walk, integrated_wiener, matern
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.mixed import (
-    MOST_FOR_SEARCH,
-    Functionals,
-    MixedFit,
-    MixedModel,
-    Predicted,
-    RandomEffect,
-    independent,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -141,12 +133,12 @@ class CurveFit:
     """
 
     data: CurveData
-    fit: MixedFit
+    fit: mixed.MixedFit
     relative: float
     drift: Array
     drift_half: Array
     sd: dict[str, float]
-    known: dict[tuple[int, bytes], Predicted] = field(default_factory=dict)  # asked for before
+    known: dict[tuple[int, bytes], mixed.Predicted] = field(default_factory=dict)  # asked for before
 
     @property
     def logarithmic(self) -> bool:
@@ -158,20 +150,20 @@ class CurveFit:
         """Names of the sources of scatter that the design determines."""
         return tuple(c.name for c in self.fit.model.components if c.name in {"cycle", "drift", "block"})
 
-    def at(self, curve: int, speed_m_s: Array) -> Predicted:
+    def at(self, curve: int, speed_m_s: Array) -> mixed.Predicted:
         """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
         key = (curve, speed_m_s.tobytes())
         if key not in self.known:
             self.known[key] = self.over(curve, speed_m_s).predict()
         return self.known[key]
 
-    def over(self, curve: int, speed_m_s: Array) -> Functionals:
+    def over(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
         """Return the curve at these speeds as linear functions of the model."""
         basis = _Basis.of(self.data)
         number = np.full(speed_m_s.size, curve, dtype=np.int64)
         fixed = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
         own = basis.kernels((speed_m_s, number), (speed_m_s, number))
-        return Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
+        return mixed.Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
 
     def steady(self) -> Array:
         """Return the curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
@@ -198,7 +190,7 @@ class _Basis:
         lowest = float(data.speed_m_s[on].min())
         width = max(float(stretched(data.speed_m_s[on], lowest).max()), 1e-6)
         basis = cls(data, lowest, width, int(data.curve.max()) + 1, np.zeros(0, dtype=np.intp))
-        return replace(basis, kept=independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
+        return replace(basis, kept=mixed.independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
 
     def place(self, speed_m_s: Array) -> Array:
         """Return the stretched speed, scaled to 0 to 1 over the measured range."""
@@ -254,7 +246,7 @@ def fit_curves(data: CurveData) -> CurveFit:
     return _described(data, curve_model(data).fit(), relative=float(data.logarithmic))
 
 
-def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
+def _described(data: CurveData, fit: mixed.MixedFit, relative: float) -> CurveFit:
     walk = {c.name: c.kernel for c in fit.model.components if c.name == "drift"}
     nothing = np.zeros((len(data), fit.model.x.shape[1]))
     found = fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
@@ -304,7 +296,7 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
     return _described(fitted.data, fit, fitted.relative)
 
 
-def curve_model(data: CurveData) -> MixedModel:
+def curve_model(data: CurveData) -> mixed.MixedModel:
     """Return the model that `fit_curves` fits."""
     basis = _Basis.of(data)
     on = data.curve >= 0
@@ -312,14 +304,14 @@ def curve_model(data: CurveData) -> MixedModel:
     usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
     kernels = basis.with_data(data.speed_m_s, data.curve)
-    components = [RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
-    components.append(RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
+    components = [mixed.RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
+    components.append(mixed.RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
     if data.drift:
-        components.append(RandomEffect("drift", centred_walk(data.order), usual))
+        components.append(mixed.RandomEffect("drift", centred_walk(data.order), usual))
     if data.blocks is not None:
-        components.append(RandomEffect("block", data.blocks @ data.blocks.T, usual))
+        components.append(mixed.RandomEffect("block", data.blocks @ data.blocks.T, usual))
     x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
-    return MixedModel(data.y, x, data.noise, tuple(components))
+    return mixed.MixedModel(data.y, x, data.noise, tuple(components))
 
 
 ENOUGH = 9  # least number of cycles to find a wild one
@@ -400,12 +392,12 @@ def _path(data: CurveData) -> list[_Taken]:
         # Among very many cycles, a few outliers change nothing: remove all at once. Among few cycles, an outlier that
         # bends the curve makes its neighbours look like outliers. Remove the cycle without which the others are most
         # likely.
-        tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
+        tries = [order[: most - len(taken)]] if size > mixed.MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
         found = [(_deviations(data, [*taken, *some], sd), [*taken, *some]) for some in tries]
         (sd, cost), taken = min(found, key=lambda one: one[0][1])
         path.append(_Taken(taken, sd, cost + price * len(taken)))
     # With very many cycles the standard deviations come from some of them: their costs are not comparable.
-    return path if size <= MOST_FOR_SEARCH else path[-1:]
+    return path if size <= mixed.MOST_FOR_SEARCH else path[-1:]
 
 
 def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:

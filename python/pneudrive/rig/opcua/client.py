@@ -30,19 +30,9 @@ from pneudrive.rig.interface import (
     envelope_of,
     identity_of,
 )
+from pneudrive.rig.opcua import nodes as node_map
 from pneudrive.rig.opcua.access import Access, AccessFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
-from pneudrive.rig.opcua.nodes import (
-    HOLD,
-    RELEASED,
-    SAMPLES,
-    SAMPLING,
-    SHUT,
-    STATE,
-    NodeMap,
-    Verb,
-    load_map,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -111,29 +101,29 @@ class OpcUaRig:
     def state(self) -> RigState:
         """Return the state of the rig; a lost connection is reopened first."""
         try:
-            *values, fault = self._link.read(*STATE, "state.fault")
+            *values, fault = self._link.read(*node_map.STATE, "state.fault")
         except LinkError as error:
             self._reconnect(str(error))
             self._gone = True  # the next verb reports it
             return self.state()
-        said: dict[str, Any] = dict(zip(STATE.values(), values, strict=True))
+        said: dict[str, Any] = dict(zip(node_map.STATE.values(), values, strict=True))
         return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
 
     def home(self) -> None:
         """Bring the axis to its home position."""
-        self._do(Verb.HOME)
+        self._do(node_map.Verb.HOME)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
         """Bring the chambers to these absolute pressures, Pa."""
-        self._do(Verb.SET_PRESSURE, {"command.pressure_a": a_pa, "command.pressure_b": b_pa})
+        self._do(node_map.Verb.SET_PRESSURE, {"command.pressure_a": a_pa, "command.pressure_b": b_pa})
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
-        self._do(Verb.MOVE, self._program([Move(to_m, speed_m_s)]), self._expected_s([Move(to_m, speed_m_s)]))
+        self._do(node_map.Verb.MOVE, self._program([Move(to_m, speed_m_s)]), self._expected_s([Move(to_m, speed_m_s)]))
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Rest for a time without recording."""
-        self._do(Verb.HOLD, self._program([Hold(duration_s, released)]), duration_s)
+        self._do(node_map.Verb.HOLD, self._program([Hold(duration_s, released)]), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
@@ -144,7 +134,7 @@ class OpcUaRig:
             with self._one_connection("the acquisition") as same:
                 (taken,) = self._link.read("samples.written")
                 arguments = {**self._program(steps), **self._sampling(sampling), "samples.acknowledged": taken}
-                identity = self._start(Verb.ACQUIRE, arguments)
+                identity = self._start(node_map.Verb.ACQUIRE, arguments)
                 deadline, look = time.monotonic() + patience, FIRST_LOOK_S
                 while running:
                     running = not self._ended(identity)
@@ -158,9 +148,9 @@ class OpcUaRig:
                         yield part
                         deadline = time.monotonic() + patience
                     if running:
-                        self._wait(look, deadline, Verb.ACQUIRE)
+                        self._wait(look, deadline, node_map.Verb.ACQUIRE)
                 same()
-                self._check_fault(Verb.ACQUIRE)
+                self._check_fault(node_map.Verb.ACQUIRE)
         except (_EndedError, ConnectionLostError):
             running = False  # another client has ended it, or the server is gone
             raise
@@ -173,7 +163,7 @@ class OpcUaRig:
         try:
             with self._starting:
                 if self._link.lost is None:
-                    self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+                    self._await(self._start(node_map.Verb.STOP, {}), 0.0, node_map.Verb.STOP)
                     self._gone = False  # a stop starts with a fresh connection anyway
                     return
         except LinkError:
@@ -185,23 +175,23 @@ class OpcUaRig:
             raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig on site.") from None
         self._gone = False
 
-    def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
+    def _do(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
         """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
             self._await(self._start(verb, arguments or {}), expected_s, verb)
 
-    def _start(self, verb: Verb, arguments: dict[str, Any]) -> int:
+    def _start(self, verb: node_map.Verb, arguments: dict[str, Any]) -> int:
         """Write arguments, then the id that starts the command, after the answer to a pending stop."""
         with self._starting:
-            if verb not in (Verb.HALT, Verb.STOP):  # any client may
+            if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
                 self._link.beat()
             self._id = self._id % COUNTER + 1
             self._link.write({**arguments, "command.verb": int(verb)})
             self._link.write({"command.id": self._id})
             return self._id
 
-    def _await(self, identity: int, expected_s: float, verb: Verb) -> None:
+    def _await(self, identity: int, expected_s: float, verb: node_map.Verb) -> None:
         nodes, look = self._link.nodes, FIRST_LOOK_S
         deadline = time.monotonic() + SLACK * expected_s + nodes.handshake.patience_s
         while not self._ended(identity):
@@ -221,14 +211,14 @@ class OpcUaRig:
             )
         return done == identity
 
-    def _wait(self, look: float, deadline: float, verb: Verb) -> None:
+    def _wait(self, look: float, deadline: float, verb: node_map.Verb) -> None:
         if time.monotonic() > deadline:
             what = f"the rig does not finish {_words(verb)}"
             rule = "handshake.patience of the node map beyond the duration of the steps"
             raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig.")
         time.sleep(look)
 
-    def _check_fault(self, verb: Verb) -> None:
+    def _check_fault(self, verb: node_map.Verb) -> None:
         (fault,) = self._link.read("answer.fault")
         if fault:
             what, *rest = fault.splitlines()
@@ -238,15 +228,15 @@ class OpcUaRig:
 
     def _chunk(self, number: int) -> Samples:
         slot = self._link.nodes.slot_of(number)
-        sequence, count, *read = self._link.read("samples.sequence", "samples.count", *SAMPLES, slot=slot)
+        sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
             what = f"samples were lost: slot {slot} contains chunk {sequence} instead of {number}"
             raise RigError(what, where=self._link.url, remedy="Use more or larger slots in the PLC and the node map.")
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
-            sizes = ", ".join(f"{name} {column.size}" for name, column in zip(SAMPLES, columns, strict=True))
+            sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
             raise RigError(f"chunk {number} of {count} samples has columns of different lengths", value=sizes)
-        return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
+        return Samples(**dict(zip(node_map.SAMPLES.values(), columns, strict=True)))
 
     def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
         """Write steps as arrays, within the limits of the rig."""
@@ -254,8 +244,8 @@ class OpcUaRig:
         most = self._link.served["step.kind"].length or nodes.handshake.steps
         moves = [step if isinstance(step, Move) else Move(0.0, 0.0) for step in steps]
         holds = [step if isinstance(step, Hold) else Hold(0.0) for step in steps]
-        is_hold = [HOLD * isinstance(step, Hold) for step in steps]
-        bits = [RELEASED * hold.released | SHUT * hold.shut for hold in holds]
+        is_hold = [node_map.HOLD * isinstance(step, Hold) for step in steps]
+        bits = [node_map.RELEASED * hold.released | node_map.SHUT * hold.shut for hold in holds]
         arrays = {
             "step.count": len(steps),
             "step.kind": [hold | more for hold, more in zip(is_hold, bits, strict=True)],
@@ -274,7 +264,7 @@ class OpcUaRig:
         return {name: values for name, values in arrays.items() if name in nodes}
 
     def _sampling(self, sampling: Sampling) -> dict[str, Any]:
-        return {name: getattr(sampling, field) for name, field in SAMPLING.items() if name in self._link.nodes}
+        return {name: getattr(sampling, field) for name, field in node_map.SAMPLING.items() if name in self._link.nodes}
 
     def _expected_s(self, steps: Sequence[Step]) -> float:
         low, high = self._limits.position_m
@@ -357,7 +347,7 @@ class OpcUaRig:
             if self._link.lost is None:
                 return
             self._link.connect()
-            self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
+            self._await(self._start(node_map.Verb.STOP, {}), 0.0, node_map.Verb.STOP)
             if (name := self._told_name()) != self._told:
                 raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._link.url)
 
@@ -370,7 +360,7 @@ class OpcUaRig:
     def _halt(self) -> None:
         """Bring the axis to rest now, and keep the pressures."""
         with contextlib.suppress(LinkError, RigError):  # another error is already being raised
-            self._await(self._start(Verb.HALT, {}), 0.0, Verb.HALT)
+            self._await(self._start(node_map.Verb.HALT, {}), 0.0, node_map.Verb.HALT)
 
 
 class SimulatedOpcUaRig(OpcUaRig):
@@ -378,29 +368,25 @@ class SimulatedOpcUaRig(OpcUaRig):
 
     def begin_cycle(self, key: str) -> None:
         """Seed the noise of the next cycle from the rig's seed and this key."""
-        self._ask(Verb.BEGIN_CYCLE, key)
+        self._ask(node_map.Verb.BEGIN_CYCLE, key)
 
     def memory(self) -> dict[str, Any]:
         """Return the saved state of the rig."""
-        return self._ask(Verb.MEMORY)
+        return self._ask(node_map.Verb.MEMORY)
 
     def restore(self, memory: dict[str, Any]) -> None:
         """Restore a saved state from `memory`."""
-        self._ask(Verb.RESTORE, memory)
-
-    def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the last cycle."""
-        return self._ask(Verb.TRUTH)
+        self._ask(node_map.Verb.RESTORE, memory)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the factors that can be changed, with their possible levels."""
-        return {factor: tuple(levels) for factor, levels in self._ask(Verb.LEVELS).items()}
+        return {factor: tuple(levels) for factor, levels in self._ask(node_map.Verb.LEVELS).items()}
 
     def change(self, levels: dict[str, str]) -> None:
         """Set mounted factor levels."""
-        self._ask(Verb.CHANGE, levels)
+        self._ask(node_map.Verb.CHANGE, levels)
 
-    def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
+    def _ask(self, verb: node_map.Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
         self._check_back()
         with self._one_connection(_words(verb)) as same:
             self._await(self._start(verb, {"simulation.text": json.dumps(question)}), 0.0, verb)
@@ -411,7 +397,7 @@ class SimulatedOpcUaRig(OpcUaRig):
 
 def open_rig(
     url: str,
-    nodes: NodeMap | None = None,
+    nodes: node_map.NodeMap | None = None,
     access: Access | None = None,
     identity: Identity | None = None,
     limits: Envelope | None = None,
@@ -442,7 +428,7 @@ def open_rig(
             rule="an address is opc.tcp://HOST:PORT",
             remedy="Check the address.",
         ) from None
-    link = Link(url, nodes or load_map(), access or Access())
+    link = Link(url, nodes or node_map.load_map(), access or Access())
     try:
         for wait_s in (*AGAIN_S, 0.0):
             try:
@@ -490,7 +476,9 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     sent = file.password_env or file.password_file
     if file.user is not None and sent is not None:
         warn(f"the password in {sent} is sent to {urlsplit(file.url).netloc}, as {Path(source).name} states")
-    return open_rig(file.url, load_map(file.beside(file.map)), file.access, *file.described(), file.reconnect_s)
+    return open_rig(
+        file.url, node_map.load_map(file.beside(file.map)), file.access, *file.described(), file.reconnect_s
+    )
 
 
 def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
@@ -502,5 +490,5 @@ def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
     )
 
 
-def _words(verb: Verb) -> str:
+def _words(verb: node_map.Verb) -> str:
     return f"'{verb.name.lower().replace('_', ' ')}'"

@@ -49,7 +49,6 @@ class Verb(IntEnum):
     BEGIN_CYCLE = 101
     MEMORY = 102
     RESTORE = 103
-    TRUTH = 104
     LEVELS = 105
     CHANGE = 106
 

@@ -7,16 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from pneudrive.campaign.storage.control import write_whole
+from pneudrive.errors import CampaignError
+from pneudrive.files.content import read_json
 from pneudrive.report.page import texts_of
+from pneudrive.rig.interface import Move
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.rig import Envelope, Identity
+    from pneudrive.rig import Envelope, Identity, Motion
+    from pneudrive.rig.interface import Step
+    from pneudrive.rig.machine import Machine, Past
 
 
 #: Experiment -> (ready protocol, rig as `load_rig` takes it). The paper does not describe its rigs: the first one is
@@ -28,6 +35,10 @@ EXPERIMENTS = {
     "stops": ("paper-stops", "open-chambers"),
 }
 FOLDER = "campaigns"
+#: File in the folder of a campaign: key of a cycle -> speed and true friction of its strokes.
+TRUE_STROKES = "true-strokes.json"
+#: Share within which the commanded speed counts as reached.
+AT_SPEED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -51,9 +62,9 @@ class Experiment:
     campaign: Campaign
     envelope: Envelope
 
-    def truth(self) -> list[dict[str, Any]]:
-        """Return the ground truth of each cycle in running order."""
-        return [json.loads(path.read_text("utf-8")) for path in sorted(self.campaign.path.glob("truth/*.json"))]
+    def true_strokes(self) -> list[list[tuple[float, float | None]]]:
+        """Return speed and true friction of the strokes of each cycle in running order, see `run_experiment`."""
+        return list(read_json(self.campaign.path / TRUE_STROKES, CampaignError).values())
 
 
 def run_experiments(
@@ -90,13 +101,37 @@ def run_experiments(
 
 
 def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> Experiment:
-    """Run one campaign."""
+    """Run one campaign; store speed and mean true friction at constant speed, N, of every stroke."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
 
-    bench = load_rig(rig, seed=seed)
-    done = run_campaign(protocol, bench, into, options=Options(yes=True))
+    bench, path = load_rig(rig, seed=seed), Path(into) / TRUE_STROKES
+    strokes: dict[str, list] = read_json(path, CampaignError) if path.exists() else {}
+
+    def observe(machine: Machine, before: Past, step: Step, motion: Motion, true: dict[str, np.ndarray]) -> None:
+        if isinstance(step, Move):
+            stroke = (step.speed_m_s, _friction_n(step, motion, true))
+            strokes.setdefault(before.key, []).append(stroke)
+
+    def store(document: str, content: dict[str, Any]) -> None:
+        if document == "event":  # a cycle is finished
+            write_whole(path, json.dumps(strokes).encode(), flush=False)
+
+    bench.observe = observe  # type: ignore[attr-defined] - of a simulated rig
+    done = run_campaign(protocol, bench, into, options=Options(yes=True), subscribers=(store,))
     return Experiment(name, protocol, rig, done.campaign, bench.limits())
+
+
+def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> float | None:
+    """Return the mean true friction of a stroke while its commanded speed is constant; None for a short one."""
+    direction = 1.0 if step.to_m > motion.start_m else -1.0
+    commanded = motion.at(true["time_s"])[1] * direction
+    steady = np.abs(commanded - step.speed_m_s) < AT_SPEED * step.speed_m_s
+    if np.count_nonzero(steady) < 2:
+        return None
+    time, friction = true["time_s"][steady], true["friction_force_n"][steady]
+    total = np.sum(0.5 * (friction[1:] + friction[:-1]) * np.diff(time))
+    return direction * float(total / (time[-1] - time[0]))
 
 
 #: The paper's sentences and our results, with places for numbers.

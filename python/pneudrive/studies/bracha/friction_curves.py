@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, campaign_friction
 from pneudrive.friction.campaign.reading import recording_of
-from pneudrive.friction.motion import moving_average
+from pneudrive.friction.strokes import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
@@ -248,11 +248,10 @@ def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
 
 def _driven(run: Experiment) -> Array:
     """Return the commanded speed of each cycle, m/s."""
-    return np.array([max(step["speed_m_s"] for step in truth["steps"] if "speed_m_s" in step) for truth in run.truth()])
+    return np.array([max(speed for speed, _ in strokes) for strokes in run.true_strokes()])
 
 
 def _truths(run: Experiment) -> Array:
     """Return the true friction of each cycle, mean of both directions, N."""
-    name = "friction_mean_n"
-    each = [[step[name] for step in truth["steps"] if name in step] for truth in run.truth()]
+    each = [[friction for _, friction in strokes if friction is not None] for strokes in run.true_strokes()]
     return np.asarray(each, dtype=np.float64).mean(axis=1)

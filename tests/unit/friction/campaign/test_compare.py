@@ -40,12 +40,12 @@ def test_a_difference_is_found_with_its_size_and_where_it_is(tmp_path):
     assert "friction over speed" in repr(found)  # the name alone shows the tests, and not every sample
     assert max(len(repr(found)), len(repr(found.first))) < 6000
     curves = found.curves
-    true = [float(other.truth(v, (0.0, 0.0)) / SMALL.truth(v, (0.0, 0.0))) - 1.0 for v in curves.points.speed_m_s]
+    true = [float(other.truth(v, (0.0, 0.0)) / SMALL.truth(v, (0.0, 0.0))) - 1.0 for v in curves.points["speed_m_s"]]
     inside = [e.low <= t <= e.high for e, t in zip(curves.difference, np.log1p(true), strict=True)]
     assert np.mean(inside) >= 0.8
-    slow, fast = int(np.argmin(curves.points.speed_m_s)), int(np.argmax(curves.points.speed_m_s))
-    assert curves.adjusted_p[slow] > 0.05  # breakaway is the same
-    assert curves.adjusted_p[fast] < 0.05
+    by_speed = curves.points.sort("speed_m_s")["corrected_p"]
+    assert by_speed[0] > 0.05  # breakaway is the same
+    assert by_speed[-1] < 0.05
     assert any("single block" in s.text for s in found.statements)
 
 
@@ -60,18 +60,18 @@ def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(compare, "MOST_CELLS", 45)
     monkeypatch.setattr(compare, "MOST_CYCLES", 30)
     found = compare_curves(*both)
-    points = found.points
-    assert points.log_n.size <= 45 < whole.points.log_n.size
-    assert points.count.sum() == whole.points.log_n.size
+    cycles = found.common.cycles
+    assert cycles.height <= 45 < whole.common.cycles.height
+    assert cycles["count"].sum() == whole.common.cycles.height
     assert found.several_blocks
     assert np.allclose(found.friction_n, whole.friction_n)
     assert abs(found.mean.value - whole.mean.value) < 0.2 * whole.mean.stderr
     assert 0.7 < found.mean.stderr / whole.mean.stderr < 1.4
     monkeypatch.setattr(compare, "MOST_POINTS", 4)
     few = compare.common_points(*both)
-    assert (few.speed_m_s.size, few.left_out) == (4, 3)
-    assert few.speed_m_s[0] == points.speed_m_s[0]
-    assert few.speed_m_s[-1] == points.speed_m_s[-1]
+    assert (few.points.height, few.left_out) == (4, 3)
+    assert few.points["speed_m_s"][0] == found.points["speed_m_s"][0]
+    assert few.points["speed_m_s"][-1] == found.points["speed_m_s"][-1]
 
 
 def test_an_effect_of_pressure_that_changed_is_found(tmp_path):

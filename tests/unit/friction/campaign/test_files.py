@@ -15,7 +15,7 @@ from pneudrive.characterise import SourcePaper, read_map
 from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.friction.campaign.reading import read_campaign
-from pneudrive.friction.motion import Settled
+from pneudrive.friction.strokes import Settled
 
 TRUE = Friction(coulomb=20.0, breakaway=32.0, stribeck_m_s=0.012, viscous=40.0, lip_a=2.0)
 GAUGES = ((0.0, 0.0), (1.5 * BAR, 0.0))

@@ -18,8 +18,7 @@ from pneudrive.errors import CampaignError
 from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.stops.course import Phases, find_phases
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
-from pneudrive.friction.campaign.stops.peak import find_breakaway
-from pneudrive.friction.campaign.stops.stop import find_stops
+from pneudrive.friction.campaign.stops.stop import find_breakaway, find_stops
 from pneudrive.rig.interface import Sampling
 
 

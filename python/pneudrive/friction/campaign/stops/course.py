@@ -21,7 +21,7 @@ All four forms are fitted to means over bins that are even in log time, and comp
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+Row = dict[str, Any]
+NOTHING = float("nan")
 #: Least number of samples of a phase.
 FEWEST = 5
 #: Speeds within this share of the usual one belong to the part of a move at constant speed.
@@ -468,35 +470,18 @@ MISFIT = 0.05  # of the excess: largest misfit of an exponential for reading a d
 SIGNIFICANT = 3.0
 
 
-@dataclass(frozen=True)
-class Recovery:
-    """Return of friction to that of uninterrupted sliding after a restart.
+def ends_of(name: str, estimate: Estimate | None) -> Row:
+    """Return the columns of an estimate: its value, and the ends of its 95 % interval."""
+    ends = {"": "value", "_low": "low", "_high": "high"}
+    return {f"{name}{end}": getattr(estimate, of, NOTHING) for end, of in ends.items()}
 
-    Attributes
-    ----------
-    distance : Estimate
-        m, from the peak to 5 % of the excess; high is inf if the move ends before.
-    time : Estimate
-        s, likewise.
-    length_m : float
-        L.
-    left : Estimate
-        c: friction at the end minus friction before the stop, N.
-    seen_m : float
-        Travel of the move after the peak.
-    complete : bool
-        The move is long enough.
-    exponential : bool
-        The excess is an exponential within its noise; otherwise the distance is read from the bins.
-    """
 
-    distance: Estimate
-    time: Estimate
-    length_m: float
-    left: Estimate
-    seen_m: float
-    complete: bool
-    exponential: bool
+#: Columns of the return to sliding; NaN if the peak cannot be separated from running friction.
+NO_RECOVERY: Row = {
+    **{key: value for name in ("recovery_m", "recovery_s", "left_n") for key, value in ends_of(name, None).items()},
+    "recovery_seen_m": NOTHING,
+    "recovery_complete": False,
+}
 
 
 def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Array | None:
@@ -540,8 +525,8 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     return np.array([*means(group, travel, time, excess), stderr])[:, kept]
 
 
-def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
-    """Fit the return to uninterrupted sliding.
+def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
+    """Fit the return of friction to that of uninterrupted sliding after a restart.
 
     Parameters
     ----------
@@ -554,14 +539,17 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Recovery 
 
     Returns
     -------
-    Recovery or None
-        None if the excess at the peak is not distinguishable from zero.
+    dict
+        `NO_RECOVERY` if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the
+        peak to 5 % of the excess, the friction at the end minus that before the stop, the travel after the peak, and
+        whether the move is long enough; the upper ends are infinite if it is not. If the excess is not an exponential
+        within its noise, the distance is read from the bins.
     """
     s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
     start = float(np.average(y[first], weights=sigma[first] ** -2))
     if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
-        return None
+        return NO_RECOVERY
     freedom = s.size - 3
     coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
 
@@ -576,27 +564,21 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Recovery 
     best, cost, (drop, left) = found.best, float(found.cost[found.best]), found.coefficient[found.best].tolist()
     rest = y - drop * np.exp(-s / lengths[best]) - left
     strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
-    exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
     value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
-    if not exponential:
+    if strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
     high = high if complete else float("inf")
     level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
     reach = student(freedom) * level
     # Beyond the observed travel, at the speed of the move.
-    ends = np.array([value, low, high, 2 * seen])
+    ends = np.array([value, low, high])
     times = np.interp(ends, np.r_[0.0, s], np.r_[0.0, time]) + np.maximum(ends - seen, 0.0) / max(speed_m_s, 1e-9)
-    soonest, early, late, last = times.tolist()
-    return Recovery(
-        distance=Estimate(value, low, high, (min(high, 2 * seen) - low) / 4.0, "m"),
-        time=Estimate(soonest, early, late, (min(late, last) - early) / 4.0, "s"),
-        length_m=float(lengths[best]),
-        left=Estimate(left, left - reach, left + reach, level, "N", float(freedom)),
-        seen_m=seen,
-        complete=complete,
-        exponential=exponential,
-    )
+    return {
+        **dict(zip(NO_RECOVERY, [*ends.tolist(), *times.tolist(), left, left - reach, left + reach], strict=False)),
+        "recovery_seen_m": seen,
+        "recovery_complete": complete,
+    }
 
 
 def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, float]:
@@ -620,50 +602,22 @@ LEAST_SAMPLES = 3
 #: Factor by which the search for times extends beyond the first and last bin.
 REACH = 5.0
 TIMES = 60
-CHI_SQUARE_95 = 3.84  # of one quantity
 
 
-@dataclass(frozen=True)
-class ForceRelaxation:
-    """Relaxation of the force in a hold; friction is positive in the direction of the restart.
-
-    Attributes
-    ----------
-    amount : Estimate
-        Fall of the force from the start to the end of the hold; free of any form.
-    held_n : float
-        Force at the end of the hold.
-    form : str
-        log, exponential, two times or none.
-    times_s : tuple of float
-        t0 of the log, time constants of the others.
-    time_intervals_s : tuple of (float, float)
-        0 or inf if open; none for two times.
-    amplitudes_n : tuple of float
-        R of the log, A of the others.
-    per_decade : Estimate or None
-        R, for any form; None if the hold is too short.
-    aicc : dict
-        Form -> AICc above that of the best one.
-    """
-
-    amount: Estimate
-    held_n: float
-    form: str
-    times_s: tuple[float, ...]
-    time_intervals_s: tuple[tuple[float, float], ...]
-    amplitudes_n: tuple[float, ...]
-    per_decade: Estimate | None
-    aicc: dict[str, float]
-
-    def force_n(self, time_s: Array, start_n: float) -> Array:
-        """Return the force over time since the rest began, N, for a force at its beginning."""
-        basis = _basis(self.form, np.asarray(time_s, dtype=float), np.array([self.times_s]))[0]
-        return start_n - basis @ np.array(self.amplitudes_n)
+#: Columns of the fall of a held force; NaN if the axis was released, or with too few samples. Time and amplitude are
+#: those of the form: log, exponential, two times (the first of both) or none.
+NO_RELAXATION: Row = {
+    **ends_of("relaxation_n", None),
+    **ends_of("relaxation_n_per_decade", None),
+    "relaxation_form": "",
+    "relaxation_held_n": NOTHING,
+    "relaxation_time_s": NOTHING,
+    "relaxation_amplitude_n": NOTHING,
+}
 
 
-def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
-    """Describe a hold.
+def relax(time_s: Array, friction_n: Array) -> Row:
+    """Describe the fall of the force in a hold; friction is positive in the direction of the restart.
 
     Parameters
     ----------
@@ -674,11 +628,12 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
 
     Returns
     -------
-    ForceRelaxation or None
-        None with fewer than six samples.
+    dict
+        `NO_RELAXATION` with fewer than six samples. Otherwise the fall from the start to the end of the hold, free of
+        any form; the fall per decade, NaN if the hold is too short; the best form; the force at the end of the hold.
     """
     if time_s.size < 2 * LEAST_SAMPLES:
-        return None
+        return NO_RELAXATION
     noise = max(noise_level(friction_n), 1e-12 * float(np.abs(friction_n).max()) + 1e-300)
     duration = float(time_s[-1])
     early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
@@ -688,18 +643,19 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
     stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
     value = float(start.mean() - end.mean())
     amount = Estimate(value, value - NORMAL_95 * stderr, value + NORMAL_95 * stderr, stderr, "N")
-    nothing = ForceRelaxation(amount, float(end.mean()), "none", (), (), (), None, {})
+    row = NO_RELAXATION | ends_of("relaxation_n", amount)
+    row |= {"relaxation_form": "none", "relaxation_held_n": float(end.mean())}
     known = time_s > 0
     if known.sum() < FEWEST_TIMES:
-        return nothing
+        return row
     time, friction = time_s[known], friction_n[known]
     low, high = max(float(time[0]), float(time[-1]) * 1e-6), float(time[-1]) * (1 + 1e-9)
     edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(float(time[-1]) / low)), FEWEST_TIMES) + 1)
     group = cells(np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2))
     time, friction = means(group, time, friction)
     if time.size < FEWEST_TIMES:
-        return nothing
-    return replace(nothing, **_forms(time, friction, noise**2 / np.bincount(group)))
+        return row
+    return row | _forms(time, friction, noise**2 / np.bincount(group))
 
 
 def _basis(form: str, time: Array, times: Array) -> Array:
@@ -708,7 +664,7 @@ def _basis(form: str, time: Array, times: Array) -> Array:
     return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
 
 
-def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
+def _forms(time: Array, force: Array, variance: Array) -> Row:
     # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
     root = np.sqrt(1.0 / (variance + _slow_variance(time, force, variance)))
     grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
@@ -728,15 +684,11 @@ def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
         low, high = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
         stderr = float(np.sqrt(log.scale(freedom, 1.0) * log.covariance[log.best, 1, 1]))
         per_decade = Estimate(float(log.coefficient[log.best, 1]), low, high, stderr, "N", float(freedom))
-    ends = (best.shape_interval(0, CHI_SQUARE_95, (grid[0], grid[-1])),) if form in {"log", "exponential"} else ()
-    return {
-        "form": form,
-        "times_s": tuple(best.shape[best.best].tolist()),
-        "time_intervals_s": ends,
-        "amplitudes_n": tuple(best.coefficient[best.best, 1:].tolist()),
-        "per_decade": per_decade,
-        "aicc": {name: value - aicc[form] for name, value in aicc.items() if np.isfinite(value)},
-    }
+    found = {"relaxation_form": form, **ends_of("relaxation_n_per_decade", per_decade)}
+    if form != "none":
+        found["relaxation_time_s"] = float(best.shape[best.best, 0])
+        found["relaxation_amplitude_n"] = float(best.coefficient[best.best, 1])
+    return found
 
 
 def _slow_variance(time: Array, force: Array, variance: Array) -> float:

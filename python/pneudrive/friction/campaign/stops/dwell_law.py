@@ -26,18 +26,8 @@ from pneudrive import _core
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import Scan, refined, scan
+from pneudrive.friction.campaign.stops import dwell_models
 from pneudrive.friction.campaign.stops.course import BACK
-from pneudrive.friction.campaign.stops.dwell_models import (
-    CONCLUSIVE,
-    CONFOUNDED,
-    LEAST_DURATIONS,
-    SAME_DURATION,
-    UNCERTAIN,
-    DwellCurve,
-    DwellData,
-    fit_curve,
-    fit_forms,
-)
 from pneudrive.friction.campaign.stops.stop import SPOILING
 from pneudrive.friction.friction_map import (
     CHAMBERS,
@@ -57,7 +47,6 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.stops.dwell_models import DwellForm, DwellLawFit
     from pneudrive.friction.friction_map import Condition
     from pneudrive.friction.sentences import Statement
 
@@ -71,7 +60,7 @@ def inertia_of(stops: pl.DataFrame) -> float:
 
 def durations_of(stops: pl.DataFrame) -> int:
     """Count the durations of some stops."""
-    return np.unique(levels(np.log10(np.maximum(stops["dwell_s"].to_numpy(), 1e-6)), SAME_DURATION)).size
+    return np.unique(levels(np.log10(np.maximum(stops["dwell_s"].to_numpy(), 1e-6)), dwell_models.SAME_DURATION)).size
 
 
 @dataclass(frozen=True)
@@ -152,12 +141,12 @@ class DwellSeries(Shown):
     increment_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
     low_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
     high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    laws: tuple[DwellLawFit, ...] = ()
+    laws: tuple[dwell_models.DwellLawFit, ...] = ()
     pressure: DwellPressure | None = None
     scatter_n: float = float("nan")
     block_n: float = float("nan")
     outlying: tuple[str, ...] = ()
-    curve: DwellCurve | None = None
+    curve: dwell_models.DwellCurve | None = None
 
     @property
     def name(self) -> str:
@@ -247,7 +236,7 @@ class ContactAge:
 
 
 def fit_contact_age(
-    stops: pl.DataFrame, form: DwellForm, exponent: float, ambient_pressure_pa: float
+    stops: pl.DataFrame, form: dwell_models.DwellForm, exponent: float, ambient_pressure_pa: float
 ) -> ContactAge | None:
     """Fit the age of the contact to peaks after stops.
 
@@ -387,26 +376,28 @@ def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
 
 
 def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
-    if durations < LEAST_DURATIONS or not series.laws:
+    if durations < dwell_models.LEAST_DURATIONS or not series.laws:
         yield say("stops.no_law", where=where, durations=durations)
         return
     best = series.laws[0]
     if not np.isfinite(best.aicc):
         yield say("stops.laws_not_compared", where=where)
         return
-    equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
-    refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
+    equal = [law.form.title for law in series.laws[1:] if law.delta < dwell_models.UNCERTAIN]
+    refuted = [law.form.title for law in series.laws if law.delta > dwell_models.CONCLUSIVE]
     text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
     text += f"; without support: {', '.join(refuted)}" if refuted else ""
     yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
     longest = float(np.max(series.stops["dwell_s"].to_numpy()))
-    open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
+    open_end = best.name == "log" or any(
+        law.form.saturates and law.delta < dwell_models.CONCLUSIVE for law in series.laws
+    )
     if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
         yield say("stops.saturation", where=where, longest=longest)
 
 
-def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
-    if curve.inflation >= CONFOUNDED:
+def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve) -> Iterator[Statement]:
+    if curve.inflation >= dwell_models.CONFOUNDED:
         yield say("stops.drift", where=where)
     rate = series.stops["loading_rate_n_s"].to_numpy()
     known = np.isfinite(rate) & (rate > 0)
@@ -476,11 +467,11 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     if not len(used):
         return series
     drift_n = _running_drift(used) * float(np.ptp(used["increment_n"].to_numpy()))
-    curve = fit_curve(DwellData(used, tuple(enough), drift_n))
+    curve = dwell_models.fit_curve(dwell_models.DwellData(used, tuple(enough), drift_n))
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
-def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str, Any]:
+def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float) -> dict[str, Any]:
     at = np.log10([series.reference_s])
     low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
     slopes, gains = curve.slopes(at), curve.gains(low, high)
@@ -499,7 +490,7 @@ def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str
         "share": slope.scaled(1.0 / series.running_n, "") if series.running_n > 0 else None,
         "duration_s": 10.0**grid,
         **{name: np.array([getattr(e, end) for e in shown]).reshape(-1, GRID_POINTS) for name, end in ends.items()},
-        "laws": fit_forms(curve, series.reference_s),
+        "laws": dwell_models.fit_forms(curve, series.reference_s),
         "pressure": _pressure(curve, at, ambient),
         "scatter_n": curve.fit.most_probable_sd("scatter"),
         "block_n": curve.fit.most_probable_sd("block"),
@@ -534,7 +525,7 @@ def _running_drift(stops: pl.DataFrame) -> float:
     return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)
 
 
-def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
+def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
     """Regress slopes and increments of the conditions on their pressures, as linear functions of one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():

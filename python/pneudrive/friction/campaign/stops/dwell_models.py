@@ -154,7 +154,6 @@ class DwellLawFit(Shown):
         Shape parameter -> (low, high), 95 %; 0 or inf where open.
     level_n, amplitude_n : ndarray, shape (C,)
         a and B at each condition.
-    level_intervals_n, amplitude_intervals_n : ndarray, shape (C, 2)
     slope_n, slope_low_n, slope_high_n : float
         Slope per decade at the reference duration, mean over conditions, with its profile interval.
     aicc, bic : float
@@ -171,8 +170,6 @@ class DwellLawFit(Shown):
     shape_intervals: dict[str, tuple[float, float]]
     level_n: Array
     amplitude_n: Array
-    level_intervals_n: Array
-    amplitude_intervals_n: Array
     slope_n: float
     slope_low_n: float
     slope_high_n: float
@@ -234,8 +231,6 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     slope = np.zeros_like(profile.coefficient)
     slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
     slope_low, slope_high = profile.interval(slope, rise)
-    rows = np.eye(linear)
-    ages = rows[-conditions:] if form.growth else np.zeros((conditions, linear))
     cost = max(float(profile.cost[profile.best]), 1e-300)
     deviance = n * np.log(cost / n) - 2.0 * float(np.log(np.diag(whitener)).sum())
     aicc = corrected_criterion(deviance, count, n)
@@ -246,9 +241,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
             name: profile.shape_interval(k, rise, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
         },
         level_n=best[:conditions],
-        amplitude_n=ages @ best,
-        level_intervals_n=np.array([profile.interval(row, rise) for row in rows[:conditions]]),
-        amplitude_intervals_n=np.array([profile.interval(row, rise) for row in ages]),
+        amplitude_n=best[-conditions:] if form.growth else np.zeros(conditions),
         slope_n=float(slope[profile.best] @ best),
         slope_low_n=slope_low,
         slope_high_n=slope_high,

@@ -4,40 +4,41 @@ Every number is a difference within one move (or to an uninterrupted one of the 
 sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
 
 All stops of a campaign are one table, which is also their file.
+
+Height of a breakaway peak from noisy samples.
+
+The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Therefore one half of the
+samples gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that
+selected the place does not enter the height. Samples are smoothed by local parabolas. Their width is the largest whose
+peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat
+one much.
+
+A peak between a steep rise and a slow fall is a sharp or rounded corner:
+
+  F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
+
+Smoothing reduces the height of a corner; a fit does not. Peaks that are round over several samples are not treated as
+corners. The parameters p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the
+average over the grid, weighted by the quality of each fit. Its uncertainty therefore includes that of c and s.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import CycleFile
+from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.estimate.mixed import scan
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
-from pneudrive.friction.campaign.stops.course import (
-    SAME_SPEED,
-    ForceRelaxation,
-    Phases,
-    Recovery,
-    Running,
-    UninterruptedStroke,
-    bin_excess,
-    find_phases,
-    mean_velocity,
-    read_strokes,
-    recover,
-    relax,
-    running_level,
-    steady_part,
-    stop_step,
-    strokes_of,
-)
-from pneudrive.friction.campaign.stops.peak import BreakawayPeak, find_breakaway
+from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import Skipped
+from pneudrive.friction.strokes import moving_average
 from pneudrive.rig.interface import Move
-from pneudrive.signals.motion import noise_level
+from pneudrive.signals.motion import noise_level, straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,17 +48,17 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.friction_map import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
-    Row = dict[str, Any]
+
+    from pneudrive.estimate.mixed import Scan
+
 
 #: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
 SPOILS = 0.1
-NOTHING = float("nan")
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
 MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are read for comparison
@@ -75,19 +76,19 @@ TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 
 def _read(
-    file: CycleFile, samples: Samples, identity: Identity, others: Sequence[UninterruptedStroke]
-) -> Row | Skipped:
+    file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
+) -> course.Row | Skipped:
     """Return the columns of a stop, or the reason for a missing one."""
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
-    phases = find_phases(cycle, recording.time_s, recording.position_m, step)
+    phases = course.find_phases(cycle, recording.time_s, recording.position_m, step)
     if isinstance(phases, str):
         return Skipped(cycle.key, file.path.name, phases)
     friction = phases.direction * recording.balance_n()
-    own = strokes_of(file, recording, step, leave=stop_step(cycle)) if phases.by_steps else []
-    running = running_level(recording, friction, phases, own, others, condition)
-    steady = steady_part(recording, phases.restart)
+    own = course.strokes_of(file, recording, step, leave=course.stop_step(cycle)) if phases.by_steps else []
+    running = course.running_level(recording, friction, phases, own, others, condition)
+    steady = course.steady_part(recording, phases.restart)
     part = phases.restart
     travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
     time, travel, after = recording.time_s[part], np.maximum.accumulate(travel), friction[part]
@@ -98,7 +99,9 @@ def _read(
     held = phases.rest
     increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
     inertia = _inertia(recording, peak, cycle.speed_m_s)
-    relaxation = None if cycle.released else relax(recording.time_s[held] - phases.rest_s, friction[held])
+    relaxation = (
+        course.NO_RELAXATION if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
+    )
     in_chamber = identity.pressure_measured_at == "chamber"
     flags = (
         *_flags(file, recording, phases, peak, running, samples),
@@ -109,7 +112,7 @@ def _read(
         "index": file.head.index,
         **{name: getattr(cycle, name) for name in ("key", "block", "repeat")},
         "direction": phases.direction,
-        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(mean_velocity(recording, steady)),
+        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(course.mean_velocity(recording, steady)),
         "position_m": float(recording.position_m[phases.restart.start]),
         "began_s": file.head.began_s,
         "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
@@ -126,55 +129,36 @@ def _read(
         "loading_s": peak.time_s,
         "sample_rate_hz": peak.rate_hz,
         "inertia_n": inertia,
-        **_of_relaxation(relaxation),
-        **_of_recovery(_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running)),
+        **relaxation,
+        **_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
         "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
         "flags": list(flags),
         **_trace(recording, friction, phases),
     }
 
 
-def _of_relaxation(relaxation: ForceRelaxation | None) -> Row:
-    """Return the columns of the fall of a held force; NaN if the axis was released, or with too few samples."""
-    r = relaxation
-    return {
-        **_three("relaxation_n", r and r.amount),
-        **_three("relaxation_n_per_decade", r and r.per_decade),
-        "relaxation_form": r.form if r else "",
-        "relaxation_held_n": r.held_n if r else NOTHING,
-        "relaxation_time_s": r.times_s[0] if r and r.times_s else NOTHING,
-        "relaxation_amplitude_n": r.amplitudes_n[0] if r and r.amplitudes_n else NOTHING,
-    }
-
-
-def _of_recovery(recovery: Recovery | None) -> Row:
-    """Return the columns of the return to sliding; NaN if the peak cannot be separated from running friction."""
-    r = recovery
-    columns = {"recovery_m": r and r.distance, "recovery_s": r and r.time, "left_n": r and r.left}
-    row = {name: value for key, estimate in columns.items() for name, value in _three(key, estimate).items()}
-    return row | {"recovery_seen_m": r.seen_m if r else NOTHING, "recovery_complete": bool(r and r.complete)}
-
-
-def _three(name: str, estimate: Estimate | None) -> dict[str, float]:
-    ends = {"": "value", "_low": "low", "_high": "high"}
-    return {f"{name}{end}": getattr(estimate, of, NOTHING) for end, of in ends.items()}
-
-
-def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
+def _recovery(
+    recording: Recording, friction: Array, part: slice, direction: int, running: course.Running
+) -> course.Row:
     """Fit the return to sliding over the part after the peak at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
-        return None
+        return course.NO_RECOVERY
     position = recording.position_m[part]
     travel = np.maximum.accumulate(direction * (position - position[0]))
     time = recording.time_s[part] - recording.time_s[part.start]
     excess = friction[part] - running.level_n - running.shape(position)
-    bins = bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
+    bins = course.bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
     speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
-    return recover(bins, running.stderr_n, speed) if bins is not None else None
+    return course.recover(bins, running.stderr_n, speed) if bins is not None else course.NO_RECOVERY
 
 
 def _flags(
-    file: CycleFile, recording: Recording, phases: Phases, peak: BreakawayPeak, running: Running, samples: Samples
+    file: CycleFile,
+    recording: Recording,
+    phases: course.Phases,
+    peak: BreakawayPeak,
+    running: course.Running,
+    samples: Samples,
 ) -> tuple[str, ...]:
     # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
@@ -195,7 +179,7 @@ def _flags(
 
 
 def _spoiled(
-    recording: Recording, phases: Phases, peak_n: tuple[float, float, float], at_peak: int, in_chamber: bool
+    recording: Recording, phases: course.Phases, peak_n: tuple[float, float, float], at_peak: int, in_chamber: bool
 ) -> Iterator[str]:
     """Return flags for parts of the increment that may not be friction: force of the air, inertia of the mass.
 
@@ -225,7 +209,7 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
     return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
 
 
-def _trace(recording: Recording, friction: Array, phases: Phases) -> Row:
+def _trace(recording: Recording, friction: Array, phases: course.Phases) -> course.Row:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
@@ -271,7 +255,7 @@ def find_stops(
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
         return pl.DataFrame(), ()
-    others = read_strokes(_comparable(files, stops), campaign.identity)
+    others = course.read_strokes(_comparable(files, stops), campaign.identity)
     found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
     rows = sorted((s for s in found if isinstance(s, dict)), key=lambda row: row["index"])
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
@@ -279,8 +263,8 @@ def find_stops(
 
 
 def read_stops(
-    files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
-) -> list[Row | Skipped]:
+    files: Sequence[CycleFile], identity: Identity, others: Sequence[course.UninterruptedStroke]
+) -> list[course.Row | Skipped]:
     """Read some stops one after the other.
 
     Parameters
@@ -311,11 +295,446 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
 def _place(file: CycleFile) -> tuple[Condition, float]:
     """Return condition and number of the speed of a cycle."""
     speed = file.head.cycle.speed_m_s
-    return condition_of(file.head), round(float(np.log(speed)) / SAME_SPEED) if speed else float("nan")
+    return condition_of(file.head), round(float(np.log(speed)) / course.SAME_SPEED) if speed else float("nan")
 
 
 def _has_reference(cycle: Cycle) -> bool:
     """Return whether a move of the cycle, away from the stop, is at the speed of the restart."""
-    hold = stop_step(cycle)
+    hold = course.stop_step(cycle)
     moves = ((i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Move))
     return hold is not None and any(abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s for i, step in moves)
+
+
+# --- Height of a breakaway peak.
+
+#: Parts of the excess down to which samples on both sides are fitted: the widest that a corner describes.
+DEPTHS = (0.6, 0.35, 0.2)
+LEAST_DEPTH = 8.0  # deviations of the noise
+BEHIND, BEFORE = 160, 60  # samples at most on either side
+FEWEST_BEFORE, FEWEST_BEHIND = 3, 12
+PLACES = 33  # of the corner
+FINER = 3  # refinements of the grid, while samples resolve the corner better than its spacing
+KNOWN = 1.5  # spacings: largest standard deviation of the place without refinement
+ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
+SHARP = 1.0  # samples: a rounder corner is smoothed without loss, and parabolas describe it better
+FITS = 1.3  # largest ratio of squared residual to noise for a corner
+FINE = 8  # points per sample for the maximum of a fitted corner
+#: Multiples of the sensor's lag before and after a peak between which rise and fall are fitted, where the lag has
+#: died away; a shorter lag counts as this many samples, so that noise does not pass for slopes.
+RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3.0
+
+
+def corner_height(
+    friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float
+) -> tuple[float, float] | None:
+    """Return height and standard error of the peak.
+
+    Parameters
+    ----------
+    friction_n : ndarray, shape (n,)
+        Evenly spaced samples.
+    top : int
+        Approximate index of the highest sample.
+    excess_n : float
+        Approximate excess of the peak over running friction.
+    one_n : float
+        Standard deviation of one sample.
+    many_n : float
+        The same for a mean of many samples. The value is larger for correlated noise.
+
+    Returns
+    -------
+    (float, float) or None
+        None if no corner describes the samples.
+    """
+    if excess_n < LEAST_DEPTH * one_n:
+        return None  # hardly a peak: the start of a plateau is not a falling corner
+    for depth in DEPTHS:
+        part = _window(friction_n, top, max(depth * excess_n, LEAST_DEPTH * one_n))
+        if part is None:
+            continue
+        found = _fit(friction_n[part], top - part.start, one_n, many_n)
+        if found is not None:
+            return found
+    return None
+
+
+def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
+    """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a round peak.
+
+    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This follows
+    from the largest response of the lag to two ramps.
+
+    Parameters
+    ----------
+    time_s, friction_n : ndarray, shape (n,)
+    at_s : float
+        Time of the peak as shown.
+    bandwidth_hz : float
+        f, at which the sensor shows 71 % of an amplitude.
+    """
+    lag = 1.0 / (2.0 * np.pi * bandwidth_hz)
+    unit = max(lag, LEAST_LAG * float(np.median(np.diff(time_s)))) if time_s.size > 1 else lag
+
+    def slope(begin: float, end: float) -> float:
+        part = slice(*np.searchsorted(time_s, (at_s + begin * unit, at_s + end * unit)).tolist())
+        few = time_s[part].size < FEWEST_ON_A_SIDE
+        return 0.0 if few else straight_line(time_s[part], friction_n[part])[0]
+
+    rise, fall = slope(-RISE_LAGS[1], -RISE_LAGS[0]), -slope(*FALL_LAGS)
+    return float(fall * lag * np.log1p(rise / fall)) if rise > 0.0 and fall > 0.0 else 0.0
+
+
+def _window(friction: Array, top: int, depth: float) -> slice | None:
+    level = friction[top] - depth
+    below = np.flatnonzero(friction[max(top - BEFORE, 0) : top] < level)
+    begin = max(top - BEFORE, 0) + (int(below[-1]) + 1 if below.size else 0)
+    begin = min(begin, top - FEWEST_BEFORE)
+    after = np.flatnonzero(friction[top : top + BEHIND] < level)
+    end = top + (int(after[0]) if after.size else BEHIND)
+    end = min(end, friction.size)
+    return slice(begin, end) if begin >= 0 and end - top >= FEWEST_BEHIND else None
+
+
+def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
+    found, weight = _places(friction, top, many_n)
+    if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or found.shape[found.best, 1] > SHARP:
+        return None
+    chosen = np.flatnonzero(weight > 1e-3)
+    corner, each = found.shape[chosen, 0], np.arange(chosen.size)
+    even = np.linspace(0.0, friction.size - 1.0, FINE * friction.size)
+    columns = _columns(np.c_[np.broadcast_to(even, (chosen.size, even.size)), corner], found.shape[chosen])
+    values = (columns @ found.coefficient[chosen, :, None])[:, :, 0]
+    at = np.argmax(values, axis=1)
+    heights, rows = values[each, at], columns[each, at]
+    variances = np.einsum("gi,gij,gj->g", rows, found.covariance[chosen], rows) * many_n**2
+    share = weight[chosen] / weight[chosen].sum()
+    height = float(share @ heights)
+    return height, float(np.sqrt(share @ (variances + (heights - height) ** 2)))
+
+
+def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
+    """Fit corners at all places and roundnesses, and return a weight for each.
+
+    The distance of places in the grid is the smallest that the samples resolve.
+    """
+    low, high = max(top - 6.0, 0.5), top + 6.0
+    tried = _scanned(friction, low, high, many_n)
+    for _ in range(FINER):
+        found, weight = tried
+        step, corner = (high - low) / (PLACES - 1), found.shape[:, 0]
+        share = weight / weight.sum()
+        middle = float(share @ corner)
+        if share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
+            break
+        low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
+        tried = _scanned(friction, low, high, many_n)
+    return tried
+
+
+def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[Scan, Array]:
+    places = np.linspace(low, high, PLACES)
+    grid = np.column_stack([np.tile(places, len(ROUNDNESS)), np.repeat(ROUNDNESS, PLACES)])
+    found = scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
+    return found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
+
+
+def _columns(t: Array, grid: Array) -> Array:
+    """Return columns at times (n,) or (g, n) of each corner and roundness, shape (g, 2); shape (g, n, 4)."""
+    corner, roundness = grid[:, :1], grid[:, 1:]
+    away = t - corner
+    width = np.where(roundness > 0.0, roundness, 1.0)
+    bend = np.where(roundness > 0.0, width * np.logaddexp(0.0, away / width), np.maximum(away, 0.0))
+    return np.stack([np.ones_like(away), away, bend, bend**2], axis=2)
+
+
+#: Half-widths of the parabolas, in samples of one half.
+WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+#: Peaks at two widths agree when they differ by less than this many standard errors of the narrower one.
+AGREE = 2.0
+#: A single sample: largest among so many on each side; its bias by noise (of three equal ones),
+#: in deviations; and the factor of its uncertainty over noise.
+SINGLE, SINGLE_EXCESS, SINGLE_DOUBT = 3, 0.85, 1.5
+#: Fewer samples than this around the peak make it undersampled.
+FEWEST = 12
+#: A peak has ended when the force has fallen by this share of its rise above running friction, and beyond noise.
+FALLEN = 0.25
+FALLEN_DEVIATIONS = 9.0
+#: First range of the search for a peak, in units of the travel to running friction; and
+#: largest range, share of the move.
+REACH, MOST_TRAVEL = 1.5, 0.25
+LEAST_TRAVEL_M, LEAST_SAMPLES = 2e-4, 40
+#: The top of a peak lies within this share of its excess; it needs so many samples.
+TOP, FEWEST_AT_TOP = 0.1, 5
+#: Noise is estimated on at most so many samples, about a parabola of this half-width; correlation must be significant.
+NOISE_SAMPLES, NOISE_HALF_WIDTH, SIGNIFICANT = 3000, 40, 4.0
+UNEVEN = 0.3  # time steps that differ by less than this share have one rate
+NEAR_CHANGE = 8  # samples from a change of rate within which a peak belongs to both sides of it
+SPAN_AT_CHANGE = 60  # samples of the lower rate that are then used on each side
+QUICK = 5  # samples of the mean for the search of a peak's place
+
+
+@dataclass(frozen=True)
+class BreakawayPeak:
+    """A peak.
+
+    Attributes
+    ----------
+    friction_n, stderr_n : float
+    time_s, travel_m : float
+        Since the restart.
+    index : int
+        Nearest sample.
+    rate_hz : float
+        Rate of the samples around it.
+    loading_rate_n_s : float
+    flags : tuple of str
+        undersampled, no_peak.
+    """
+
+    friction_n: float
+    stderr_n: float
+    time_s: float
+    travel_m: float
+    index: int
+    rate_hz: float
+    loading_rate_n_s: float
+    flags: tuple[str, ...]
+
+
+def find_breakaway(
+    time_s: Array,
+    travel_m: Array,
+    friction_n: Array,
+    running_n: float,
+    stiffness_n_m: float | None = None,
+    bandwidth_hz: float | None = None,
+) -> BreakawayPeak:
+    """Find the first peak after a restart.
+
+    Parameters
+    ----------
+    time_s, travel_m, friction_n : ndarray, shape (n,)
+        Raw samples from the restart on; travel of the axis since then, friction positive against the motion.
+    running_n : float
+        Level of uninterrupted sliding there.
+    stiffness_n_m : float, optional
+        Stiffness of the rig, if known.
+    bandwidth_hz : float, optional
+        Bandwidth of the force sensor, if known: the loss of the peak by its lag is in the standard error.
+    """
+    noise = Noise.of(friction_n)
+    end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
+    time, friction = _even(time_s[:end], friction_n[:end])
+    value, stderr, at, width = _height(time, friction, noise)
+    # A wide parabola is off the corner by its own width.
+    first, last = np.searchsorted(time, (at - width, at + width)).tolist()
+    top = first + int(np.argmax(_quick(friction[first:last]))) if last > first else int(np.argmin(np.abs(time - at)))
+    corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
+    if corner is not None:
+        # The loss by smoothing is corrected, and is part of the uncertainty.
+        value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
+    if bandwidth_hz is not None:
+        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
+    index = int(np.argmin(np.abs(time_s[:end] - at)))
+    low, high = _rise(_quick(friction_n[: index + 1]))
+    span = float(time_s[high] - time_s[low])
+    steps = np.diff(time)
+    flags = []
+    near = friction >= value - max(TOP * (value - running_n), 3.0 * noise.total)
+    if time.size < FEWEST or _run(near, int(np.argmin(np.abs(time - at)))) < FEWEST_AT_TOP:
+        flags.append("undersampled")
+    if not peaked and index >= end - 2:
+        flags.append("no_peak")
+    return BreakawayPeak(
+        friction_n=value,
+        stderr_n=stderr,
+        time_s=at - float(time_s[0]),
+        travel_m=float(travel_m[index]),
+        index=index,
+        rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else float("nan"),
+        loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else float("nan"),
+        flags=tuple(flags),
+    )
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of the samples: a white part, and a part that is correlated over some samples.
+
+    Attributes
+    ----------
+    white, slow : float
+        Standard deviations.
+    memory : float
+        Samples over which the slow part falls to 1/e.
+    """
+
+    white: float
+    slow: float
+    memory: float
+
+    @classmethod
+    def of(cls, values: Array) -> Noise:
+        """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
+
+        The smoothed curve is used after the largest value, where the force changes slowly.
+        """
+        white = max(noise_level(values), 1e-12 * float(np.abs(values).max()) + 1e-300)
+        behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
+        if behind.size < 6 * NOISE_HALF_WIDTH:
+            return cls(white, 0.0, 0.0)
+        kernel = _parabola(NOISE_HALF_WIDTH)
+        rest = behind[NOISE_HALF_WIDTH:-NOISE_HALF_WIDTH] - np.convolve(behind, kernel, "valid")
+        limit = 4.0 * robust_deviation(rest)
+        rest = np.clip(rest, -limit, limit)
+        first, second = (float(rest[k:] @ rest[:-k]) / rest.size for k in (1, 2))
+        power = float(rest @ rest) / rest.size
+        if first < SIGNIFICANT * power / np.sqrt(rest.size) or not 0.0 < second < first:
+            return cls(white, 0.0, 0.0)
+        slow2 = min(first * first / second, power)
+        white = float(np.sqrt(max(power - slow2, 0.01 * power)))
+        return cls(white, float(np.sqrt(slow2)), -1.0 / float(np.log(second / first)))
+
+    @property
+    def total(self) -> float:
+        """Standard deviation of one sample."""
+        return float(np.hypot(self.white, self.slow))
+
+    def of_many(self) -> float:
+        """Return the standard deviation of one sample for means of many, in which correlated noise counts more."""
+        return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
+
+    def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
+        """Return the standard deviation of a weighted sum of samples that are `spacing` s apart.
+
+        `share` is the fraction of white variance.
+        """
+        variance = share * self.white**2 * float(weights @ weights)
+        if self.slow > 0.0:
+            lags = np.arange(weights.size) * spacing
+            shared = np.exp(-lags / self.memory)
+            both = np.correlate(weights, weights, "full")[weights.size - 1 :]
+            variance += self.slow**2 * float(2.0 * both @ shared - both[0])
+        return float(np.sqrt(variance))
+
+
+def _run(mask: NDArray[np.bool_], at: int) -> int:
+    """Return the length of the run of marked samples around a sample; single gaps do not end it."""
+    filled = mask.copy()
+    filled[1:-1] |= mask[:-2] & mask[2:]
+    if not filled[at]:
+        return 0
+    before, after = np.flatnonzero(~filled[:at]), np.flatnonzero(~filled[at:])
+    return (at + int(after[0]) if after.size else filled.size) - (int(before[-1]) + 1 if before.size else 0)
+
+
+def _quick(values: Array) -> Array:
+    """Return the centred mean of a few samples, fewer at the ends."""
+    return moving_average(values, QUICK) if values.size >= QUICK else values
+
+
+def _search_end(
+    travel: Array, friction: Array, running: float, noise: Noise, stiffness: float | None
+) -> tuple[int, bool]:
+    """Return the last sample of the search, and whether the force has fallen by then."""
+    smooth = _quick(friction)
+    spread = noise.of_mean(np.full(QUICK, 1.0 / QUICK), 1)
+    reached = np.flatnonzero(smooth >= running - 3.0 * spread)
+    most = int(np.searchsorted(travel, MOST_TRAVEL * travel[-1]))
+    most = min(max(most, LEAST_SAMPLES), travel.size)
+    if not reached.size or reached[0] >= most:
+        return most, False
+    first = int(reached[0])
+    rise = running - float(smooth[0])
+    slope = rise / float(travel[first]) if rise > 10 * spread and travel[first] > 0 else (stiffness or 1e5)
+    reach = float(travel[first]) + max(REACH * abs(running) / slope, LEAST_TRAVEL_M)
+    end = int(np.clip(np.searchsorted(travel, reach), first + LEAST_SAMPLES, most))
+    while True:
+        part = smooth[first:end]
+        top = np.maximum.accumulate(part)
+        fallen = np.flatnonzero(part < top - np.maximum(FALLEN_DEVIATIONS * spread, FALLEN * (top - running)))
+        if fallen.size:
+            return first + int(fallen[0]) + 1, True
+        if int(np.argmax(part)) < 0.9 * part.size or end >= most:
+            return end, False
+        end = min(2 * end, most)  # still rising: look further
+
+
+def _even(time: Array, friction: Array) -> tuple[Array, Array]:
+    """Return samples of one rate around the highest one.
+
+    If the sampling rate changes among these samples, thin the denser ones.
+    """
+    steps = np.diff(time)
+    if steps.size < 2:
+        return time, friction
+    top = min(max(int(np.argmax(_quick(friction))), 1), steps.size - 1)
+    part = _one_rate(steps, top)
+    near = min(top - part.start, part.stop - 1 - top)
+    if near >= NEAR_CHANGE or (part.stop >= time.size - 1 and part.start == 0):
+        return time[part], friction[part]
+    coarse = float(np.median(steps[max(part.start - 5, 0) : part.stop + 5][-10:]))
+    coarse = max(coarse, float(np.median(steps[part.stop : part.stop + 5])) if part.stop < steps.size else coarse)
+    span = SPAN_AT_CHANGE * coarse
+    wanted = np.arange(max(time[top] - span, time[0]), min(time[top] + span, time[-1]), coarse)
+    chosen = np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
+    return time[chosen], friction[chosen]
+
+
+def _one_rate(steps: Array, top: int) -> slice:
+    usual = float(np.median(steps[max(top - 3, 0) : top + 3]))
+    uneven = np.abs(steps - usual) > UNEVEN * usual
+    before, after = np.flatnonzero(uneven[:top]), np.flatnonzero(uneven[top:])
+    return slice(int(before[-1]) + 1 if before.size else 0, top + int(after[0]) + 1 if after.size else steps.size + 1)
+
+
+def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
+    """Return the height of the highest point with its standard error, its time, and the width of the parabola, s."""
+    chosen = [_single(time, friction, noise)]
+    halves = [slice(k, None, 2) for k in (0, 1)]
+    most = min(friction[half].size for half in halves)
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    for w in (w for w in WIDTHS if 6 * w + 3 <= most):
+        kernel = _parabola(w)
+        smooth = [np.convolve(friction[half], kernel, "valid") for half in halves]
+        place = [time[half][w : time[half].size - w] for half in halves]
+        tops = [int(np.argmax(s)) for s in smooth]
+        read = [float(np.interp(place[a][tops[a]], place[b], smooth[b])) for a, b in ((0, 1), (1, 0))]
+        value, stderr = float(np.mean(read)), noise.of_mean(kernel, 2, share=0.5)
+        if any(abs(value - v) > AGREE * s for v, s, _, _ in chosen):
+            break
+        at = float(np.mean([place[k][tops[k]] for k in (0, 1)]))
+        chosen.append((value, stderr, at, 4.0 * w * step))
+    value, stderr, at, width = chosen[-1]
+    bias = max((abs(value - v) for v, _, _, _ in chosen[-3:-1] if len(chosen) > 3), default=0.0)
+    return value, float(np.hypot(stderr, bias)), at, width
+
+
+def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
+    """Return the largest sample minus its bias from noise.
+
+    The uncertainty comes from noise and the step to the next sample.
+    """
+    top = int(np.argmax(_quick(friction)))
+    near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
+    at = max(top - SINGLE, 0) + int(np.argmax(near))
+    lower = np.sort(near)[-2] if near.size > 1 else near[0]
+    spread = SINGLE_DOUBT * float(np.hypot(noise.total, (near.max() - lower) / 2.0))
+    return float(near.max() - SINGLE_EXCESS * noise.white), spread, float(time[at]), 0.0
+
+
+def _parabola(half: int) -> Array:
+    """Return the weights that give the value at the middle of a parabola fitted to 2 half + 1 evenly spaced samples."""
+    j = np.arange(-half, half + 1, dtype=float)
+    weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0) - 15.0 * j * j
+    return weights / ((2 * half - 1) * (2 * half + 1) * (2 * half + 3))
+
+
+def _rise(smooth: Array) -> tuple[int, int]:
+    """Return the last sample below 10 %, and the first above 90 %, of the rise to the last sample."""
+    bottom = float(smooth.min())
+    swing = float(smooth[-1]) - bottom
+    high = int(np.argmax(smooth >= bottom + 0.9 * swing))
+    below = np.flatnonzero(smooth[: high + 1] <= bottom + 0.1 * swing)
+    return (int(below[-1]) if below.size else 0), high

@@ -1,4 +1,4 @@
-"""Ground truth of a cycle on a simulated rig: stored with its recording for tests, never used by analyses.
+"""Ground truth of a cycle on a simulated rig.
 
 - ``clock_s``, ``travel_m``, ``room_temperature_k``, ``seal_temperature_k``: at the end of the cycle
 - ``levels``: mounted factor levels
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.rig.interface import Hold, Move
+from pneudrive.rig.machine import steady_friction_n
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array
@@ -28,11 +29,14 @@ if TYPE_CHECKING:
     from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
+    from pneudrive.rig.simulated import RigSession
 
 #: Distance from the beginning of a move in which its peak is searched, m.
 RESTART_M = 5e-3
 #: Share within which the commanded speed counts as reached.
 AT_SPEED = 1e-3
+#: Number of positions for the mean of friction along a move.
+PLACES = 32
 
 
 def truth_of_step(machine: Machine, before: Past, step: Step, motion: Motion, true: dict[str, Array]) -> dict[str, Any]:
@@ -64,8 +68,8 @@ def _of_move(
     after, machine.past = machine.past, before
     friction = machine.friction()
     direction = 1.0 if step.to_m > motion.start_m else -1.0
-    steady = machine.steady_n(friction, direction * step.speed_m_s, (motion.start_m, step.to_m))
-    increment = machine.dwell_increment_n(friction, age_s)
+    steady = _steady_n(machine, friction, direction * step.speed_m_s, (motion.start_m, step.to_m))
+    increment = _dwell_increment_n(machine, friction, age_s)
     machine.past = after
     begins = np.abs(true["position_m"] - true["position_m"][0]) <= RESTART_M
     out: dict[str, Any] = {
@@ -97,6 +101,26 @@ def _of_move(
     }
 
 
+def _steady_n(machine: Machine, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float]) -> float:
+    """Return the steady friction at a velocity and the set pressures, its mean along a move if it depends on x."""
+    if friction.get("position") is None:
+        return machine.steady_n(friction, velocity_m_s)
+    d, past = machine.d, machine.past
+    gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
+    borders = np.linspace(*way_m, PLACES + 1)
+    places = 0.5 * (borders[1:] + borders[:-1])
+    return float(np.mean([abs(steady_friction_n(friction, velocity_m_s, gauges, x)[0]) for x in places]))
+
+
+def _dwell_increment_n(machine: Machine, friction: dict[str, Any], age_s: float) -> float:
+    """Return the increase of friction by the age of the contact at the set pressures, N."""
+    dwell = friction.get("dwell")
+    if dwell is None or not age_s > 0.0:
+        return 0.0
+    speed = dwell["distance_m"] / age_s  # age of the contact in steady sliding at this speed
+    return machine.steady_n(friction, speed) - machine.steady_n({**friction, "dwell": None}, speed)
+
+
 def _ages(true: dict[str, Array]) -> dict[str, float]:
     """Return the age of the contact at both ends, if friction depends on it."""
     age = true.get("contact_age_s")
@@ -124,3 +148,18 @@ def truth_of_cycle(machine: Machine, force: AnalogSensor, steps: list[dict[str, 
         },
         "steps": steps,
     }
+
+
+def telling(session: RigSession) -> RigSession:
+    """Return a session with the method ``truth``: the ground truth of its last cycle."""
+    steps: list[dict[str, Any]] = []
+    acquire = session.acquire
+
+    def anew(*request: Any) -> Any:
+        steps.clear()
+        return acquire(*request)
+
+    session.observe = lambda *step: steps.append(truth_of_step(*step))
+    session.acquire = anew
+    session.truth = lambda: truth_of_cycle(session._machine, session._instruments.force, list(steps))
+    return session
