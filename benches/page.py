@@ -230,7 +230,7 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     rows.append(("bytes of a view, largest", f"{max(sizes) / 1e3:.0f} kB", "64 kB"))
     page.evaluate("() => void (location.hash = '#/drive/tripod.toml')")
     page.click("button:text-is('Run in the drawing')")
-    page.wait_for_selector(".platform canvas")
+    page.wait_for_selector(".turned svg")
     rows.append(("samples of a moving tripod drawn in a second", f"{page.evaluate(PLAYED):.0f}", "30"))
     rows.append(("first page, gzip", f"{_first_page() / 1e3:.0f} kB", "100 kB"))
     return rows

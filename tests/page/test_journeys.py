@@ -9,14 +9,12 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 import pytest
 
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
-from page.results import RECORDING, make_results
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.campaign.status import status_of
@@ -401,78 +399,6 @@ def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
     page.locator("figure.plot summary >> nth=0").focus()
     page.keyboard.press("Enter")
     page.wait_for_selector("figure.plot td")
-    tab.check()
-
-
-@pytest.fixture(scope="session")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("results")
-    make_results(folder)
-    return folder
-
-
-#: Each view as it is entered, and with a result: address, and what is there once it is drawn.
-VIEWS = {
-    "studies/": "a[title='results/push']",
-    "drive/": "main",
-    "drive/axis.toml": "g[data-key=cylinder]",
-    "simulate/": "main",
-    "simulate/axis.toml": "[data-end=position_m]",
-    "recording/": "main",
-    f"recording/{RECORDING}": "[data-from]",
-    "friction/": "main",
-    "friction/results/new/map.parquet": "[data-value=coulomb]",
-    "friction/fit.toml": "[data-value='valve.conductance']",
-    "result/fit.toml": "[data-value='valve.conductance']",
-    "validation/": "text=Does my model hold?",
-    "validation/results/check/validation.toml": "[data-leading=position]",
-    "sizing/": ".cm-content",
-    "sizing/push.toml": ".cm-content",
-    "sizing/results/push": "[data-candidate]",
-    "campaign/": "button:text-is('Plan and check')",
-    "campaign/campaigns/first": "[data-state=none]",
-    "control/": "[data-score=max_error_m]",
-    "control/results/laws": "figure[data-plot=Errors] canvas",
-    "datasheet/axis.toml": "button:text-is('Write the data sheet')",
-    "handover/": "main",
-    "handover/drive.fmu": "[data-variable=command]",
-}
-
-
-@pytest.mark.parametrize("look", ["light", "dark"])
-def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open, look: str, results: Path) -> None:
-    shutil.copytree(results, server.folder, dirs_exist_ok=True)
-    tab = open_tab(server.address, look)
-    page = tab.page
-    page.wait_for_selector("a[title='results/push']")
-    for address, drawn in VIEWS.items():
-        view, _, path = address.partition("/")
-        page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
-        page.wait_for_selector(drawn, state="attached")
-        if view == "studies":
-            page.wait_for_selector(".holds >> text=limit 90 %")
-            page.click("button[aria-label='Made from: results/check/validation.toml']")
-            page.wait_for_selector("[data-input='friday.parquet']")
-            for name in ("axis.toml", "after.toml"):
-                page.check(f"input[aria-label='Compare {name}']")
-            page.wait_for_selector("[data-differs]")
-        if address == "simulate/axis.toml":
-            page.click("text=Copy as command or Python")
-            page.wait_for_selector("[data-copy=python]")
-        if path.endswith("new/map.parquet"):
-            page.click("button:has-text('Residuals, profiles')")
-            page.wait_for_selector("text=viscous over coulomb")
-            page.click("text=Propose on the simulated rig")
-            page.wait_for_selector("[data-next]")
-            page.select_option("label:has-text('At one pressure') select", index=1)
-            page.select_option("label:has-text('Compare with') select", index=1)
-            page.wait_for_selector("[data-figure^='results/worn/map.parquet less']")
-        for one in page.locator("main summary").all():
-            one.click()
-        found = violations(tab)
-        assert found == [], address
-        if look == "dark" and path:
-            tab.picture(f"dark-{view}")
     tab.check()
 
 

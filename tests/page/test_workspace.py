@@ -7,7 +7,6 @@ import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import quote
 
 import pytest
 import xarray as xr
@@ -15,14 +14,14 @@ import xarray as xr
 import pneudrive as pn
 from page.conftest import Server
 from page.results import MEASURED, RECORDING
-from page.test_journeys import VIEWS, Open, settled, violations
+from page.test_journeys import Open, settled, violations
 from page.test_nothing_lost import go
+from page.test_views import VIEWS
 from pneudrive.characterise import write_map
 from web.maps import WIDE, friction_map, stribeck
 
 LONG = 120_000  # ms; a search on a busy machine
 VIEW_NAMES = tuple(dict.fromkeys(address.partition("/")[0] for address in VIEWS))[1:]
-WIDTHS = (400, 768, 1280, 1920)
 
 
 @pytest.fixture
@@ -166,55 +165,6 @@ def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> 
     drawn = ET.fromstring(saved["SVG"])
     assert max(len(one.get("d", "")) for one in drawn.iter("{http://www.w3.org/2000/svg}path")) > 5000
     assert saved["PNG"].startswith(b"\x89PNG")
-    tab.check()
-
-
-@pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from page.results import make_results
-
-    folder = tmp_path_factory.mktemp("made")
-    make_results(folder)
-    return folder
-
-
-#: What is wider than the window, or a word that is broken in a table or a button.
-CUT = """() => {
-  const out = document.documentElement.scrollWidth > innerWidth ? ["the page"] : [];
-  for (const one of document.querySelectorAll("main th, main button, main label, .verbs a")) {
-    const words = one.textContent.trim();
-    if (one.childElementCount || !/^[\\w.-]{1,24}$/.test(words) || !one.checkVisibility()) continue;
-    const range = document.createRange();
-    range.selectNodeContents(one);
-    if (new Set([...range.getClientRects()].map((rect) => Math.round(rect.top))).size > 1) out.push(words);
-  }
-  return out;
-}"""
-
-
-#: What a pointer can press and a keyboard cannot. Points of a sizing are rows of its table too.
-MOUSE_ONLY = """() => {
-  const keyed = "a[href], button, input, select, textarea, summary, label, [tabindex], [contenteditable], .candidates";
-  const pressed = [...document.querySelectorAll("body *")].filter((one) => getComputedStyle(one).cursor === "pointer");
-  return pressed.filter((one) => !one.closest(keyed)).map((one) => one.outerHTML.slice(0, 80));
-}"""
-
-
-def test_nothing_is_cut_off_in_any_view(server: Server, open_tab: Open, made: Path) -> None:
-    shutil.copytree(made, server.folder, dirs_exist_ok=True)
-    tab = open_tab(server.address)
-    page = tab.page
-    page.wait_for_selector("text=axis.toml")
-    for address, drawn in VIEWS.items():
-        view, _, path = address.partition("/")
-        page.set_viewport_size({"width": WIDTHS[-1], "height": 900})
-        page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
-        page.wait_for_selector(drawn, state="attached")
-        for width in WIDTHS:
-            page.set_viewport_size({"width": width, "height": 900})
-            page.wait_for_timeout(50)
-            assert page.evaluate(CUT) == [], (address, width)
-        assert page.evaluate(MOUSE_ONLY) == [], address
     tab.check()
 
 
