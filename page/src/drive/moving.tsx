@@ -5,7 +5,7 @@ import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentPlatform } from "../server/generated";
+import type { Finding, SentPlatform } from "../server/generated";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
 
 export interface MotionHead {
@@ -143,10 +143,12 @@ function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
 export function MovingCircuit({
   now,
   drawing,
+  remedy,
   children,
 }: {
   now: Frame<MotionHead>;
   drawing: Drawing;
+  remedy?: (of: Finding) => ComponentChildren; // of a platform
   children: (motion: Motion) => ComponentChildren;
 }) {
   const time = now.arrays.get("time_s")!;
@@ -169,6 +171,7 @@ export function MovingCircuit({
               key={one.name}
               now={now}
               platform={one}
+              remedy={remedy}
               sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}>
               {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
             </View>

@@ -4,7 +4,7 @@ import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/ho
 import { digits } from "../plots/looks";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentLeg, SentPlatform } from "../server/generated";
+import type { Finding, SentLeg, SentPlatform } from "../server/generated";
 import { Answer } from "../workspace/result";
 import type { MotionHead } from "./moving";
 
@@ -327,7 +327,7 @@ function Legs({ now, platform, sample }: { now: Frame<MotionHead>; platform: Sen
                 </span>
                 ,{" "}
                 <span data-output={leg.force.replace(/_force_n$/, "_side_force_n")} data-si={side}>
-                  {digits(side)} N
+                  {digits(side, 2)} N
                 </span>
               </td>
               <td>{cylinder?.pressures.map((column) => digits(at(column) / BAR, 3)).join(", ")}</td>
@@ -364,11 +364,13 @@ export function PlatformAt({
   now,
   platform,
   sample,
+  remedy,
   children,
 }: {
   now: Frame<MotionHead>;
   platform: SentPlatform;
   sample: number;
+  remedy?: ((of: Finding) => ComponentChildren) | undefined;
   children: ComponentChildren;
 }) {
   const [turning, turnTo] = useState<Camera | null>(null);
@@ -402,16 +404,13 @@ export function PlatformAt({
     if (turning) put(turning);
     turnTo((from.current = null));
   };
-  const rest = platform.parts.some((part) => part.part === "barrel")
-    ? "the colour in a barrel is the sign of its force"
-    : "";
   return (
     <section
       class="platform"
       aria-label={`Platform ${platform.name}`}
       data-platform={platform.name}
       data-sample={sample}>
-      <Answer view={platform.view} />
+      <Answer view={platform.view} remedy={remedy} />
       <div class="result">
         <div class="panel scene">
           <div class="row">
@@ -457,8 +456,8 @@ export function PlatformAt({
           {children}
           <p class="note">
             Line: path of the {platform.traced}
-            {platform.reach.length > 2 && "; shade: outline of its workspace"}
-            {rest && `; ${rest}`}. Bars: force along each leg, between the forces at rest from the supply.
+            {platform.reach.length > 2 && "; shade: outline of its workspace"}. Bars: force along each leg, between the
+            forces at rest from the supply.
           </p>
         </div>
         <aside>

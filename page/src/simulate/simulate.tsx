@@ -25,6 +25,7 @@ import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
 import { studies } from "../workspace/files";
 import { Copied, Leading, Problems, SliderRow } from "../workspace/parts";
+import { isOverMain } from "../workspace/tree";
 import {
   BesideChoices,
   type BesideHead,
@@ -227,9 +228,8 @@ function Simulated() {
   return (
     <div class="simulate">
       <div class="top">
-        {hasPlatform.value && <Drawn />}
         <Refusal />
-        <Answers />
+        {hasPlatform.value ? <Drawn /> : <Answers />}
       </div>
       <section class="controls" aria-label="What is simulated">
         {said.value && (
@@ -561,7 +561,10 @@ function Below() {
           {motion.value && <Drawn />}
         </details>
       )}
-      <Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
+      <details open={!isOverMain() || !hasPlatform.value}>
+        <summary>Values at the end</summary>
+        <Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
+      </details>
     </div>
   );
 }
@@ -572,7 +575,10 @@ function Drawn() {
   if (!shapes) return <div />;
   if (!answer.value!.arrays.has("motion/time_s")) return <Circuit drawing={shapes} />;
   return (
-    <MovingCircuit now={answer.value!} drawing={shapes}>
+    <MovingCircuit
+      now={answer.value!}
+      drawing={shapes}
+      remedy={({ text }) => text.includes("impact") && <Remedies impacts={answer.value?.head.impacts ?? []} />}>
       {(motion) => <Circuit drawing={shapes} motion={motion} />}
     </MovingCircuit>
   );

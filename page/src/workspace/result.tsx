@@ -46,7 +46,7 @@ export function Answer({
 }: {
   view: SentView;
   withFindings?: boolean;
-  remedy?: (of: Finding) => ComponentChildren;
+  remedy?: ((of: Finding) => ComponentChildren) | undefined;
 }) {
   const isJudged =
     view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
