@@ -1,6 +1,6 @@
 /** A platform on legs in a run: its answer, a view that mouse and keys turn, and the state of each leg. */
 import type { ComponentChildren } from "preact";
-import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { digits } from "../plots/looks";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
@@ -377,8 +377,7 @@ export function PlatformAt({
   const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
   const place = useRef<HTMLDivElement>(null);
   const [width, setWidth] = useState(0);
-  useLayoutEffect(() => setWidth(place.current!.clientWidth), []);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const seen = new ResizeObserver(() => setWidth(place.current?.clientWidth ?? 0));
     seen.observe(place.current!);
     return () => seen.disconnect();

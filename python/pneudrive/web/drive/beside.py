@@ -17,7 +17,6 @@ from pneudrive.figures import plain_data
 from pneudrive.platforms import platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
-from pneudrive.report.platform import platform_lines, platform_run_view, run_columns
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
@@ -382,18 +381,22 @@ def platform_motion(
     described: Described, run: Run, rows: Array, others: Mapping[str, Mapping[str, Array]]
 ) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
+    if not (each := platforms(described)):
+        return [], {}
+    from pneudrive.report.platform import platform_lines, platform_run_view, run_columns  # it imports what draws
+
     sent, arrays = [], {}
-    for own in platforms(described):
+    for own in each:
         poses = pose_columns(own)[0]
         known = [name for name in run_columns(own) if name in run.columns]
         some = {name: np.asarray(run.columns[name], dtype=np.float64)[rows] for name in known}
         outputs = {name: some[name] for name in poses} | platform_outputs(own, some)
         pose = motion_of(own, some)[0]
         lines = list(platform_lines(own, pose))
-        each = (len(lines) - AROUND_LEGS) // len(own.legs)  # after the frame, before the platform and the path
+        of_leg = (len(lines) - AROUND_LEGS) // len(own.legs)  # after the frame, before the platform and the path
         moving, parts = [], []
         for k, (part, points) in enumerate(lines[:-1]):
-            leg = 1 + (k - 1) // each if 0 < k <= each * len(own.legs) else 0
+            leg = 1 + (k - 1) // of_leg if 0 < k <= of_leg * len(own.legs) else 0
             rests = len(points) == 1 < len(rows)
             parts.append(SentPart(part, leg, points[0].tolist() if rests else [], 0 if rests else points.shape[1]))
             moving += [] if rests else [points]
