@@ -72,7 +72,7 @@ def describe_move_and_export(hands: Mouse, folder: Path) -> None:
     page = hands.page
     hands.write(".starts form input", "lift table")
     hands.click("button:text-is('Start with a platform')")
-    page.wait_for_selector(".turned svg")
+    page.wait_for_selector(".turned svg", timeout=60_000)  # the server imports what draws
     hands.click(".verbs a:text-is('Drive')")
     hands.write("input[aria-label='components.tripod.mass']", "8 kg")
     page.keyboard.press("Tab")

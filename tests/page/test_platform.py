@@ -42,7 +42,7 @@ def test_a_platform_is_moved_and_turned(server: Server, open_tab: Open, look: st
     page = tab.page
     page.set_viewport_size({"width": 1440, "height": 900})
     go(page, "simulate", "tripod.toml")
-    page.wait_for_selector(".turned svg")
+    page.wait_for_selector(".turned svg", timeout=60_000)  # the server imports what draws
     assert "3 of 3 legs reach an end" in page.inner_text(".platform .answer-card h2")
     assert 1 <= page.locator(".platform [data-leading]").count() <= 5
     assert page.locator(".turned svg").bounding_box()["y"] < 600

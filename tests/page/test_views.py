@@ -83,7 +83,7 @@ MOUSE_ONLY = """() => {
   return pressed.filter((one) => !one.closest(keyed)).map((one) => one.outerHTML.slice(0, 80));
 }"""
 
-#: Text below 12 px, but for the circuit, which is zoomed. Text of a drawing counts in its scale.
+#: Text below 12 px, or 11 px in a drawing, where its scale counts. The circuit is zoomed, and left out.
 SMALL = """() => {
   const out = new Set();
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
@@ -92,7 +92,7 @@ SMALL = """() => {
     if (!words || !at.checkVisibility() || at.closest(".circuit, script, style")) continue;
     const scale = at.ownerSVGElement ? Math.hypot(at.getScreenCTM().a, at.getScreenCTM().b) : 1;
     const size = scale * parseFloat(getComputedStyle(at).fontSize);
-    if (size < 11.9) out.add(`${size.toFixed(1)} px: ${words.slice(0, 40)}`);
+    if (size < (at.ownerSVGElement ? 10.9 : 11.9)) out.add(`${size.toFixed(1)} px: ${words.slice(0, 40)}`);
   }
   return [...out].slice(0, 9);
 }"""

@@ -10,6 +10,7 @@ import { useAnswer } from "../workspace/answers";
 import { filesOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { InFolder, Problems, Table } from "../workspace/parts";
+import { isOverMain } from "../workspace/tree";
 
 interface Variable {
   name: string;
@@ -98,8 +99,8 @@ function Seen({ now }: { now: Fmu }) {
         {now.fmpy}
       </pre>
       {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (
-        <section key={causality} aria-label={TITLES[causality]}>
-          <h2>{TITLES[causality]}</h2>
+        <details key={causality} aria-label={TITLES[causality]} open={!isOverMain()}>
+          <summary>{TITLES[causality]}</summary>
           <Table
             label={`Table of ${causality}s`}
             heads={["Name", "Unit", ...(causality === "output" ? [] : ["Start"]), "Meaning"]}
@@ -115,7 +116,7 @@ function Seen({ now }: { now: Fmu }) {
                 data: { "data-variable": one.name },
               }))}
           />
-        </section>
+        </details>
       ))}
     </>
   );
