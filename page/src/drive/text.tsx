@@ -21,7 +21,10 @@ export function useEditor(
     let isGone = false;
     void import("./editor").then(({ edit }) => {
       if (isGone || !place.current) return;
-      editor.current = edit(place.current, newest.current.text, type);
+      editor.current = edit(place.current, newest.current.text, (next) => {
+        newest.current.text = next; // before the next render: an older text would replace what is typed
+        type(next);
+      });
       show();
     });
     return () => {
