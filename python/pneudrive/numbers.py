@@ -75,3 +75,18 @@ def fixed(value: float, decimals: int) -> str:
     ('0.0', '-0.1')
     """
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in everyday words.
+
+    Examples
+    --------
+    >>> duration(4.2), duration(190), duration(7300), duration(200_000)
+    ('4 s', '3 min 10 s', '2 h 1 min', '2 d 7 h')
+    """
+    whole = round(seconds)
+    for name, size, below, part in (("d", 86400, "h", 3600), ("h", 3600, "min", 60), ("min", 60, "s", 1)):
+        if whole >= size:
+            return f"{whole // size} {name} {whole % size // part} {below}"
+    return f"{whole} s"

@@ -1,4 +1,4 @@
-"""The circuits of the golden runs: each as a file that the product reads (`circuits`), and here as numbers of the model.
+"""The circuits of the golden runs: each as a file that the product reads (`circuits`), here as numbers of the model.
 
 Both are written by hand, so that a unit, a sign or a default that the product takes for another shows. All values are
 chosen for the tests ("assumed"): they are typical of their size, and of no product.

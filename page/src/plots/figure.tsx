@@ -2,10 +2,9 @@
 import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
-import { digits, pretty, ticks } from "./looks";
+import { digits, pretty } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
-
-type Numbers = (number | null)[];
+import { asList, edges, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 
 const [LEAST_WIDTH, LEAST_OF_MANY] = [230, 150]; // of a panel beside another one, and of many small ones
 const INCH = 100; // height of an inch of a printed figure
@@ -14,114 +13,8 @@ const [LEAST_HEIGHT, MOST_HEIGHT] = [110, 460];
 const MOST_LARGE = 3; // panels beyond which they are small multiples
 const MOST_ENDS = 5; // labels at the ends of lines; more stand above
 const LONGEST_END = 24; // characters of such a label
-const ROOM = 0.05; // between data and frame, as a part of the axis
-const WIDE = 3; // ratio of values beyond which an axis of scale "wide" is logarithmic
-const FAR = 20; // ratio of the largest values of two lines beyond which an axis of scale "far" is logarithmic
 const MOST_CELLS = 6000;
 const CHARACTER = 6.7; // width of a character of an axis
-
-/** Position of values on an axis, from 0 to 1, and its ticks. Values are in the unit of the axis. */
-interface Scale {
-  at: (value: number) => number;
-  ticks: (count: number) => [number, string][];
-}
-
-const isNumber = (value: number | null | undefined): value is number => value !== null && value !== undefined;
-const asList = (value: number | [number, number] | null): Numbers =>
-  value === null ? [] : Array.isArray(value) ? value : [value];
-
-/** Return the ends of cells around their middles. */
-function edges(middles: Numbers): number[] {
-  const at = middles.filter(isNumber);
-  const between = at.slice(1).map((value, k) => (value + at[k]!) / 2);
-  const [first, last] = [at[0] ?? 0, at[at.length - 1] ?? 0];
-  return [2 * first - (between[0] ?? first - 0.5), ...between, 2 * last - (between[between.length - 1] ?? last + 0.5)];
-}
-
-/** Return the values of a mark along an axis, SI. */
-function along(mark: Mark, side: "x" | "y"): Numbers {
-  switch (mark.kind) {
-    case "line":
-      return mark[side];
-    case "markers":
-      return side === "x" ? mark.x : [...mark.y, ...(mark.low ?? []), ...(mark.high ?? [])];
-    case "band":
-      return side === "x" ? mark.x : [...mark.low, ...mark.high];
-    case "rule":
-      return asList(mark[side]);
-    case "bars":
-      return (side === "x") === mark.across
-        ? [0, ...mark.values]
-        : mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
-    case "heat":
-      return edges(mark[side]);
-    case "drawing":
-      return [];
-  }
-}
-
-/** Return the scale of an axis for the marks of all panels that share its ends. */
-export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
-  const each = marks.map((mark) =>
-    along(mark, side)
-      .filter(isNumber)
-      .map((value) => value / axis.size),
-  );
-  const values = each.flat();
-  let [low, high] = [
-    values.reduce((a, b) => Math.min(a, b), Infinity),
-    values.reduce((a, b) => Math.max(a, b), -Infinity),
-  ];
-  if (axis.names.length) [low, high] = [Math.min(low, -0.5), Math.max(high, axis.names.length - 0.5)];
-  if (!(high >= low)) [low, high] = [0, 1];
-  const isLog = low > 0 && (axis.scale === "log" || (axis.scale === "wide" && high > WIDE * low));
-  const largest = each
-    .filter((_, k) => marks[k]!.kind === "line" || marks[k]!.kind === "markers")
-    .map((some) => some.reduce((a, b) => Math.max(a, Math.abs(b)), 0))
-    .filter((one) => one > 0);
-  const least = Math.min(...largest);
-  const linear =
-    axis.scale === "far" && largest.length > 1 && Math.max(...largest) > FAR * least
-      ? 10 ** Math.floor(Math.log10(least))
-      : 0;
-  const placed = (value: number) =>
-    isLog
-      ? Math.log10(Math.max(value, 1e-300))
-      : linear
-        ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear)
-        : value;
-  let [from, to] = [placed(low), placed(high)];
-  const isTight = side === "x" && marks.every((mark) => ["line", "band", "rule", "heat"].includes(mark.kind));
-  const room = isTight || axis.names.length || marks.every((mark) => mark.kind === "heat") ? 0 : ROOM * (to - from);
-  const isGrounded = marks.some((mark) => mark.kind === "bars" && (side === "x") === mark.across) && !isLog;
-  [from, to] = [
-    from - (isGrounded && low === 0 ? 0 : room) - axis.below * (to - from),
-    to + (isGrounded && high === 0 ? 0 : room) + axis.above * (to - from),
-  ];
-  if (axis.low !== null) from = placed(axis.low / axis.size);
-  if (axis.high !== null) to = placed(axis.high / axis.size);
-  if (to === from) [from, to] = [from - (Math.abs(from) * ROOM || 0.5), to + (Math.abs(to) * ROOM || 0.5)];
-  const at = (value: number) => (placed(value) - from) / (to - from);
-  const shown = (many: number[]): [number, string][] =>
-    many.filter((one) => at(one) > -1e-6 && at(one) < 1 + 1e-6).map((one) => [one, digits(one, 6)]);
-  const decades = (first: number, last: number, steps: number[]) =>
-    Array.from({ length: Math.max(last - first + 1, 0) }, (_, k) =>
-      steps.map((one) => Number((one * 10 ** (first + k)).toPrecision(6))),
-    ).flat();
-  return {
-    at,
-    ticks: (count) => {
-      if (axis.names.length) return axis.names.map((name, k) => [k, name]);
-      if (isLog)
-        return shown(
-          decades(Math.floor(from), Math.ceil(to), to - from < 1 ? [1, 2, 3, 5, 7] : to - from < 2.5 ? [1, 2, 5] : [1]),
-        );
-      if (!linear) return shown(ticks(Math.min(from, to), Math.max(from, to), count));
-      const ends = decades(Math.log10(linear), Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)))), [1]);
-      return shown([...ends.map((one) => -one).reverse(), 0, ...ends]);
-    },
-  };
-}
 
 const colour = (name: string | number): string =>
   typeof name === "number"

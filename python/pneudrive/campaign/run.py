@@ -24,7 +24,7 @@ from pneudrive.rig.interface import plain
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Identity, Rig

@@ -17,7 +17,7 @@ from pneudrive.rig.interface import Changeable, Hold, Move
 
 if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Rig
     from pneudrive.rig.motion import Limits

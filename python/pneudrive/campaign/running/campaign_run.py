@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.campaign.cycle import Cycle, Head
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples

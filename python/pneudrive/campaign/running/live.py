@@ -15,6 +15,7 @@ import numpy as np
 from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes, read_json
+from pneudrive.numbers import duration
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.storage.control import Journal
     from pneudrive.rig.interface import Samples
 
@@ -215,21 +216,6 @@ class TerminalDisplay(Display):
         for message in self._messages:
             table.add_row("", Text(message))
         return table
-
-
-def duration(seconds: float) -> str:
-    """Return a duration in everyday words.
-
-    Examples
-    --------
-    >>> duration(4.2), duration(190), duration(7300), duration(200_000)
-    ('4 s', '3 min 10 s', '2 h 1 min', '2 d 7 h')
-    """
-    whole = round(seconds)
-    for name, size, below, part in (("d", 86400, "h", 3600), ("h", 3600, "min", 60), ("min", 60, "s", 1)):
-        if whole >= size:
-            return f"{whole // size} {name} {whole % size // part} {below}"
-    return f"{whole} s"
 
 
 COLUMNS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.planned import Plan
     from pneudrive.files.tables import Text
 
     Array = NDArray[np.float64]

@@ -271,6 +271,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         chamber = found.curves[0].first.x_quantity[-1]
         marks = [_measured(workspace, *each, chamber) for each in zip(names, COMPARED, strict=True)]
         first = figure.panels[0]
+        assert first is not None  # the laws of both fits
         figure = replace(figure, panels=[replace(first, marks=[*first.marks, *chain(*marks)]), *figure.panels[1:]])
     caption = f"{labels[0]}, {labels[1]} and their difference, with 95 % bands."
     return {

@@ -1,0 +1,190 @@
+"""A plan as data: cells of levels, the range of the axis, and the cycles in their order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from pneudrive.campaign.cycle import Cycle
+from pneudrive.repr_tables import Shown
+from pneudrive.rig.interface import Move
+from pneudrive.rig.motion import Limits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pneudrive.campaign.planning.protocol import AxisPosition, Pair, Protocol
+    from pneudrive.rig.interface import Envelope, Identity
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of the levels that are changed within a block.
+
+    Attributes
+    ----------
+    kind : str
+        ``sweep`` or ``stop``.
+    pressures : Pair
+    speed_m_s : float
+        Speed of the sweep, or of the restart after the stop.
+    direction : str
+        ``both``, ``+x`` or ``-x``.
+    turn : str
+        ``up`` or ``down`` if a speed is measured twice, on the way up and down the list.
+    stop_s, released, position
+        Levels of a stop.
+    """
+
+    kind: str
+    pressures: Pair
+    speed_m_s: float
+    direction: str
+    turn: str = ""
+    stop_s: float | None = None
+    released: bool = False
+    position: AxisPosition | None = None
+
+    @cached_property
+    def name(self) -> str:
+        """Permanent name of the cell within its block: the middle part of a key."""
+        speed = f"v{1e3 * self.speed_m_s:.6g}"
+        if self.position is None:
+            way = "" if self.direction == "both" else self.direction
+            parts = [speed, self.pressures.name, way, self.turn]
+        else:
+            held = "released" if self.released else "held"
+            parts = [f"t{self.stop_s:.6g}", self.pressures.name, speed, held, self.position.name, self.direction]
+        return "/".join([self.kind, *(part for part in parts if part)])
+
+
+@dataclass(frozen=True)
+class Way:
+    """The part of the stroke that a campaign uses, and the axis that moves there.
+
+    Attributes
+    ----------
+    low_m, high_m : float
+    limits : Limits
+    """
+
+    low_m: float
+    high_m: float
+    limits: Limits
+
+    @classmethod
+    def on(cls, protocol: Protocol, envelope: Envelope) -> Way:
+        """Return the range of a protocol on a rig."""
+        low, high = envelope.position_m
+        given, margin = protocol.position.range, protocol.position.margin_m
+        ends = (low + margin, high - margin) if given is None else (given[0].at(low, high), given[1].at(low, high))
+        return cls(*ends, Limits(envelope.acceleration_m_s2, envelope.jerk_m_s3))
+
+    @property
+    def length_m(self) -> float:
+        """Length of a stroke, m."""
+        return self.high_m - self.low_m
+
+    def cruise_s(self, speed_m_s: float) -> float:
+        """Return the time at constant speed in a stroke, s; 0 if the ramps do not fit."""
+        return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
+
+
+#: Bytes per sample in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
+#: writes it; `test_plan_on_rig` holds the estimate against files.
+BYTES_PER_SAMPLE = 20.0
+#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's metadata and the header.
+BYTES_PER_CYCLE = 5000.0
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A cycle of a plan.
+
+    Attributes
+    ----------
+    cycle : Cycle
+    axis_s : float
+        Time of its moves and holds, exact for the axis' limits.
+    wait_s : float
+        Time before it: settling after a change of pressure, or the operator's work. Assumed, as in the protocol.
+    samples : int
+    cell : Cell or None
+        Condition that it measures. None for a cycle that prepares or checks.
+    """
+
+    cycle: Cycle
+    axis_s: float
+    wait_s: float
+    samples: int
+    cell: Cell | None = None
+
+    @property
+    def time_s(self) -> float:
+        """Total time, s."""
+        return self.axis_s + self.wait_s
+
+    @property
+    def strokes(self) -> int:
+        """Number of moves."""
+        return sum(isinstance(step, Move) for step in self.cycle.steps)
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Shown):
+    """The cycles of a protocol on a rig, in order.
+
+    Attributes
+    ----------
+    protocol, identity, envelope
+    planned : tuple of Planned
+        In the order in which they are run.
+    notes : tuple of str
+        Cautions.
+    """
+
+    protocol: Protocol
+    identity: Identity
+    envelope: Envelope
+    planned: tuple[Planned, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """All cycles, in order."""
+        return tuple(one.cycle for one in self.planned)
+
+    @cached_property
+    def way(self) -> Way:
+        """The part of the stroke that the campaign uses."""
+        return Way.on(self.protocol, self.envelope)
+
+    @property
+    def time_s(self) -> float:
+        """Total time, s, without homing and changes of pressure."""
+        return sum(one.time_s for one in self.planned)
+
+    @property
+    def samples(self) -> int:
+        """Total number of samples."""
+        return sum(one.samples for one in self.planned)
+
+    @property
+    def strokes(self) -> int:
+        """Total number of moves."""
+        return sum(one.strokes for one in self.planned)
+
+    @property
+    def bytes(self) -> float:
+        """Size on disk, estimated by `BYTES_PER_SAMPLE`."""
+        return size_of(self.planned)
+
+    def remaining_s(self, done: set[str]) -> float:
+        """Return the time of the cycles whose keys are not given, s."""
+        return sum(one.time_s for one in self.planned if one.cycle.key not in done)
+
+
+def size_of(planned: Iterable[Planned]) -> float:
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step writes a file too."""
+    return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned)
