@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,65 +32,8 @@ BESIDE = {
     "direction": {"positive": "1.04", "negative": "0.96"},
     "position": {"slope": "0.6 1/m", "reference": "100 mm"},
 }
-PROTOCOL = """
-schema = 1
-name = "Hidden truth"
-about = "all that acts on friction, at once"
-seed = 3
-directions = "both"
-repeats = 2
-
-[speed]
-from = "2 mm/s"
-to = "300 mm/s"
-count = 7
-settled_time = "0 s"
-
-[pressure]
-pairs = [
-    { a = "0 bar gauge", b = "0 bar gauge" },
-    { a = "2 bar gauge", b = "0 bar gauge" },
-    { a = "0 bar gauge", b = "2 bar gauge" },
-]
-settling = "2 s"
-
-[stop]
-durations = ["0.3 s", "2 s", "10 s", "60 s"]
-restart_speed = "1 mm/s"
-approach = "5 mm"
-recovery = "10 mm"
-preconditioning = { strokes = 1, speed = "200 mm/s" }
-
-[sampling]
-samples_per_stroke = 400
-burst_rate = "5 kHz"
-
-[before_block]
-tare = "2 s"
-"""
-DRIVE = """
-name = "Axis"
-[supply]
-pressure = "6 bar gauge"
-[cylinder]
-kind = "rodless"
-bore = "25 mm"
-stroke = "300 mm"
-dead_volume = { a = "5 cm3", b = "5 cm3" }
-moving_mass = "2 kg"
-[valve]
-kind = "proportional-5/3"
-conductance = "0.4 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[friction]
-law = "lugre"
-coulomb = "10 N"
-breakaway = "13 N"
-stribeck_velocity = "20 mm/s"
-viscous = "10 N s/m"
-bristle_stiffness = "2e6 N/m"
-bristle_damping = "300 N s/m"
-"""
+PROTOCOL = (Path(__file__).parents[1] / "data" / "hidden_truth.toml").read_text("utf-8")
+DRIVE = (Path(__file__).parents[1] / "data" / "axis_of_the_chain.toml").read_text("utf-8")
 # A rest of 20 s, then slow strokes both ways, where friction decides.
 COMMAND = "0 s: 0, 20 s: 0.012, 22 s: -0.012, 24 s: 0.03, 25 s: -0.03, 26 s: 0"
 

@@ -12,28 +12,7 @@ import pytest
 
 from pneudrive.cli.main import run
 
-DRIVE = """\
-schema = 1
-[supply]
-pressure = "6 bar gauge"
-[cylinder]
-kind = "single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "100 mm"
-dead_volume = { a = "8 cm3", b = "8 cm3" }
-moving_mass = "1 kg"
-[valve]
-kind = "proportional-5/3"
-nominal_flow = "350 l/min ANR"
-critical_pressure_ratio = 0.3
-[friction]
-law = "stribeck"
-coulomb = "20 N"
-breakaway = "30 N"
-stribeck_velocity = "20 mm/s"
-viscous = "40 N s/m"
-"""
+DRIVE = (Path(__file__).parents[1] / "data" / "simulated_axis.toml").read_text("utf-8")
 GOOD = ["--command", "0 s: 0.6, 0.1 s: -0.6", "--duration", "0.2 s"]
 
 

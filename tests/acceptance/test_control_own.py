@@ -24,49 +24,7 @@ STEP = "220 mm; 0.1 s: 240 mm in 0.2 s"
 CLOCK = "step_time_s"
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no compiler of C")
 
-MINE = """
-class Law:
-    inputs = ("position", "velocity")
-
-    def start(self, model, period):
-        self.speed = model.plant.speed_m_s
-
-    def step(self, t, sample, preview):
-        now, later = preview.at(t), preview.at(t + 0.004)
-        return later[1] / self.speed + 3.0 * (now[0] - sample.position) - 0.05 * (sample.velocity - now[1])
-
-class Raises(Law):
-    def step(self, t, sample, preview):
-        return super().step(t, sample, preview) / (t < 0.05)
-
-class NoNumber(Law):
-    def step(self, t, sample, preview):
-        return float("nan") if t > 0.05 else 0.0
-
-class Forgets(Law):
-    def step(self, t, sample, preview):
-        pass
-
-class Asks(Law):
-    inputs = ("positon",)
-
-class Nothing:
-    pass
-
-class Twice(Law):
-    inputs = ("position", "position")
-
-class Alone(Law):
-    def step(self, t):
-        return 0.0
-
-class Exits(Law):
-    def step(self, t, sample, preview):
-        raise SystemExit(3)
-
-class Text(Law):
-    inputs = ("position")
-"""
+MINE = (Path(__file__).parents[1] / "data" / "own_law.py.txt").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")

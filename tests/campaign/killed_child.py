@@ -16,36 +16,7 @@ for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudri
     import_module(name)
 load_rig("default").identity()
 
-PROTOCOL = """\
-schema = 1
-name = "Killed"
-seed = 11
-[speed]
-from = "2 mm/s"
-to = "200 mm/s"
-count = 4
-settled_time = "0 s"
-[pressure]
-both = ["0 bar gauge", "0.7 bar gauge"]
-settling = "1 s"
-[stop]
-durations = ["0.5 s"]
-preconditioning = { strokes = 1 }
-[mounting]
-levels = ["rigid", "offset"]
-[order]
-kind = "randomised"
-[warm_up]
-cycles = 2
-[before_block]
-tare = "1 s"
-[sentinel]
-speed = "50 mm/s"
-every = 5
-[sampling]
-samples_per_stroke = 300
-burst_rate = "0 Hz"
-"""
+PROTOCOL = (Path(__file__).parents[1] / "data" / "killed.toml").read_text("utf-8")
 
 
 def run(folder: str, protocol: str) -> None:

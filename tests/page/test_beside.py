@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,39 +12,7 @@ from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, drag, settled, violations
 from pneudrive.simulation.trajectory import save_columns
 
-SINGLE_ACTING = """\
-name = "clamp"
-connections = ["mains -> valve.1", "valve.2 -> cylinder.a"]
-
-[components.mains]
-kind = "reservoir"
-pressure = "6 bar gauge"
-
-[components.valve]
-kind = "valve/switching-3/2"
-time_on = "10 ms"
-time_off = "10 ms"
-conductance = "1.2 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-
-[components.cylinder]
-kind = "cylinder/single-acting"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "50 mm"
-dead_volume = { a = "8 cm3", b = "8 cm3" }
-moving_mass = "0.3 kg"
-spring_stiffness = "1000 N/m"
-spring_preload = "30 N"
-breather_conductance = "0.5 dm3/(s bar)"
-
-[components.cylinder.friction]
-law = "stribeck"
-coulomb = "10 N"
-breakaway = "15 N"
-stribeck_velocity = "20 mm/s"
-viscous = "40 N s/m"
-"""
+SINGLE_ACTING = (Path(__file__).parents[1] / "data" / "clamp.toml").read_text("utf-8")
 
 
 def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:

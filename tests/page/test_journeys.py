@@ -307,10 +307,10 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
     assert violations(tab) == []
     page.click("button:text-is('Run')")
     page.wait_for_selector("[data-state=running]")
-    page.wait_for_selector("[data-cycle] polyline")  # the cycle in progress
+    page.wait_for_selector("[data-cycle] figure path[stroke-linejoin]")  # the cycle in progress
     assert violations(tab) == []
     tab.picture("campaign-cycle")
-    page.wait_for_selector("figure.plot canvas")  # the map grows
+    page.wait_for_selector("figure[data-figure='Friction so far']")  # the map grows
     page.click("text=Pause after the cycle")
     page.wait_for_selector("[data-state=paused]")
     assert "Not an emergency stop." in page.inner_text("[aria-label=Requests]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,33 +57,7 @@ def test_other_words_are_refused():
 
 # --- Pilot lines, and components of which a number is needed unless something else is given.
 
-HOLD = """
-schema = 1
-connections = [
-    "supply -> valve.1",
-    "valve.4 -> tank",
-    "valve.2 -> hold -> load",
-    "valve.4 .. hold.12",
-]
-[components.supply]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-kind = "valve/proportional-5/3"
-conductance = "0.5 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[components.tank]
-kind = "tank"
-volume = "1 cm3"
-[components.load]
-kind = "tank"
-volume = "1 l"
-[components.hold]
-kind = "check-valve/piloted"
-conductance = "1 dm3/(s bar)"
-[initial]
-load = "5 bar abs"
-"""
+HOLD = (Path(__file__).parents[1] / "data" / "hold.toml").read_text("utf-8")
 
 
 def test_a_load_is_held_until_the_pilot_comes():

@@ -3,6 +3,7 @@
 import json
 import math
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,51 +15,7 @@ from pneudrive.describe.files.load import drive_schema
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
-TABLES = """
-[friction.dwell]
-growth = "saturating"
-increment = "1.5 N"
-time = "15 h"
-exponent = 0.5
-distance = "20 um"
-pressure = { a = "10 %/bar", b = "0.2 1/bar" }
-
-[friction.relaxation]
-share = 0.3
-time = "5 s"
-distance = "0.2 mm"
-
-[friction.position]
-slope = "5 %/m"
-reference = "250 mm"
-harmonics = [{ period = "50 mm", amplitude = 0.04, phase = "30 deg" }, { period = "7 mm", amplitude = 0.02 }]
-table = [
-    { position = "50 mm", factor = 1.1 },
-    { position = "200 mm", factor = 0.95 },
-    { position = "45 cm", factor = 1.05 },
-]
-
-[friction.direction]
-positive = 1.1
-negative = 0.9
-
-[friction.side_load]
-force = "20 N"
-coefficient = 0.1
-
-[friction.temperature]
-reference = "20 degC"
-viscous = "3 %/K"
-levels = "-0.4 %/K"
-resistance = "0.8 K/W"
-time = "5 min"
-
-[friction.wear]
-run_in = 0.2
-run_in_distance = "2 km"
-rate = "0.5 %/km"
-slid = "300 m"
-"""
+TABLES = (Path(__file__).parents[1] / "data" / "dependences.toml").read_text("utf-8")
 
 
 @pytest.fixture

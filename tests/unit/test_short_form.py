@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,33 +13,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.errors import DescriptionError
 
-SHORT = """schema = 1
-name = "short"
-[supply]
-pressure = "6 bar gauge"
-[valve]
-kind = "proportional-5/3"
-conductance = "1 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[cylinder]
-kind = "single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "100 mm"
-dead_volume = { a = "8 cm3", b = "8 cm3" }
-moving_mass = "1.5 kg"
-incline = "30 deg"
-[friction]
-law = "stribeck"
-coulomb = "20 N"
-breakaway = "30 N"
-stribeck_velocity = "20 mm/s"
-viscous = "40 N s/m"
-[load]
-mass = "2 kg"
-force = "-5 N"
-spring = { stiffness = "100 N/m", rest_position = "20 mm" }
-"""
+SHORT = (Path(__file__).parents[1] / "data" / "short.toml").read_text("utf-8")
 LINES = """[tubing]
 a = { length = "2 m", diameter = "4 mm" }
 b = { length = "2 m", diameter = "4 mm" }

@@ -231,42 +231,7 @@ def test_an_edit_keeps_comments_and_order(served: Served) -> None:
     assert "not a table" in refused["problems"][0]["what"]
 
 
-SHORT = """\
-name = "short tables"   # and a component
-connections = ["valve.4 -> quick -> cylinder.a"]
-[supply]
-pressure = "6 bar gauge"
-[valve]
-kind = "proportional-5/3"
-conductance = "2 dm3/(s bar)"
-critical_pressure_ratio = 0.3
-[cylinder]
-kind = "single-rod"
-bore = "32 mm"
-rod_diameter = "12 mm"
-stroke = "200 mm"
-dead_volume = { a = "10 cm3", b = "10 cm3" }
-moving_mass = "1.5 kg"
-[friction]
-law = "stribeck"
-coulomb = "20 N"
-breakaway = "30 N"
-stribeck_velocity = "20 mm/s"
-viscous = "40 N s/m"
-[load]
-mass = "2 kg"
-[load.spring]
-stiffness = "300 N/m"
-rest_position = "100 mm"
-[tubing]
-b = { length = "1 m", diameter = "4 mm", model = "lumped" }
-[flow_control]
-b = { conductance = "0.5 dm3/(s bar)", critical_pressure_ratio = 0.3 }
-[components.quick]
-kind = "quick-exhaust"
-conductance = "1 dm3/(s bar)"
-exhaust_conductance = "2 dm3/(s bar)"
-"""
+SHORT = (Path(__file__).parents[1] / "data" / "short_tables.toml").read_text("utf-8")
 
 
 def circuits() -> dict[str, str]:

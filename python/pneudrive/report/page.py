@@ -137,16 +137,16 @@ def _has_severe(part: Section) -> bool:
     return any(map(is_severe, texts))
 
 
-def _marked(part: Section, synthetic: bool) -> Section:
+def marked(part: Section, synthetic: bool) -> Section:
     """Return a section with `synthetic` filled in, and its figures as pictures."""
     own = synthetic if part.synthetic is None else part.synthetic
 
-    def marked(block: Block) -> Block:
+    def picture(block: Block) -> Block:
         if isinstance(block, ShownFigure) and not isinstance(block, Picture):
             return Picture(block.name, block.caption, block.figure, own)
         return block
 
-    return replace(part, blocks=tuple(map(marked, part.blocks)), synthetic=own)
+    return replace(part, blocks=tuple(map(picture, part.blocks)), synthetic=own)
 
 
 @dataclass
@@ -160,7 +160,7 @@ class Report:
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
+        self.sections = [marked(part, self.synthetic) for part in self.sections if part is not None]
 
     @property
     def lines(self) -> list[Finding]:

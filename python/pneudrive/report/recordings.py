@@ -39,6 +39,7 @@ from pneudrive.report.page import (
     broken,
     by_seal,
     gauge_bar,
+    marked,
     plural,
     seal_of,
     sentence,
@@ -358,7 +359,8 @@ def recordings_report(
     parts += addition.sections if addition is not None else ()
     parts += [] if curves is None else [part(curves) for part in CURVES]
     joined: dict[str, Section] = {}
-    for part in filter(None, parts):
+    is_synthetic = found is not None and found.synthetic
+    for part in (marked(one, is_synthetic) for one in parts if one is not None):
         before = joined.pop(part.key, None)
         joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
     last = provenance_section(found, addition)

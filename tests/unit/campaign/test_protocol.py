@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from pathlib import Path
 
 import pytest
 
@@ -35,28 +36,7 @@ def test_pressures_of_a_grid_are_crossed():
 
 
 # what is changed in a good protocol, and what the message has to say
-GOOD = """\
-schema = 1
-repeats = 2
-
-[speed]
-from = "1 mm/s"
-to = "450 mm/s"
-count = 20
-
-[pressure]
-both = "1 bar gauge"
-
-[stop]
-durations = ["1 s", "15 s"]
-position = "50 %"
-
-[mounting]
-levels = ["a", "b"]
-
-[filter]
-average = 5
-"""
+GOOD = (Path(__file__).parents[2] / "data" / "good_protocol.toml").read_text("utf-8")
 WRONG = [
     ("[speed]", "[sped]", 4, "sped is not a known key", "Did you mean 'speed'?"),
     ("count = 20", "cnt = 20", 7, "speed.cnt is not a known key", "Did you mean 'count'?"),

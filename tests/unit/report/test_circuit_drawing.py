@@ -14,6 +14,7 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.report.circuit import blocks
 from pneudrive.report.circuit.svg import arranged, draw_circuit
 
+DATA = Path(__file__).parents[2] / "data"
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SIZE = {"conductance": "1 dm3/(s bar)"}
 FLOW = SIZE | {"critical_pressure_ratio": 0.3}
@@ -79,73 +80,12 @@ def simple():
 
 def held():
     """Return a tandem cylinder that piloted check valves hold, and what its rod moves and runs into."""
-    check = {"kind": "check-valve/piloted"} | SIZE
-    components = {
-        "mains": {"kind": "reservoir", "pressure": "7 bar gauge"},
-        "set": {"kind": "regulator/electro-pneumatic", "set_pressure": "6 bar gauge"} | SIZE,
-        "valve": {"kind": "valve/switching-5/3", "centre": "exhaust", "time_on": "9 ms", "time_off": "9 ms"} | FLOW,
-        "hold_a": check,
-        "hold_b": check,
-        "open_a": {"kind": "fitting"} | FLOW,
-        "open_b": {"kind": "fitting"} | FLOW,
-        "axis": {
-            "kind": "cylinder/tandem",
-            "bore": "32 mm",
-            "rod_diameter": "12 mm",
-            "stroke": "100 mm",
-            "moving_mass": "1 kg",
-            "dead_volume": dict.fromkeys(("a", "b", "a2", "b2"), "8 cm3"),
-            "friction": FRICTION,
-        },
-        "link": {"kind": "coupling", "stiffness": "1e6 N/m"},
-        "slide": {"kind": "slide", "mass": "4 kg"},
-        "mass": {"kind": "load", "mass": "3 kg"},
-        "rubber": {"kind": "bumper", "position": "95 mm", "rated_force": "1000 N", "rated_depth": "3 mm"},
-        "oil": {"kind": "shock-absorber", "side": "a", "position": "5 mm", "stroke": "9 mm", "damping": "150 kg/m"},
-    }
-    connections = [
-        "mains -> set -> valve.1",
-        "valve.4 -> hold_a -> axis.a",
-        "valve.2 -> hold_b -> axis.b",
-        "valve.2 .. hold_a.12",
-        "valve.4 .. hold_b.12",
-        "axis.a2 -> open_a -> ambient",
-        "axis.b2 -> open_b -> ambient",
-        "axis.rod -> link -> slide",
-        "axis.rod -> mass",
-        "slide -> rubber",
-        "slide -> oil",
-    ]
-    return pn.Circuit(name="held", components=components, connections=connections)
+    return pn.Circuit.load(DATA / "held.toml")
 
 
 def vacuum():
     """Return a compressor with a receiver, and an ejector behind a soft-start valve; a leak to another supply."""
-    components = {
-        "press": {
-            "kind": "compressor",
-            "free_air_delivery": "100 l/min",
-            "start_pressure": "6 bar gauge",
-            "stop_pressure": "8 bar gauge",
-        },
-        "receiver": {"kind": "tank", "volume": "10 l"},
-        "soft": {"kind": "soft-start", "needle_conductance": "0.2 dm3/(s bar)"} | SIZE,
-        "manifold": {"kind": "tank", "volume": "1 l"},
-        "hole": {"kind": "orifice", "diameter": "2 mm"},
-        "ejector": {"kind": "ejector", "suction_conductance": "0.5 dm3/(s bar)"} | SIZE,
-        "cup": {"kind": "tank", "volume": "50 cm3"},
-        "quiet": {"kind": "silencer"} | FLOW,
-        "swing": {"kind": "reservoir", "pressure": "6 bar gauge"},
-        "gap": {"kind": "leak", "coefficient": "1e-20 kg K/(s Pa2)"},
-        "line": {"kind": "tube/distributed", "length": "2 m", "diameter": "4 mm"},
-    }
-    connections = [
-        "press -> receiver -> soft -> manifold -> hole -> ejector.1",
-        "ejector.2 -> line -> cup",
-        "ejector.3 -> quiet",
-        "swing -> gap -> manifold",
-    ]
-    return pn.Circuit(name="vacuum", components=components, connections=connections)
+    return pn.Circuit.load(DATA / "vacuum.toml")
 
 
 def hexapod():
