@@ -123,7 +123,7 @@ def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, cap
     assert sorted(set(joined["pressure_a_pa"].to_numpy())) == sorted(set(first["pressure_a_pa"].to_numpy()))
     (tmp_path / "recording.csv").write_text("1,2")
     assert run([*both[:2], str(tmp_path / "recording.csv")]) == 2
-    assert "or recordings" in capsys.readouterr().err
+    assert "recordings cannot be fitted together with" in capsys.readouterr().err
 
 
 def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):

@@ -134,7 +134,9 @@ def test_a_stribeck_speed_that_moves_is_in_the_band_and_doubt_is_told(measured, 
     assert "was measured once" in said
 
 
-@pytest.mark.parametrize(("kind", "words"), [("cycle_share", "in proportion"), ("cycle_n", "in newton")])
+@pytest.mark.parametrize(
+    ("kind", "words"), [("cycle_share", "proportional to friction"), ("cycle_n", "constant in newton")]
+)
 def test_how_cycles_scatter_is_told_by_the_cycles_not_by_the_shape_of_the_curves(measured, quick, kind, words):
     """Friction of one pressure is three times that of the other, and the curves differ by a constant or a factor."""
     shapes = (Friction(lip_a=20.0, lip_b=20.0, viscous=20.0), Hidden("tanh", 30.0, 12.0, 0.015, 20.0, 20.0, 20.0, 0.0))
@@ -142,7 +144,7 @@ def test_how_cycles_scatter_is_told_by_the_cycles_not_by_the_shape_of_the_curves
         size = {"cycle_share": 0.0, kind: {"cycle_share": 0.02, "cycle_n": 1.0}[kind]}
         world = quick(friction=friction, gauges_pa=((0.0, 0.0), (1.5 * BAR, 1.5 * BAR)), repeats=4, **size)
         found = measured(world)
-        assert f"cycles scatter {words}" in " ".join(s.text for s in found.statements)
+        assert f"scatter of cycles is {words}" in " ".join(s.text for s in found.statements)
         table = found.friction_map
         own, level = table["stderr_n"].to_numpy(), table["friction_n"].to_numpy()
         ratio = own[level > 70.0].mean() / own[level < 45.0].mean()
