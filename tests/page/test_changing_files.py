@@ -43,6 +43,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     page.wait_for_selector(".cm-content >> text=2 kg")
     page.unroute("**/api/edit")
     assert "20 N" in page.inner_text(".cm-content")
+    page.click("summary:has-text('other values')")
     page.fill("input[aria-label='valve.critical_pressure_ratio']", "0,4")
     page.keyboard.press("Tab")
     page.wait_for_selector(".problem >> text=valve.critical_pressure_ratio is no number")

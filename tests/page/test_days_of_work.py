@@ -135,7 +135,9 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
         if name:
             page.fill("label:has-text('File') input", name)
         page.click("button:text-is('Save')")
-        page.wait_for_selector(".problem >> text=of no kind" if not answer else f"[role=status] >> text={answer}")
+        page.wait_for_selector(
+            ".problem >> text=does not know this ending" if not answer else f"[role=status] >> text={answer}"
+        )
         assert (page.locator("[role=status] >> text=already exists").count() == 1) == (not name)
     page.wait_for_selector("h2:text-is('mine.toml')")
     page.wait_for_timeout(200)

@@ -66,9 +66,9 @@ class Hand:
 
 
 @pytest.mark.parametrize("has_mouse", [True, False], ids=["mouse", "keys"])
-def test_own_axis_to_tuned_controller_and_fmu(server: Server, open_tab: Open, has_mouse: bool) -> None:
-    (server.folder / "axis.toml").unlink()
-    tab = open_tab(server.address)
+def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open, has_mouse: bool) -> None:
+    (own_server.folder / "axis.toml").unlink()
+    tab = open_tab(own_server.address)
     page, hand = tab.page, Hand(tab, has_mouse=has_mouse)
     hand.press("a:text-is('Open an example drive')")
     hand.press(".verbs a:text-is('Drive')")
@@ -92,7 +92,7 @@ def test_own_axis_to_tuned_controller_and_fmu(server: Server, open_tab: Open, ha
     assert violations(tab) == []
     hand.press("section[aria-label='Name and state'] button:text-is('Save')")
     page.wait_for_selector("[role=status] >> text=Saved my-axis.toml.")
-    drive = pn.Drive.load(server.folder / "my-axis.toml")
+    drive = pn.Drive.load(own_server.folder / "my-axis.toml")
     assert (drive.cylinder.bore_m, drive.cylinder.stroke_m, drive.load.mass_kg) == pytest.approx((0.04, 0.3, 12.0))
 
     hand.press(".verbs a:text-is('Control')")
@@ -105,7 +105,7 @@ def test_own_axis_to_tuned_controller_and_fmu(server: Server, open_tab: Open, ha
     page.wait_for_selector(".answer-card h2:has-text('inversion')")
     hand.press("button:text-is('Save the controller')")
     page.wait_for_selector("[role=status] >> text=Saved my-axis-inversion.toml.")
-    controller = str(server.folder / "my-axis-inversion.toml")
+    controller = str(own_server.folder / "my-axis-inversion.toml")
     run = pn.control.run(drive, controller=controller, reference="138 mm; 0.1 s: 150 mm in 0.3 s")
     assert run.attrs["score"]["max_error_m"] < 1e-2
 
@@ -113,16 +113,16 @@ def test_own_axis_to_tuned_controller_and_fmu(server: Server, open_tab: Open, ha
     page.wait_for_selector("button:text-is('Export'):enabled")
     name = page.input_value("label:has-text('Into results/') input")
     fmu = f"results/{name}.fmu"
-    assert not (server.folder / fmu).exists()
+    assert not (own_server.folder / fmu).exists()
     hand.press("button:text-is('Export'):enabled")
     page.wait_for_selector(f".job[data-state=done]:has-text('{fmu}')", timeout=LONG)
-    assert (server.folder / fmu).stat().st_size > 0
+    assert (own_server.folder / fmu).stat().st_size > 0
     assert hand.clicks <= MOST_CLICKS
     tab.picture(f"journey-axis-{'mouse' if has_mouse else 'keys'}")
     with page.expect_download() as saved:
         page.click(f"text=Show the variables of {fmu}")
         page.click("button:text-is('Save the FMU')")
-    assert Path(saved.value.path()).read_bytes() == (server.folder / fmu).read_bytes()
+    assert Path(saved.value.path()).read_bytes() == (own_server.folder / fmu).read_bytes()
     tab.check()
 
 

@@ -68,10 +68,10 @@ def seals(folder: Path, names: tuple[str, ...]) -> int:
     ("by", "names"), [("mouse", ("NAPN_*", "PK_*", "Kidney_[1-4]bar")), ("keyboard", ("NAPN_*", "PK_*"))]
 )
 def test_recordings_to_a_comparison_of_two_seals(
-    server: Server, open_tab: Open, by: str, names: tuple[str, ...]
+    own_server: Server, open_tab: Open, by: str, names: tuple[str, ...]
 ) -> None:
-    many = seals(server.folder, names)
-    tab = open_tab(server.address)
+    many = seals(own_server.folder, names)
+    tab = open_tab(own_server.address)
     page, hand = tab.page, Hand(tab, by)
     page.set_default_timeout(LONG)
     page.wait_for_selector("[data-label=NAPN]")  # rows by seal, as the layout names them
@@ -91,7 +91,7 @@ def test_recordings_to_a_comparison_of_two_seals(
     panels = page.locator("[data-figure=compared] .panel-drawing")
     assert panels.count() == 2  # both laws, and their difference
     assert "PK less NAPN" in panels.nth(1).text_content()
-    folder = server.folder / "results" / "friction"
+    folder = own_server.folder / "results" / "friction"
     compared = pn.compare_results(folder / "fit-NAPN.toml", folder / "fit-PK.toml", ("NAPN", "PK"))
     assert page.inner_text(".answer") == compared.sentence
     assert "differs" in page.inner_text("[data-differs=coulomb_b]")

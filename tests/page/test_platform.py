@@ -96,7 +96,6 @@ def test_the_path_of_another_run_and_its_reference_lie_in_the_view(server: Serve
     page = open_tab(server.address).page
     go(page, "simulate", "tripod.toml")
     page.wait_for_selector(".turned svg")
-    page.click("details.beside > summary")
     page.select_option("label:has-text('Compare with') select", "run.parquet")
     for label in ("run.parquet", "reference of run.parquet"):
         page.wait_for_selector(f"[data-path='{label}'] polyline", state="attached")

@@ -362,7 +362,7 @@ def test_a_server_without_control_only_watches(served: Served) -> None:
     run_campaign(served.folder / "speeds.toml", "default", served.folder / "done")
     for word in ("pause", "stop", "resume", "abort"):
         refused = post(served, "/api/campaign", {"path": "done", "word": word}, 400)
-        assert "only watches" in refused["problems"][0]["what"]
+        assert "does not control them" in refused["problems"][0]["what"]
     served.app = make_app(Workspace.at(served.folder), PORT, TOKEN, served.folder.parent / "built", control=True)
     served.client.app = served.app
     served.client._transport.app = served.app

@@ -147,8 +147,8 @@ def test_kinds_are_told_by_content(tmp_path: Path) -> None:
 
 
 def test_the_page_lists_files_of_every_kind() -> None:
-    text = (Path(__file__).parents[2] / "page" / "src" / "workspace" / "tree.tsx").read_text()
-    groups = re.findall(r"kinds: \[([^\]]*)\] \}", text.split("const GROUPS")[1])
+    text = (Path(__file__).parents[2] / "page" / "src" / "workspace" / "files.ts").read_text()
+    groups = re.findall(r"kinds: \[([^\]]*)\] \}", text.split("const GROUPS")[1].split("];")[0])
     titles = [kind for group in groups for kind in re.findall(r'"([\w ]+)"', group)]
     folders = list(FOLDERS)
     told = ["fmu", "recording", "friction map", "task", "other", "unreadable", *folders]

@@ -262,6 +262,7 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
       <div class="pair">
         <Matrix found={found} reference={reference} />
         <Strip
+          most={440}
           title={measured.title}
           unit={measured.unit}
           size={measured.size}

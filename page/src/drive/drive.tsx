@@ -247,7 +247,7 @@ function put(field: Field, value: string): void {
 const MAIN: [end: string, name: string][] = [
   ["bore", "Bore"],
   ["stroke", "Stroke"],
-  ["load.mass", "Load"],
+  ["mass", "Load"],
   ["moving_mass", "Moving mass"],
   ["incline", "Incline"],
   ["pressure", "Supply"],

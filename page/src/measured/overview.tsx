@@ -95,7 +95,7 @@ const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): b
 
 /** Friction of the seals over pressure, and what needs someone. */
 function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice: Slice }) {
-  const view = useView(path);
+  const open = useView(path)?.findings.filter((finding) => finding.state !== "good") ?? [];
   const seals = Object.keys(map.seals).length;
   const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.speed));
   const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.gauge / BAR));
@@ -113,10 +113,12 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
         <div class="panel">
           <FigureView shown={overPressure(slice, "Points: U (k = 2). Bands: 95 % of the fit.")} />
         </div>
-        <aside class="panel">
-          <h3>What needs you</h3>
-          {view && <Findings of={view.findings.filter((finding) => finding.state !== "good")} />}
-        </aside>
+        {open.length > 0 && (
+          <aside class="panel">
+            <h3>What needs you</h3>
+            <Findings of={open} />
+          </aside>
+        )}
       </div>
     </>
   );

@@ -2,8 +2,9 @@
 import type { ComponentChildren } from "preact";
 import { FigureView } from "../plots/figure";
 import { isSevere, pretty } from "../plots/looks";
+import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
-import type { Finding, SentView } from "../server/generated";
+import type { Finding, SentCurve, SentView, ShownFigure } from "../server/generated";
 import { useRequest } from "./answers";
 import { changesOf } from "./files";
 import { Leading, Problems, Table } from "./parts";
@@ -114,11 +115,37 @@ export function AnswerOf({
 export const useView = (path: string, changed?: unknown): SentView | null =>
   useRequest<SentView>("/api/view", path ? { path } : null, [changed, changesOf(path)])[0];
 
-/** Figures of a view. */
+/** Points and line of a curve, which are in usual units. Points that are not measured lie between measured ones. */
+function groupOf(curve: SentCurve): Group {
+  const ends = (k: number): [number, number] => [curve.low[k] ?? Number.NaN, curve.high[k] ?? Number.NaN];
+  const points = curve.x.flatMap((x, k) => {
+    const y = curve.y[k];
+    if (!curve.measured[k] || x === null || y === null || y === undefined) return [];
+    const [low, high] = ends(k);
+    return [{ x, y, spread: high >= low ? (high - low) / 2 : null }];
+  });
+  const [x, y] = [curve.x, curve.y].map((values) => values.map((value) => value ?? Number.NaN)) as [number[], number[]];
+  if (points.length === curve.x.length) return { label: curve.label, points };
+  const xs = points.map((point) => point.x);
+  const measured = xs.length ? [Math.min(...xs), Math.max(...xs)] : [-Infinity, Infinity];
+  const band = curve.low.length ? { low: curve.low, high: curve.high } : {};
+  return { label: curve.label, points, curve: { x, y, ...band, measured } };
+}
+
+/** Return a figure of the curves of each pair of axes. */
+const figuresOf = (curves: SentCurve[]): ShownFigure[] =>
+  [...new Set(curves.map((one) => `${one.x_title}\n${one.y_title}`))].map((pair) => {
+    const [x, y] = pair.split("\n") as [string, string];
+    const groups = curves.filter((one) => `${one.x_title}\n${one.y_title}` === pair).map(groupOf);
+    const name = `${y.split(",")[0]} over ${x.split(",")[0]}`;
+    return pointsFigure({ name, x, y, panels: [{ title: "", groups }], isLog: isWide(groups) });
+  });
+
+/** Figures of a view, or those of its curves. */
 export function Figures({ view }: { view: SentView }) {
   return (
     <>
-      {view.figures.map((one) => (
+      {(view.figures.length ? view.figures : figuresOf(view.curves)).map((one) => (
         <div class="panel" key={one.name}>
           <FigureView shown={one} />
         </div>

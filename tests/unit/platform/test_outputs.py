@@ -27,7 +27,10 @@ def test_forces_along_and_across_legs_are_those_of_multipliers(kind):
     for _ in range(3):
         machine = platforms.random_machine(kind, rng)
         circuit = _core.Circuit(json.dumps(platforms.circuit(machine)))
-        surroundings = SimpleNamespace(components={}, ambient=SimpleNamespace(pressure_pa=1e5), gas=gas)
+        air = SimpleNamespace(pressure_pa=1e5)
+        surroundings = SimpleNamespace(
+            components={}, ambient=air, gas=gas, core_json=lambda: json.dumps({"components": []})
+        )
         own = pn.platforms.Platform(circuit.platforms[0], surroundings)
         names = [name for row in pose_columns(own) for name in row]
         for _ in range(10):

@@ -163,7 +163,7 @@ def test_a_linear_delta_starts_in_the_pose_of_the_file():
     above, below = (star(z).simulate(None, "2 ms")["delta.z"] for z in (250.0, -250.0))
     assert [above[0], below[0]] == pytest.approx([0.25, -0.25], abs=1e-12)
     assert above[-1] + below[-1] < -1e-7  # both fall
-    with pytest.raises(DescriptionError, match=r"(?s)also at .*z = -250 mm.*near = \{ z = \.\.\. \}"):
+    with pytest.raises(DescriptionError, match=r"(?s)also fit the pose .*z = -250 mm.*near = \{ z = \.\.\. \}"):
         star(-300.0).simulate(None, "2 ms", initial="delta.z = 250 mm")
     platform = pn.platform(star(250.0))
     assert platform.forward(platform.inverse([0.0, 0.0, 0.25])) == pytest.approx([0.0, 0.0, 0.25], abs=1e-9)

@@ -208,7 +208,7 @@ def _values(one: Component) -> Iterator[str]:
     for parameter in one.entry["parameters"]:
         keys = [parameter["key"], *one.same_size(parameter["key"])]
         key = next((key for key in keys if key in given), None)
-        if is_needed(parameter) and key is not None and shown < MOST_VALUES:
+        if is_needed(parameter, given) and key is not None and shown < MOST_VALUES:
             shown += 1
             yield f"{_word(key)} {_typeset(given[key])}"
 

@@ -88,7 +88,7 @@ def test_equal_pressures_tell_the_sum_and_no_more(measured, quick):
     assert effect.interaction is None
     assert "cannot be determined" in not_carried(found, "pressure")
     assert "one chamber only" in not_carried(found, "pressure")
-    assert "below the 3 to 10 bar" in not_carried(found, "range")
+    assert "below the usual service pressure of 3 to 10 bar" in not_carried(found, "range")
 
 
 def test_pressure_is_told_where_blocks_differ_in_proportion_to_friction(measured, quick):
