@@ -2,7 +2,7 @@
 
 A field is stored in SI under a name with its unit (``bore_m``). Users write the key of the file (``bore``), as an
 argument and as an attribute, and Python adds it as the class is made. A type checker reads source text only, so these
-modules have a stub beside them. It is stubgen's, with an attribute for each key and a constructor that takes the keys.
+modules have a stub. It is stubgen's, with an attribute for each key and a constructor that takes the keys.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _taken(field: FieldInfo) -> str:
 
 
 def main() -> None:
-    """Write the stubs, or say which ones are not what the classes say."""
+    """Write the stubs, or name those that differ from the classes."""
     wrong = []
     for module in MODULES:
         path, text = PACKAGE / f"{module.replace('.', '/')}.pyi", stub(module)

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -14,22 +15,7 @@ import pneudrive as pn
 from acceptance.test_cli_simulate import DRIVE
 from pneudrive.cli.main import run
 
-LONG = """\
-name = "Long"
-repeats = 3
-directions = "+x"
-[stop]
-durations = { from = "0.1 s", to = "100 s", count = 7 }
-restart_speed = ["1 mm/s", "10 mm/s"]
-approach = "2 mm"
-recovery = "5 mm"
-[pressure]
-both = ["0 bar gauge", "0.5 bar gauge", "1 bar gauge"]
-[order]
-kind = "randomised"
-[limits]
-time = "90 min"
-"""
+LONG = (Path(__file__).parents[1] / "data" / "cli_campaign_plan_long.toml").read_text("utf-8")
 
 
 def plan(capsys, *arguments):

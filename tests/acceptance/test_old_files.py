@@ -112,25 +112,7 @@ if __name__ == "__main__":
 
 # --- The current folder has no say in pictures: settings of matplotlib that lie in it are not read.
 
-DRAW = """
-import sys
-import warnings
-
-warnings.simplefilter("ignore")
-if "command" in sys.argv:
-    from pneudrive.cli.main import run
-
-    assert run(["draw", "catalogue:reference", "--out", "a.svg"]) == 0
-else:
-    import pneudrive as pn
-    from pneudrive.report.page import svg_text
-    from pneudrive.report.style import applied, new_figure
-
-    with applied():
-        figure = new_figure(2.0)
-        figure.subplots().plot([0, 1], [0, 1], label="$x_1$")
-        open("a.svg", "w").write(svg_text(figure))
-"""
+DRAW = (Path(__file__).parents[1] / "data" / "old_files_draw.txt").read_text("utf-8")
 FOREIGN = {
     "none": None,
     "latex": b"text.usetex: True\ntext.latex.preamble: \\input{x}\n",

@@ -72,30 +72,7 @@ def test_a_ring_that_is_always_full_loses_nothing(tmp_path):
         rig.close()
 
 
-PLC_RIG = """
-kind = "opc-ua"
-url = "{url}"
-map = "plc.toml"
-reconnect = "1 s"
-
-[identity]
-name = "Bench 3"
-bore = "25 mm"
-ambient_pressure = "1.013 bar abs"
-mass_beyond_sensor = "0.8 kg"
-chambers = "separate"
-accuracy = {{ force = "0.1 N", pressure_a = "4 mbar", bore = "10 um" }}
-range = {{ force = "-200 N .. 200 N", pressure_a = "0 bar gauge .. 4 bar gauge" }}
-
-[limits]
-position = "5 mm .. 295 mm"
-speed = "500 mm/s"
-acceleration = "5 m/s2"
-jerk = "200 m/s3"
-force = "150 N"
-pressure = "0 bar gauge .. 3 bar gauge"
-temperature = "15 degC .. 30 degC"
-"""
+PLC_RIG = (Path(__file__).parents[1] / "data" / "opcua_rig_plc_rig.toml").read_text("utf-8")
 
 
 def plc_map() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -10,31 +11,7 @@ from pneudrive.signals.recording import ParallelForce, Recording
 
 R, GAMMA, AMBIENT_K, AMBIENT_PA = 296.8, 1.4, 293.15, 1.013e5
 AREAS, STROKE = (0.0127, 0.0115), 2.0
-CIRCUIT = """
-name = "gas spring"
-connections = ["upper -> piston.a", "lower -> piston.b"]
-[gas]
-name = "nitrogen"
-[ambient]
-pressure = "1.013 bar abs"
-temperature = "20 degC"
-[components.piston]
-kind = "piston"
-area_a = "0.0127 m2"
-area_b = "0.0115 m2"
-stroke = "2 m"
-moving_mass = "48 kg"
-[components.upper]
-kind = "tank"
-volume = "20 l"
-wall_area = "1 m2"
-heat_transfer = "30 W/(m2 K)"
-[components.lower]
-kind = "tank"
-volume = "40 l"
-wall_area = "1 m2"
-heat_transfer = "30 W/(m2 K)"
-"""
+CIRCUIT = (Path(__file__).parents[1] / "data" / "gas_spring_circuit.toml").read_text("utf-8")
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from importlib import import_module
+from pathlib import Path
 
 import anywidget
 import pytest
@@ -14,24 +15,7 @@ from page.conftest import PICTURES, ROOT
 
 BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
 #: The two sides of a notebook's widget: messages to Python, frames back.
-NOTEBOOK = """<!doctype html><title>notebook</title><link rel=stylesheet href=/widget.css><div id=at></div>
-<script type=module>
-import widget from "/widget.js";
-const heard = [];
-const traits = { begin: BEGIN, changes: {} };
-const model = {
-  get: (name) => traits[name], on: (_, one) => heard.push(one), off: () => {},
-  send: async (content) => {
-    const bytes = Uint8Array.from(atob(await answer(content)), (one) => one.charCodeAt(0));
-    heard.forEach((one) => one({}, [new DataView(bytes.buffer)]));
-  },
-};
-const at = document.getElementById("at");
-at.remove(); // as Jupyter does it: without a place while it is rendered
-widget.render({ model, el: at });
-document.body.append(at);
-window.again = () => widget.render({ model, el: document.body.appendChild(document.createElement("div")) });
-</script>"""
+NOTEBOOK = (Path(__file__).parents[1] / "data" / "explore_notebook.txt").read_text("utf-8")
 COMMAND, DURATION = "0 s: 0.6, 0.5 s: -0.6", "1 s"
 
 

@@ -19,24 +19,7 @@ from web.test_sizing import TASK
 STEPS = "0 s: 0.3, 0.7 s: -0.3, 1.4 s: 0.2, 2.2 s: -0.25"
 LONG = 90_000  # ms; a job on a busy machine
 #: Of the catalogue no more than a test has time for: with the smaller cylinder the impact is too hard.
-LIFT = """\
-name = "lift at 30 degrees"
-mass = "8 kg"
-stroke = "400 mm"
-time = "0.64 s"
-incline = "30 deg"
-guide = "ball"
-held_by = "machine"
-impact_energy = "0.8 J"
-exclude = [
-  "ckd*", "smc-c[my]*", "smc-sy[357]*", "smc-tu0*", "smc-tu10*", "pneumax*", "festo-[dm]*",
-  "parker-osp-p[1-4]*", "parker-osp-p25", "parker-osp-p80", "festo-gr-m3", "festo-gr-qs*",
-  "smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*",
-]
-
-[supply]
-pressure = "6 bar gauge"
-"""
+LIFT = (Path(__file__).parents[1] / "data" / "model_journeys_lift.toml").read_text("utf-8")
 
 
 def friday(server: Server) -> pn.Drive:

@@ -133,32 +133,7 @@ def test_play_moves_the_platform(server: Server, browser: object, text: str) -> 
 # --- A new class of results costs one function: the page shows what its `view` returns.
 
 #: The class, and a reader of its files, before the server starts.
-MAIN = """
-import sys
-
-import numpy as np
-
-from pneudrive import results
-from pneudrive.cli.main import run
-from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownValue, View, Viewed
-
-
-class Setup(Viewed):
-    def view(self):
-        speed = np.array([0.01, 0.1, 1.0])
-        curve = ShownCurve("c", "toy curve", speed, 30.0 + speed, "speed", "friction", "m/s", "N", None, speed > 0.0)
-        reach = ShownValue("reach", "setup", "reach", 0.25, "m", (0.24, 0.26))
-        return View(
-            "The toy is too short.", (reach,), (curve,), ("noted by the toy",), "bad",
-            leading=(LeadingValue(reach, 0.3, "bad"),),
-            findings=(Finding("It ends early.", "bad", "Take a longer one."),),
-        )
-
-
-load = results.load
-results.load = lambda path: Setup() if str(path).endswith("cheap.toml") else load(path)
-sys.exit(run(sys.argv[1:]))
-"""
+MAIN = (Path(__file__).parents[1] / "data" / "platform_main.py.txt").read_text("utf-8")
 
 
 def test_a_view_of_a_new_class_is_shown(tmp_path: Path, open_tab: Open) -> None:

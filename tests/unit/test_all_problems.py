@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pneudrive.errors import DescriptionError, LayoutError, PneudriveError, RigError
@@ -10,44 +12,8 @@ from pneudrive.rig.opcua.client import load_opcua
 from pneudrive.rig.opcua.nodes import DEFAULT_MAP, load_map
 from pneudrive.signals.layout import Layout
 
-LAYOUT = """\
-format = "csv"
-decimal = ";"
-skip_sample = 3
-
-[columns]
-time = { column = 0, unit = "ms" }
-position = { column = 1, unit = "N" }
-force = { column = 2 }
-pressure_a = { column = 3, unit = "bar gauge", sale = 2 }
-
-[geometry]
-bore = "-25 mm"
-
-[rig]
-incline = "100 deg"
-
-[chamber_b]
-pressure = "3 bar"
-
-[labels]
-flags = "x"
-"""
-RIG = """\
-schema = 1
-kind = "opc-ua"
-url = "http://x"
-reconnect = "-3 s"
-colour = "red"
-
-[identity]
-bore = "0 mm"
-stiffness = "1 m"
-
-[limits]
-position = "5 mm"
-speed = "fast"
-"""
+LAYOUT = (Path(__file__).parents[1] / "data" / "all_problems_layout.toml").read_text("utf-8")
+RIG = (Path(__file__).parents[1] / "data" / "all_problems_rig.toml").read_text("utf-8")
 
 
 def told(read, kind: type[PneudriveError]) -> str:

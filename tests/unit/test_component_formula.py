@@ -135,27 +135,7 @@ def test_it_is_listed_and_described(folder, capsys):
 
 # --- Components that take points: how they are written, read back and refused.
 
-TABLES = """
-connections = ["mass.1 -> press", "mass.1 -> flap", "mass.1 -> lock"]
-
-[components.mass]
-kind = "slide"
-mass = "2 kg"
-
-[components.press]
-kind = "force/position"
-points = [{ position = "0 mm", force = "10 N" }, { position = "0.1 m", force = "30 N" }]
-
-[components.flap]
-kind = "inertia/lever"
-moment_of_inertia = "200 kg cm2"
-distance = "100 mm"
-centre = "0 mm"
-
-[components.lock]
-kind = "rod-lock"
-holding_force = "800 N"
-"""
+TABLES = (Path(__file__).parents[1] / "data" / "component_formula_tables.toml").read_text("utf-8")
 
 
 def test_points_are_written_with_units_and_read_back():

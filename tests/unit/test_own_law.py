@@ -18,21 +18,7 @@ from pneudrive.errors import DescriptionError, PneudriveWarning
 
 LAWS = Path(__file__).parents[2] / "examples" / "laws"
 COMMAND = [(0.0, 0.6), (0.5, -0.4), (0.9, 0.05), (1.4, -1.0)]
-FRICTION = """
-drive = "catalogue:reference"
-
-[cylinder]
-leakage = "1e-9 dm3/(s bar)"  # so that the built-in law goes through nodes, too: there they agree to the bit
-
-[friction]
-law = "file:laws/lugre.toml"
-coulomb = "30 N"
-breakaway = "45 N"
-stribeck_velocity = "20 mm/s"
-viscous = "200 N s/m"
-bristle_stiffness = "1e5 N/m"
-bristle_damping = "300 N s/m"
-"""
+FRICTION = (Path(__file__).parents[1] / "data" / "own_law_friction.toml").read_text("utf-8")
 BUILT_IN = FRICTION.replace("file:laws/lugre.toml", "lugre")
 ON_IT = """
 pressure = { coulomb = { a = "2 N/bar", b = "1 N/bar" }, breakaway = { a = "2 N/bar", b = "1 N/bar" } }

@@ -142,24 +142,7 @@ def test_what_a_user_changes_is_not_assumed_by_the_catalogue(tmp_path):
     assert "parker-osp-p-0980" in pn.simulate(drive, 1.0, "0.01 s").attrs["citations"]
 
 
-MIXED = """schema = 1
-connections = ["valve.4 -> quick -> cylinder.a", "tank -> bleed -> ambient", "tank -> fill -> supply"]
-{short}
-[components.quick]
-kind = "quick-exhaust"
-conductance = "1 dm3/(s bar)"
-exhaust_conductance = "2 dm3/(s bar)"
-[components.tank]
-kind = "tank"
-volume = "1 l"
-[components.small]
-kind = "fitting"
-copies = ["bleed", "fill"]
-conductance = "0.01 dm3/(s bar)"
-critical_pressure_ratio = 0.4
-[components.cylinder]
-leakage = "0.001 dm3/(s bar)"
-"""
+MIXED = (Path(__file__).parents[1] / "data" / "short_form_mixed.toml").read_text("utf-8")
 
 
 def mixed():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,32 +112,7 @@ def test_the_schema_takes_what_the_file_takes(key, own, other):
 # --- Flow tables of proportional valves: how they are written, read back and refused, and what flows.
 
 # Two 3/2 proportional valves: force and stiffness are both commanded.
-AXIS = """
-connections = ["mains -> v_a.1", "mains -> v_b.1", "v_a.2 -> axis.a", "v_b.2 -> axis.b"]
-
-[components.mains]
-kind = "reservoir"
-pressure = "7 bar abs"
-
-[components.v_a]
-kind = "valve/proportional-3/2"
-flow_table = [
-  { opening = -1, exhaust = "2.4 dm3/(s bar)" }, { opening = 0 }, { opening = 1, supply = "2.7 dm3/(s bar)" }
-]
-frequency = "90 Hz"
-damping_ratio = 0.7
-delay = "1 ms"
-hysteresis = "0.4 %"
-copies = ["v_a", "v_b"]
-
-[components.axis]
-kind = "cylinder/rodless"
-bore = "25 mm"
-stroke = "500 mm"
-dead_volume = { a = "10 cm3", b = "10 cm3" }
-moving_mass = "2 kg"
-friction = { law = "coulomb", coulomb = "30 N", viscous = "40 N s/m" }
-"""
+AXIS = (Path(__file__).parents[1] / "data" / "valve_shape_axis.toml").read_text("utf-8")
 TABLE = AXIS[AXIS.index("flow_table") : AXIS.index("frequency")]
 
 

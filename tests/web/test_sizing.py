@@ -21,21 +21,7 @@ from web.conftest import Served
 from web.test_friction import finished, post
 from web.test_recordings import get
 
-TASK = """\
-name = "push"
-mass = "2 kg"
-stroke = "100 mm"
-time = "0.42 s"
-return_time = "0.6 s"
-impact_energy = "0.26 J"
-exclude = [
-  "parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*",
-  "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4", "smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*",
-]
-
-[supply]
-pressure = "6 bar gauge"
-"""
+TASK = (Path(__file__).parents[1] / "data" / "sizing_task.toml").read_text("utf-8")
 ASKED = {"kind": "size", "task": "push.toml", "name": "push", "least": 100, "draws": 16}
 
 

@@ -440,7 +440,7 @@ function Curves() {
   );
 }
 
-/** Score, events, and what the law assumes of the drive. */
+/** Score, events, and the assumptions of the law on the drive. */
 function Details() {
   const head = answer.value?.head;
   if (!head) return null;

@@ -177,7 +177,7 @@ function FitProblems({ path }: { path: string }) {
   return problems.length ? <Problems of={problems} /> : <p role="status">Reading {path}.</p>;
 }
 
-/** A map, with the fit that was opened, or the fits beside it. */
+/** A map, with the fit that was opened, or the fits of its folder. */
 function MapView({ path, fit: opened }: { path: string; fit: string }) {
   const drawn = chosenFit.value || opened;
   useEffect(() => void (isLog.value = null), []);
@@ -234,7 +234,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
   );
 }
 
-/** What needs someone, the values of the fit, the report, and another fit. */
+/** Open findings, the values of the fit, the report, and another fit. */
 function Aside(props: {
   path: string;
   views: (SentView | null)[];

@@ -1,4 +1,4 @@
-/** Ctrl K: one field that finds files, values and actions, and does what is chosen. */
+/** Ctrl K: one field finds files, values and actions, and runs the chosen entry. */
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { opened, save, valid } from "../drive/opened";
 import { link, route } from "../routes";
@@ -75,7 +75,7 @@ function files(): Entry[] {
   ];
 }
 
-/** Move to an element, with what it is folded into. */
+/** Move to an element, and unfold the sections around it. */
 function show(element: HTMLElement): void {
   for (let at = element.closest("details"); at; at = at.parentElement!.closest("details")) at.open = true;
   if (element.tabIndex < 0) element.tabIndex = -1;

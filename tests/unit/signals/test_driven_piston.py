@@ -13,28 +13,7 @@ from pneudrive.signals.motion import Stroke, speed_levels
 from pneudrive.signals.proposal import propose_layout
 
 HEAD = "#t(s),Pos(in),LowerHyd(psig),UpperHyd(psig),LowerPressure(psia),UpperPressure(psia),Force(lbs)"
-LAYOUT = """
-format = "csv"
-delimiter = "whitespace"
-header_delimiter = ","
-header = true
-[columns]
-time = { column = "t(s)", unit = "s" }
-position = { column = "Pos(in)", unit = "in" }
-force = { column = "Force(lbs)", unit = "lbf" }
-pressure_a = { column = "UpperPressure(psia)", unit = "psi abs" }
-pressure_b = { column = "LowerPressure(psia)", unit = "psi abs" }
-[geometry]
-area_a = "127 cm2"
-area_b = "115 cm2"
-[[force]]
-name = "ram"
-area = "9 cm2"
-area_accuracy = "4 %"
-positive = "-x"
-pressure = { column = "LowerHyd(psig)", unit = "psi gauge" }
-against = { column = "UpperHyd(psig)", unit = "psi gauge" }
-"""
+LAYOUT = (Path(__file__).parents[2] / "data" / "driven_piston_layout.toml").read_text("utf-8")
 PSI, INCH, LBF, AREA_M2 = 6894.757293168361, 0.0254, 4.4482216152605, 9e-4
 
 

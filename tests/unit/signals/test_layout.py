@@ -8,27 +8,7 @@ import pytest
 from pneudrive.characterise import load_recordings
 from pneudrive.errors import LayoutError
 
-PLAIN = """\
-format = "csv"
-delimiter = "whitespace"
-skip_samples = 2
-
-[columns]
-time = { column = 0, unit = "ms" }
-position = { column = 1, unit = "mm" }
-pressure_b = { column = 2, unit = "bar gauge" }
-force = { column = 3, unit = "N", positive = "+x" }
-
-[geometry]
-kind = "rodless"
-bore = "25.0 mm"
-
-[chamber_a]
-open_to_ambient = true
-
-[labels]
-pattern = "{seal}_{pressure}bar"
-"""
+PLAIN = (Path(__file__).parents[2] / "data" / "layout_plain.toml").read_text("utf-8")
 ROWS = "\n".join(f"{10 * i} {0.5 * i} {2.0 + 0.01 * i} {100.0 + i}" for i in range(30))
 
 
