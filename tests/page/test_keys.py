@@ -118,6 +118,7 @@ def test_a_choice_that_the_address_keeps_is_undone_and_not_on_another_object(ser
     go(page, "friction", "map.parquet")
     choice = page.locator("label:has-text('Seal or mounting') select")
     first = choice.input_value()
+    page.wait_for_selector("main [data-leading=lowest]")
     page.keyboard.press("Control+K")
     page.wait_for_selector(".palette[open]")
     page.keyboard.type("lowest friction")
