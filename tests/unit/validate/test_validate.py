@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -70,21 +71,7 @@ def test_white_noise_is_white_and_what_follows_a_signal_is_told_with_its_lag():
     assert (best.signal, round(best.lag_s, 6)) == ("command", 0.007)
 
 
-LAYOUT = """
-delimiter = "semicolon"
-decimal = ","
-header = true
-[columns]
-time = { column = "t", unit = "ms" }
-command = { column = "U", scale = 0.2, offset = -1.0 }    # 0 to 10 V, shut at 5 V
-position = { column = "x", unit = "mm", positive = "-x" }
-pressure_a = { column = "p1", unit = "bar gauge" }
-pressure_b = { column = "p2", unit = "kPa abs" }
-[rig]
-ambient_pressure = "1.013 bar abs"
-[labels]
-pattern = "day{day}_{run}"
-"""
+LAYOUT = (Path(__file__).parents[2] / "data" / "validate_layout.toml").read_text("utf-8")
 
 
 def test_foreign_records_are_read_through_a_layout(tmp_path):
