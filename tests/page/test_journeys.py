@@ -178,15 +178,16 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     tab.picture("recording")
 
     whole = page.get_attribute("[data-from]", "data-to")
-    for _ in range(9):  # a plot that is still moving down the page is missed
-        box = page.locator("figure.plot .u-over >> nth=0").bounding_box()
-        page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
-        page.mouse.down()
-        page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
-        page.mouse.up()
-        page.wait_for_timeout(300)
-        if page.get_attribute("[data-from]", "data-to") != whole:
-            break
+    plot = page.locator("figure.plot .u-over >> nth=0")
+    box, before = plot.bounding_box(), None
+    while box != before:  # it moves down while the parts above it are drawn
+        page.wait_for_timeout(500)
+        box, before = plot.bounding_box(), box
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
+    page.mouse.up()
+    page.wait_for_selector(f"[data-to]:not([data-to='{whole}'])")
     span = [float(page.get_attribute("[data-from]", f"data-{end}")) for end in ("from", "to")]
     assert span[1] - span[0] == pytest.approx(0.2 * float(whole), rel=0.1)
     page.click("button:text-is('Later')")
