@@ -1,7 +1,7 @@
 /** Undo and redo: one stack for all that is set in the page, choices and sliders as well as the open text. */
 import { type Signal, signal } from "@preact/signals";
 
-/** What a step sets. `write` gets what `read` has returned before. */
+/** Value that a step sets. `write` gets what `read` has returned before. */
 export interface Source {
   read: () => unknown;
   write: (value: never) => unknown;
@@ -35,7 +35,7 @@ export function remember(source: Source, before: unknown, isQuick = true): void 
   } else past.value = [...past.peek().slice(1 - MOST_STEPS), { values: new Map([[source, before]]), action, at }];
 }
 
-/** Give a signal a place in the stack. What the page itself sets is not undone. */
+/** Give a signal a place in the stack. Values that the page itself sets are not undone. */
 export function undoable<T>(choice: Signal<T>): Signal<T> {
   let before = choice.peek();
   const source = { read: () => choice.peek(), write: (value: T) => (choice.value = value) };

@@ -331,7 +331,7 @@ interface StripProps {
 
 /** Values of each controller on its line, over a logarithmic axis, against the goal. */
 export function Strip({ title, unit, size, rows, goal, most = 700 }: StripProps) {
-  const width = Math.min(fitting(most), innerWidth - 80); // on the narrowest phone too
+  const width = fitting(most);
   const left = Math.min(120, 0.3 * width);
   const known = rows.map((row) => ({ ...row, values: row.values.filter(({ value }) => value > 0) }));
   const all = known.flatMap((row) => row.values.map(({ value }) => value));

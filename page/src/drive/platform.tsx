@@ -1,7 +1,9 @@
 /** A platform on legs in a run: its answer, a view that mouse and keys turn, and the state of each leg. */
+
 import type { ComponentChildren } from "preact";
-import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useMemo, useRef, useState } from "preact/hooks";
 import { digits } from "../plots/looks";
+import { useWidth } from "../plots/width";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { Finding, SentLeg, SentPlatform } from "../server/generated";
@@ -375,13 +377,7 @@ export function PlatformAt({
 }) {
   const [turning, turnTo] = useState<Camera | null>(null);
   const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
-  const place = useRef<HTMLDivElement>(null);
-  const [width, setWidth] = useState(0);
-  useLayoutEffect(() => {
-    const seen = new ResizeObserver(() => setWidth(place.current?.clientWidth ?? 0));
-    seen.observe(place.current!);
-    return () => seen.disconnect();
-  }, []);
+  const [place, width] = useWidth<HTMLDivElement>();
   const shown = turning ?? cameraOf(camera.value);
   const put = (next: Camera) => {
     const { turn, lift, zoom } = limited(next);

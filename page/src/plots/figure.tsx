@@ -1,10 +1,12 @@
 /** Drawing of the figures of a view: marks in panels on axes with units. Lengths are pixels, colours are tokens. */
+
 import type { ComponentChildren } from "preact";
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
 import { digits, pretty } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
 import { asList, edges, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
+import { useWidth } from "./width";
 
 const [LEAST_WIDTH, LEAST_OF_MANY] = [230, 150]; // of a panel beside another one, and of many small ones
 const INCH = 100; // height of an inch of a printed figure
@@ -524,15 +526,7 @@ function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
 
 /** A figure with its caption. */
 export function FigureView({ shown }: { shown: ShownFigure }) {
-  const place = useRef<HTMLDivElement>(null);
-  const [width, setWidth] = useState(0);
-  useLayoutEffect(() => {
-    const resize = () => setWidth(place.current?.clientWidth ?? 0);
-    resize();
-    const seen = new ResizeObserver(resize);
-    seen.observe(place.current!);
-    return () => seen.disconnect();
-  }, []);
+  const [place, width] = useWidth<HTMLDivElement>();
   const { figure } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;

@@ -27,7 +27,7 @@ const LOOKS: Look[] = [
 const GREY: Look = ["grey", "-", "."];
 const DECADE = 10; // values that span as much lie on a logarithmic axis
 
-/** Return an axis without ends of its own; values are in the unit of its label. */
+/** Return an axis that follows its values, which are in the unit of its label. */
 const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
   ...{ label, scale, low, high: null, below: 0, above: 0, names: [], is_si: false, is_named: true, unit: "", size: 1 },
 });

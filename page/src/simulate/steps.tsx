@@ -1,6 +1,8 @@
 /** The command of a run as steps over time: drawn under the curves, dragged by its handles, and braked before an end. */
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
+
+import { useState } from "preact/hooks";
 import { digits } from "../plots/looks";
+import { useWidth } from "../plots/width";
 
 /** Time, s, and command from this time on. */
 export type Step = [time: number, value: number];
@@ -52,14 +54,8 @@ interface StepsProps {
 
 /** The command over the time of the curves. A handle is dragged, or moved by arrow keys; a double click adds one. */
 export function StepsPane({ name, steps, span: [from, to], low, put }: StepsProps) {
-  const place = useRef<SVGSVGElement>(null);
-  const [width, setWidth] = useState(600);
+  const [place, width] = useWidth<SVGSVGElement>(600);
   const [held, hold] = useState(-1);
-  useLayoutEffect(() => {
-    const seen = new ResizeObserver(() => setWidth(place.current?.clientWidth || 600));
-    seen.observe(place.current!);
-    return () => seen.disconnect();
-  }, []);
   const px = (time: number) => LEFT + ((time - from) / (to - from)) * (width - LEFT - RIGHT);
   const py = (value: number) => EDGE + ((1 - value) / (1 - low)) * (HEIGHT - 2 * EDGE);
   const moved = (k: number, time: number, value: number): Step[] => {

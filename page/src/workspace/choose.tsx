@@ -77,7 +77,7 @@ const examples = (
   </button>
 );
 
-/** Starting points, each at most two clicks from its first curve: what it does, and its buttons. */
+/** Starting points: a sentence and buttons, at most two clicks from the first curve. */
 const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: ComponentChildren][] => [
   [
     "Simulate a drive",

@@ -85,7 +85,7 @@ def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a dri
 
 
 class UncertainDrive:
-    """A drive with its variants at the ends of values with intervals; all characteristics share what is prepared.
+    """Drive with its variants at the ends of values with intervals; all characteristics share the prepared drives.
 
     Parameters
     ----------

@@ -247,7 +247,8 @@ class Described(Shown, BaseModel):
                 yield field.alias or name, value, mark_of(field)
 
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name not in dir(BaseModel)]  # what users need
+        inherited = set(dir(BaseModel))
+        return [name for name in super().__dir__() if name not in inherited]
 
     def __str__(self) -> str:
         return repr(self)

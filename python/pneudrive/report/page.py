@@ -137,7 +137,7 @@ def _has_severe(part: Section) -> bool:
     return any(map(is_severe, texts))
 
 
-def marked(part: Section, synthetic: bool) -> Section:
+def with_pictures(part: Section, synthetic: bool) -> Section:
     """Return a section with `synthetic` filled in, and its figures as pictures."""
     own = synthetic if part.synthetic is None else part.synthetic
 
@@ -160,7 +160,7 @@ class Report:
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        self.sections = [marked(part, self.synthetic) for part in self.sections if part is not None]
+        self.sections = [with_pictures(part, self.synthetic) for part in self.sections if part is not None]
 
     @property
     def lines(self) -> list[Finding]:

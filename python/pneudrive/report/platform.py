@@ -105,8 +105,10 @@ class PlatformScene(NamedTuple):
     path: Array
 
 
-def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, Array]]:
-    """Yield the lines of a platform: the name of the part, and the points, m, shape (m, k, 3), or (1, k, 3) at rest.
+def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, int, Array]]:
+    """Yield the lines of a platform: part, number of the leg from 1 (0: no leg), and points.
+
+    Points have the shape (m, k, 3), m, or (1, k, 3) at rest.
 
     The last line is the path of the origin, shape (m, 1, 3).
 
@@ -119,15 +121,16 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
     frame, places, directions = (np.asarray(one, dtype=float).reshape(-1, 3) for one in platform.core.joints)
     origin, axes = own["frame"][:, 0], own["frame"][:, 1:]
     joints = origin[:, None] + places @ axes
-    yield "frame", frame[None, [*range(len(frame)), 0]]
-    for i, leg in enumerate(platform.legs):
+    yield "frame", 0, frame[None, [*range(len(frame)), 0]]
+    for number, leg in enumerate(platform.legs, start=1):
+        i = number - 1
         a, joint, x = frame[i], joints[:, i], own["positions"][:, i, None]
         if platform.is_delta:
             stroke = leg.stroke_m if np.isfinite(leg.stroke_m) else max(float(np.max(np.abs(x))), 0.1)
             along, half = directions[i], 0.5 * PISTON * stroke
-            yield "guide", np.array([[a, a + stroke * along]])
-            yield "piston", np.stack([a + (x - half) * along, a + (x + half) * along], axis=1)
-            yield "arm", np.stack([a + x * along, joint], axis=1)
+            yield "guide", number, np.array([[a, a + stroke * along]])
+            yield "piston", number, np.stack([a + (x - half) * along, a + (x + half) * along], axis=1)
+            yield "arm", number, np.stack([a + x * along, joint], axis=1)
             continue
         length = np.linalg.norm(joint - a, axis=1, keepdims=True)
         along, shortest = (joint - a) / length, float(np.mean(length - x))
@@ -135,12 +138,12 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
         head = shortest - barrel
         piston = head + np.clip(x + 0.01 * barrel, 0.01 * barrel, (0.99 - PISTON) * barrel)
         at = [a + distance * along for distance in (0.0 * x, head + 0.0 * x, piston, piston + PISTON * barrel)]
-        yield "rod", np.stack(at[:2], axis=1)
-        yield "rod", np.stack([at[3], joint], axis=1)
-        yield "barrel", np.stack([at[1], a + shortest * along], axis=1)
-        yield "piston", np.stack(at[2:], axis=1)
-    yield "platform", joints[:, [*range(len(frame)), 0]]
-    yield "path", origin[:, None]
+        yield "rod", number, np.stack(at[:2], axis=1)
+        yield "rod", number, np.stack([at[3], joint], axis=1)
+        yield "barrel", number, np.stack([at[1], a + shortest * along], axis=1)
+        yield "piston", number, np.stack(at[2:], axis=1)
+    yield "platform", 0, joints[:, [*range(len(frame)), 0]]
+    yield "path", 0, origin[:, None]
 
 
 def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
@@ -151,7 +154,7 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     platform : Platform
     poses : array, shape (m, n)
     """
-    lines = [(what, points @ VIEW.T) for what, points in platform_lines(platform, poses)]
+    lines = [(part, points @ VIEW.T) for part, _, points in platform_lines(platform, poses)]
     everything = np.concatenate([points.reshape(-1, 2) for _, points in lines])
     low, high = everything.min(axis=0), everything.max(axis=0)
     scale = (WIDTH - 2.0 * MARGIN) / max(high[0] - low[0], 0.8 * (high[1] - low[1]), 1e-9)

@@ -39,13 +39,13 @@ from pneudrive.report.page import (
     broken,
     by_seal,
     gauge_bar,
-    marked,
     plural,
     seal_of,
     sentence,
     speed_mm_s,
     spread_evenly,
     view_report,
+    with_pictures,
 )
 from pneudrive.report.render import draw_figure
 from pneudrive.report.strokes import map_view, recovered_section
@@ -360,7 +360,7 @@ def recordings_report(
     parts += [] if curves is None else [part(curves) for part in CURVES]
     joined: dict[str, Section] = {}
     is_synthetic = found is not None and found.synthetic
-    for part in (marked(one, is_synthetic) for one in parts if one is not None):
+    for part in (with_pictures(one, is_synthetic) for one in parts if one is not None):
         before = joined.pop(part.key, None)
         joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
     last = provenance_section(found, addition)

@@ -519,8 +519,8 @@ class Proposal:
     """A proposed layout, and the data as read, for a picture.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
-    every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty for
-    other kinds and for an unreadable file, and ``problem`` has the reason. ``unused`` has the columns of numbers
+    every column. ``recording`` and ``strokes`` are the file as read by the layout. For other kinds and an
+    unreadable file, they are None and empty; ``problem`` has the reason. ``unused`` has the columns of numbers
     that the layout does not use.
     """
 

@@ -74,8 +74,8 @@ def test_pistons_are_at_their_positions_and_joints_are_joined(kind):
     poses = around_home(own, rng, 5)
     poses[:, own.coordinates.index("heave" if "heave" in own.coordinates else "z")] += 0.08
     lines, positions = list(platform_lines(own, poses)), own.inverse(poses)
-    top = next(points for what, points in lines if what == "platform")
-    for i, points in enumerate(points for what, points in lines if what == "piston"):
+    top = next(points for what, _, points in lines if what == "platform")
+    for i, points in enumerate(points for what, _, points in lines if what == "piston"):
         if own.is_delta:
             direction = np.asarray(own.core.joints[2][i])
             moved = (points.mean(axis=1) - own.core.joints[0][i]) @ direction

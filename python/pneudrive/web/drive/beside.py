@@ -46,7 +46,6 @@ _ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|
 PATH_SAMPLES, MOST_REACHED = 200, 32  # points of the path of another run; mechanisms whose workspace is kept
 #: A hazard of one cylinder: its word, its name, and the rest.
 _OF_CYLINDER = re.compile(r"(\w[\w ]*: )([A-Za-z_]\w*): (.*)", re.DOTALL)
-AROUND_LEGS = 3  # lines of a platform that belong to no leg: frame, platform and path
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
 #: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
@@ -392,15 +391,13 @@ def platform_motion(
         some = {name: np.asarray(run.columns[name], dtype=np.float64)[rows] for name in known}
         outputs = {name: some[name] for name in poses} | platform_outputs(own, some)
         pose = motion_of(own, some)[0]
-        lines = list(platform_lines(own, pose))
-        of_leg = (len(lines) - AROUND_LEGS) // len(own.legs)  # after the frame, before the platform and the path
+        *lines, (_, _, path) = platform_lines(own, pose)
         moving, parts = [], []
-        for k, (part, points) in enumerate(lines[:-1]):
-            leg = 1 + (k - 1) // of_leg if 0 < k <= of_leg * len(own.legs) else 0
+        for part, leg, points in lines:
             rests = len(points) == 1 < len(rows)
             parts.append(SentPart(part, leg, points[0].tolist() if rests else [], 0 if rests else points.shape[1]))
             moving += [] if rests else [points]
-        points = np.concatenate([*moving, lines[-1][1], own.traced(pose)[:, None]], axis=1)
+        points = np.concatenate([*moving, path, own.traced(pose)[:, None]], axis=1)
         arrays[f"platform/{own.name}"] = points.astype("f4").ravel()
         arrays |= {f"motion/{name}": values for name, values in outputs.items()}
         limits = own.force_limits.tolist()

@@ -7,12 +7,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive import numbers
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
-from pneudrive.numbers import plain as three
 from pneudrive.sizing.checks import READ
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choices
 from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, maker_type
@@ -93,11 +93,13 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
 
 def _in_words(task: SizingTask) -> str:
     """Return load, stroke, times, incline, supply and tubes of a task as one sentence."""
-    gauge = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
+    gauge_bar = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
+    times, incline_deg = (task.outward_s, task.back_s), math.degrees(task.incline_rad)
+    shown = (task.mass_kg, 1e3 * task.stroke_m, *times, incline_deg, gauge_bar, task.tube_length_m)
+    mass, stroke, out, back, incline, gauge, tube = map(numbers.plain, shown)
     return (
-        f"{three(task.mass_kg)} kg by {three(1e3 * task.stroke_m)} mm in {three(task.outward_s)} s, back in "
-        f"{three(task.back_s)} s; incline {three(math.degrees(task.incline_rad))} deg, {three(gauge)} bar gauge, "
-        f"tubes of {three(task.tube_length_m)} m"
+        f"{mass} kg by {stroke} mm in {out} s, back in {back} s; incline {incline} deg, {gauge} bar gauge, "
+        f"tubes of {tube} m"
     )
 
 
