@@ -247,8 +247,7 @@ class Described(Shown, BaseModel):
                 yield field.alias or name, value, mark_of(field)
 
     def __dir__(self) -> list[str]:
-        inherited = set(dir(BaseModel))
-        return [name for name in super().__dir__() if name not in inherited]
+        return sorted(set(super().__dir__()) - set(dir(BaseModel)))
 
     def __str__(self) -> str:
         return repr(self)
