@@ -126,11 +126,11 @@ class Hold:
 
 
 Step = Move | Hold
-#: Kinds of steps in JSON: a move has a target.
-TAGS = ("move", "hold")
+#: Kinds of steps in JSON, by whether a step has a target.
+TAGS = ("hold", "move")
 WrittenStep = Annotated[
     Annotated[Move, Tag("move")] | Annotated[Hold, Tag("hold")],
-    Discriminator(lambda step: TAGS[not (isinstance(step, Move) or (isinstance(step, dict) and "to_m" in step))]),
+    Discriminator(lambda step: TAGS[isinstance(step, Move) or (isinstance(step, dict) and "to_m" in step)]),
     BeforeValidator(present),
 ]
 
