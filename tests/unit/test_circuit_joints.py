@@ -31,7 +31,7 @@ def test_restrictions_in_a_row_are_merged_on_request():
     merged = pn.Circuit.load(FILE)
     apart = merged.replace({"junctions": "volume"})
     assert (merged.joint_volumes, [name for name, _ in apart.joint_volumes]) == ([], ["inlet.2"])
-    assert "inlet.pressure" not in merged.start_keys
+    assert "inlet.pressure" not in merged.start_names
     assert pn.Circuit.load(merged.to_toml()).core_json() == merged.core_json()
     # What is said by default is not said: a circuit without the key is the same as before there was one.
     assert "junctions" not in apart.core_json()

@@ -316,11 +316,6 @@ class Circuit(Described):
         """
         return self._starts(initial)[0]
 
-    @property
-    def start_keys(self) -> set[str]:
-        """Names of the start values, as users write them."""
-        return set(self.start_names)
-
     @cached_property
     def start_names(self) -> dict[str, str]:
         """Names of the start values in the core, by the names that users write."""

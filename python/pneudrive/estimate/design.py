@@ -71,13 +71,6 @@ def information(candidates: DesignSpace, counts: Array) -> Array:
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
-def prediction_variance(candidates: DesignSpace, matrix: Array) -> Array:
-    """Return the mean over the prior samples of g' M^-1 g at each candidate, shape (c,)."""
-    g = candidates.gradients
-    solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
-    return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
-
-
 def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArray[np.int64]:
     """Choose `count` measurements, with repeats: first greedily, then by exchanges while these improve the criterion.
 

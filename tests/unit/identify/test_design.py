@@ -7,12 +7,19 @@ import pytest
 
 from pneudrive import _core
 from pneudrive.errors import FitError
-from pneudrive.estimate.design import DesignSpace, exchange, information, prediction_variance
+from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.identify import fit_friction
 from pneudrive.identify.design import Limits, Prior, _gradients, _half_widths, next_measurements
 from pneudrive.identify.static.model import at_conditions
 
 RANGE = (1e-3, 0.45)
+
+
+def prediction_variance(candidates: DesignSpace, matrix: np.ndarray) -> np.ndarray:
+    """Return the mean over the prior samples of g' M^-1 g at each candidate, shape (c,)."""
+    g = candidates.gradients
+    solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
+    return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
 
 
 def candidates(truth, law, speeds):
