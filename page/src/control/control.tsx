@@ -324,7 +324,7 @@ function Goal() {
       </p>
       <Problems of={notTried.value} />
       {isTried && tried.value!.rows.length > 0 && (
-        <Strip title="Largest error" unit="mm" size={MM} rows={tried.value!.rows} goal={goalOf() * MM} most={300} />
+        <Strip title="Largest error" unit="mm" size={MM} rows={tried.value!.rows} goal={goalOf() * MM} />
       )}
     </fieldset>
   );

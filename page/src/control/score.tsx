@@ -2,8 +2,9 @@
 
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { digits, fitting, look, pretty } from "../plots/looks";
+import { digits, look, pretty } from "../plots/looks";
 import { curveOf, Plot, zooming } from "../plots/plot";
+import { useWidth } from "../plots/width";
 import { link } from "../routes";
 import type { Frame } from "../server/frame";
 import { ask, attempting, frame, type Problem, read } from "../server/server";
@@ -262,7 +263,6 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
       <div class="pair">
         <Matrix found={found} reference={reference} />
         <Strip
-          most={440}
           title={measured.title}
           unit={measured.unit}
           size={measured.size}
@@ -312,7 +312,8 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
 const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
   curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
 
-const ROW = 26;
+const ROW = 26; // pixels
+const MOST = 700; // width, pixels
 
 /** A controller and its values on the axis, SI. */
 export interface StripRow {
@@ -326,16 +327,21 @@ interface StripProps {
   size: number;
   rows: StripRow[];
   goal?: number; // largest value that is allowed, SI
-  most?: number; // width, pixels
 }
 
 /** Values of each controller on its line, over a logarithmic axis, against the goal. */
-export function Strip({ title, unit, size, rows, goal, most = 700 }: StripProps) {
-  const width = fitting(most);
+export function Strip({ title, unit, size, rows, goal }: StripProps) {
+  const [place, room] = useWidth<HTMLElement>();
+  const width = Math.min(MOST, room);
   const left = Math.min(120, 0.3 * width);
   const known = rows.map((row) => ({ ...row, values: row.values.filter(({ value }) => value > 0) }));
   const all = known.flatMap((row) => row.values.map(({ value }) => value));
-  if (!all.length) return <p class="note">{title}: no number above zero along this reference.</p>;
+  if (!all.length)
+    return (
+      <figure class="plot strip note" ref={place}>
+        {title}: no number above zero along this reference.
+      </figure>
+    );
   const logs = [...all, ...(goal ? [goal] : [])].map((value) => Math.log10(value / size));
   const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
   const at = (value: number) => left + ((Math.log10(value / size) - low) / (high - low)) * (width - left - 20);
@@ -343,12 +349,12 @@ export function Strip({ title, unit, size, rows, goal, most = 700 }: StripProps)
   const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
   const words = known.map((row) => `${row.name} ${row.values.map(({ value }) => digits(value / size)).join(", ")}`);
   return (
-    <figure class="plot strip" data-strip-of={title}>
+    <figure class="plot strip" data-strip-of={title} ref={place}>
       <figcaption>
         {title} of each run, {pretty(unit)}
         {goal !== undefined && `; dashed: the goal, ${digits(goal / size)}`}
       </figcaption>
-      <svg viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`${title}, ${unit}: ${words.join("; ")}`}>
+      <svg width={width} height={height} role="img" aria-label={`${title}, ${unit}: ${words.join("; ")}`}>
         {decades.map((one) => (
           <g key={one}>
             <line x1={at(one * size)} x2={at(one * size)} y1={4} y2={height - 30} class="grid" />

@@ -91,11 +91,6 @@ export function duration(seconds: number): string {
   return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
 }
 
-const MARGINS = 80; // of page and panel on a phone, pixels
-
-/** Return the width of a drawing whose text keeps its size: `most`, or what the window has room for. */
-export const fitting = (most: number): number => Math.min(most, innerWidth - MARGINS);
-
 const RAISED: Record<string, string> = { 2: "²", 3: "³" };
 
 /** Units as people write them: µm, cm³. In fields they stay as files write them. */
