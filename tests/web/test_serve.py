@@ -54,6 +54,12 @@ def test_the_address_waits_for_no_library_and_its_first_request_is_answered(tmp_
     assert status == "200"
 
 
+def test_the_first_list_of_files_waits_for_no_library_of_results() -> None:
+    code = "import sys, pneudrive.web.app; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert not {"scipy.stats", "scipy.signal", "polars", "xarray", "matplotlib"} & set(loaded.stdout.split())
+
+
 def test_no_address_is_given_where_nothing_can_be_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(CommandError, match="the page is not built"):
         built_page(tmp_path)

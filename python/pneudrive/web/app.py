@@ -28,8 +28,8 @@ from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
 from pneudrive.web.jobs import READY, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, plain, problems_of
+from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.requests import wrong_request
-from pneudrive.web.results import SANDBOX, OpenReports
 from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ ANSWERS = {
     "GET /api/lineage": "lineage:shown_lineage",
     "GET /api/stale": "lineage:stale_results",
     "GET /api/headlines": "results:headlines",
-    "GET /api/report": "results:report_address",
+    "GET /api/report": "reports:report_address",
     "POST /api/rename": "drop:rename",
     "POST /api/own-layout": "drop:with_own_layout",
     "POST /api/example": "drop:add_example",

@@ -1,10 +1,8 @@
-"""Views of results and reports for the page, and the lines of its overview."""
+"""Views of results for the page, and the lines of its overview."""
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
-from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import results
@@ -16,11 +14,9 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.fmu.description import read_fmu
 from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
-from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.guard import REPORTS, new_token
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, is_in_catalogue
 
@@ -28,11 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.views import State, View
-
-
-#: What a browser allows a report to do: nothing but to be seen, saved and left.
-SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
-_PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 
 
 def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any result
@@ -75,46 +66,6 @@ def view_at(workspace: Workspace, path: str) -> View:
 def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:
     """Return the view of a result as data."""
     return view_at(workspace, path).data()
-
-
-class OpenReports:
-    """Addresses of reports. A report never runs code.
-
-    A tab that is opened by a link has no token. The address itself is therefore the key: a secret of the length of a
-    token, for one folder, valid until the server stops.
-
-    Attributes
-    ----------
-    folders : dict
-        Secret -> folder. The guard accepts these secrets.
-    """
-
-    def __init__(self, workspace: Workspace) -> None:
-        self.workspace, self.folders = workspace, dict[str, str]()
-
-    def read(self, secret: str, name: str) -> tuple[bytes, str]:
-        """Return a report, or a picture of it, with its type.
-
-        Raises
-        ------
-        CommandError
-            The file is neither a report nor a picture.
-        """
-        if secret in self.folders and (name == REPORT or _PICTURE.fullmatch(name)):
-            path = self.workspace.folder(f"{self.folders[secret]}/{name}")
-            if path.is_file():
-                return path.read_bytes(), guess_type(name)[0] or ""
-        raise CommandError("there is no such report", remedy="Open it from the page again.")
-
-
-def report_address(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the address of the report in a folder. Empty without a report."""
-    if not (workspace.folder(path) / REPORT).is_file():
-        return {"address": ""}
-    folders = workspace.state(OpenReports).folders
-    secret = next((known for known, folder in folders.items() if folder == path), None) or new_token()
-    folders[secret] = path
-    return {"address": f"{REPORTS}{secret}/{REPORT}"}
 
 
 # --- Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check.
