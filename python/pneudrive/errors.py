@@ -7,10 +7,19 @@ import sys
 import warnings
 from contextlib import contextmanager
 from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from typing_extensions import Self
 
 
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
@@ -41,6 +50,12 @@ def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
         head = longest * 2 // 3
         text = f"{text[:head]} ... {text[head - longest + 2 :]}"
     return _HIDDEN.sub(lambda sign: ascii(sign[0])[1:-1], text)
+
+
+@cache
+def messages(package: str) -> dict[str, dict[str, str]]:
+    """Return the messages of a package: name -> what, value, rule and remedy, with places for values in braces."""
+    return tomllib.loads(Path(__file__).with_name(package).joinpath("messages.toml").read_text(encoding="utf-8"))
 
 
 class PneudriveError(Exception):
@@ -79,6 +94,22 @@ class PneudriveError(Exception):
         super().__init__(what)
         self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
         self.others: tuple[Any, ...] = ()  # further errors
+
+    @classmethod
+    def of(cls, message: str, /, **values: Any) -> Self:  # noqa: ANN401 - of any type that a text can show
+        """Return the error with a message of ``messages.toml``.
+
+        Parameters
+        ----------
+        message : str
+            Package and name of the message: ``"signals.no-motion"``.
+        **values : object
+            Values for the places in the message. ``where``, ``value``, ``rule`` and ``remedy`` are parts of the error.
+        """
+        package, _, name = message.partition(".")
+        parts = {part: text.format(**values) for part, text in messages(package)[name].items()}
+        parts |= {part: values[part] for part in ("where", "value", "rule", "remedy") if values.get(part) is not None}
+        return cls(parts.pop("what"), **parts)
 
     def __str__(self) -> str:
         """Return the message: what and where in the first line, then value, rule and remedy, then further errors."""

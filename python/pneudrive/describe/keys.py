@@ -20,6 +20,13 @@ def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = 
     return error
 
 
+def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
+    """Return an error for one key with a message of ``messages.toml``; see `PneudriveError.of`."""
+    error = DescriptionError.of(message, **values)
+    error.key = key
+    return error
+
+
 def within(error: DescriptionError, name: str, above: str = "") -> DescriptionError:
     """Return errors of a table as errors of the table that contains it.
 

@@ -239,11 +239,7 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     """
     if (own.time is None) != (other.time is None):
         counted, timed = sorted((own, other), key=lambda one: one.time is not None)
-        raise CommandError(
-            f"{counted.name} counts samples, {timed.name} seconds",
-            rule="two recordings on one axis must both have times, or both have none",
-            remedy="Correct the times of the former, or name their column in layout.toml.",
-        )
+        raise CommandError.of("signals.samples-and-seconds", counted=counted.name, timed=timed.name)
     out = []
     for one in own.channels:
         same = next((it for it in other.channels if it.quantity == one.quantity), None)

@@ -164,11 +164,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     words = text.split()
     if not words or words[-1] not in ("gauge", "abs"):
         converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first
-        raise DescriptionError(
-            f'unit "{text}" does not state gauge or abs',
-            rule="a pressure is absolute (abs) or above ambient (gauge)",
-            remedy=f'Write "{text} gauge" or "{text} abs".',
-        )
+        raise DescriptionError.of("signals.gauge-or-abs", text=text)
     return ColumnUnit(converter(" ".join(words[:-1]), "Pa")[0], words[-1] == "gauge", text=text)
 
 

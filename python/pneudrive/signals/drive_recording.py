@@ -408,12 +408,7 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
     where = str(recording.source or recording.name)
     step = float(np.median(np.diff(recording.time_s)))
     if step > COARSEST_S:
-        raise RecordingError(
-            f"the samples are {step:g} s apart",
-            where=where,
-            rule=f"time_s in seconds, at most {COARSEST_S:g} s from sample to sample",
-            remedy='check the unit of the time; a layout states it: time = { column = ..., unit = "ms" }',
-        )
+        raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
     stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
     margin = BEYOND_STROKE * stroke
     _column_within(recording, "position_m", -margin, stroke + margin, f"from 0 to the stroke of {stroke:g} m",
@@ -431,11 +426,8 @@ def _column_within(
         return
     low, high = np.nanquantile(recording[column], QUANTILES)
     if low < lower or high > upper:
-        raise RecordingError(
-            f"{column} goes from {low:.4g} to {high:.4g}, which is impossible for this drive",
-            where=where,
-            rule=rule,
-            remedy=remedy,
+        raise RecordingError.of(
+            "signals.impossible-range", where=where, rule=rule, remedy=remedy, column=column, low=low, high=high
         )
 
 
@@ -452,13 +444,11 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     if not names or not seen or any(moves(r["position_m"]) for r in seen):
         return
     travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
-    raise RecordingError(
-        f"the piston does not move, and without motion {', '.join(names)} cannot be determined",
+    raise RecordingError.of(
+        "signals.no-motion-of-drive",
         where=", ".join(str(r.source or r.name) for r in seen),
-        value=f"its position changes by {travel * 1e3:.3g} mm",
-        rule="identification of a drive needs recordings with motion",
-        remedy="check the column of the position; a test of a fixed volume has its own description and layout: "
-        '[volume], and kind = "fixed-volume"',
+        names=", ".join(names),
+        travel_mm=1e3 * travel,
     )
 
 

@@ -87,9 +87,7 @@ class ForceCalibration:
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
             raise DescriptionError("force calibration: points cannot be combined with gain or zero", rule="one of both")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
-            raise DescriptionError(
-                "force calibration: the points do not rise", rule="reference and shown forces must ascend"
-            )
+            raise DescriptionError.of("signals.points-do-not-rise")
         slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
         if not ((slopes > PLAUSIBLE_GAIN[0]) & (slopes < PLAUSIBLE_GAIN[1])).all():
             worst = float(slopes[np.argmax(np.abs(np.log(np.maximum(slopes, 1e-300))))])

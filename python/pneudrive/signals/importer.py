@@ -211,12 +211,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
             remedy=f'unit = "{DATE_TIME}" in the layout' if is_date else "name another column in the layout",
         )
     if date_form is not None:
-        raise RecordingError(
-            f"column '{name}' holds numbers, not dates and times",
-            where=str(path),
-            value=f"{column[:1].tolist()}",
-            remedy='state its unit: unit = "s", or unit = "day"',
-        )
+        raise RecordingError.of("signals.numbers-not-dates", where=str(path), value=f"{column[:1].tolist()}", name=name)
     return measurable(column.astype(np.float64, copy=False))
 
 
@@ -324,11 +319,8 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
         )
     raw = {channel: values[layout.skip_samples :] for channel, values in channels.items()}
     if raw["time"].size == 0:
-        raise RecordingError(
-            "no sample is left",
-            where=str(path),
-            value=f"{channels['time'].size} rows, skip_samples = {layout.skip_samples}",
-            remedy="lower skip_samples in the layout",
+        raise RecordingError.of(
+            "signals.no-sample-left", where=str(path), size=channels["time"].size, skip_samples=layout.skip_samples
         )
     guessed = sum(column.guessed for column in layout.channels.values())
     flags = table.flags | ({"unit_guessed": guessed} if guessed else {})

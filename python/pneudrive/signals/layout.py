@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.keys import WrongValueError, invalid, wrong
 from pneudrive.describe.marks import (
     Angle,
     Between,
@@ -151,9 +151,7 @@ class Column(Described):
     def _fits_the_channel(self) -> Column:
         said = self.model_fields_set
         if self.channel == "command" and ("unit" in said) != ("range" in said):
-            rule = "a command is the fraction of full opening, -1 to 1: give scale and offset, or unit and range"
-            remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
-            raise wrong("", "give a unit or a range, not both", rule=rule, remedy=remedy)
+            raise invalid("", "signals.unit-and-range")
         if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
             rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
             raise wrong("positive", f"positive = {self.positive!r}", rule=rule)

@@ -302,18 +302,9 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     path, said = file.path, file.said
     assert said is not None
     if said.format != "parquet":
-        raise RecordingError(
-            "cycles are read from Parquet only",
-            where=str(path),
-            value=f'format = "{said.format}"',
-            remedy="write the campaign as one Parquet file, or each cycle as a file without columns.cycle",
-        )
+        raise RecordingError.of("signals.cycles-not-parquet", where=str(path), format=said.format)
     if not said.is_plain:
-        raise RecordingError(
-            "a campaign file needs a column for each channel",
-            where=str(path),
-            rule="the keys rate, date, clock and wraps are for files of one recording",
-        )
+        raise RecordingError.of("signals.cycles-without-columns", where=str(path))
     table = open_table(path, "parquet")
     column = table.names[column_number(said.columns.cycle or 0, table.names, len(table.names), path)]
     numbers = table.get([column])[column]
@@ -323,11 +314,7 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     found = numbers[starts]
     values, counts = np.unique(found, return_counts=True)
     if (counts > 1).any():
-        raise RecordingError(
-            f"the rows of cycle {values[counts > 1][0]} are not together",
-            where=str(path),
-            rule="all rows of a cycle must be together, in the order of time",
-        )
+        raise RecordingError.of("signals.cycle-apart", where=str(path), cycle=values[counts > 1][0])
     return CampaignFile(file, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
 
 

@@ -229,22 +229,13 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
 def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> tuple[float, float]:
     """Return travel and position noise, m; refuse too few samples and no motion."""
     if time_s.size < MINIMUM_SAMPLES:
-        raise RecordingError(
-            "too few samples",
-            where=name,
-            value=time_s.size,
-            rule=f"at least {MINIMUM_SAMPLES} finite samples are needed to find strokes",
-        )
+        raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
     noise = noise_level(position_m)
     low, high = quantiles(thinned(position_m), 0.001, 0.999)
     travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
-        raise RecordingError(
-            "no motion",
-            where=name,
-            value=f"travel {travel * 1e3:.4g} mm, position noise {noise * 1e3:.4g} mm",
-            rule=f"the travel must exceed {NOISE_FACTOR:g} times the position noise",
-            remedy="check which column is the position, and its unit",
+        raise RecordingError.of(
+            "signals.no-motion", where=name, travel_mm=1e3 * travel, noise_mm=1e3 * noise, factor=NOISE_FACTOR
         )
     return travel, noise
 

@@ -624,24 +624,17 @@ def _kind(path: Path, roles: RoleSearch) -> str:
     if tags and len(values) == 1 and reading.names:
         time = next((header.name for header in headers if header.role == "time"), "TIME")
         index = f'index="{time}", columns="{headers[tags[0]].name}", values="{headers[values[0]].name}"'
-        raise RecordingError(
-            "this table has one row for each value of each channel",
-            where=str(path),
-            rule="a recording has one row for each time, with a column for each channel",
-            remedy=f'pivot it before, in pandas: pd.read_csv("{path.name}").pivot({index}).to_csv("wide.csv")',
-        )
+        raise RecordingError.of("signals.long-table", where=str(path), name=path.name, index=index)
     shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
     named = f"columns: {', '.join(reading.names)}" if reading.names else ""
     remedy = "if it is a recording, write the layout by hand: see the guide, Your own recordings"
     if raw := [header.name for header in headers if header.is_raw and header.name]:
         example = f'position = {{ column = "{raw[0]}", unit = "mm", scale = 20.0 }}'
         remedy += f"; {', '.join(raw[:MOST_NAMED])} need a role, a unit and a scale, as in {example}"
-    raise RecordingError(
-        "this table is not a recording, according to names and numbers",
+    raise RecordingError.of(
+        "signals.not-a-recording",
         where=str(path),
         value="; ".join(text for text in (shown, named) if text)[:300],
-        rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
-        "of a fixed volume",
         remedy=remedy,
     )
 

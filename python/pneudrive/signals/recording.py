@@ -124,23 +124,19 @@ class Recording(Viewed):
             if values.ndim == 0:
                 values = np.full(size, float(values))
             if values.shape != (size,):
-                raise RecordingError(
-                    f"{channel} has {values.size} samples, but time_s has {size}",
-                    where=self.name,
-                    rule="all channels must be one-dimensional and of one length",
+                raise RecordingError.of(
+                    "signals.lengths-differ", where=self.name, channel=channel, size=values.size, times=size
                 )
             object.__setattr__(self, channel, values)
         with np.errstate(invalid="ignore"):  # times that are not finite are counted later
             backwards = np.flatnonzero(np.diff(self.time_s) < 0)
         if backwards.size:
             at = int(backwards[0]) + 1
-            raise RecordingError(
-                "time runs backwards",
+            raise RecordingError.of(
+                "signals.time-backwards",
                 where=f"{self.name}, sample {at}",
-                value=f"{self.time_s[at]:.6g} s after {self.time_s[at - 1]:.6g} s",
-                rule="time must not decrease",
-                remedy="check the time column and its unit, or split the file at the reset of the clock; several runs "
-                'in one Parquet file need the column of their number, cycle = { column = "..." }',
+                later=self.time_s[at],
+                earlier=self.time_s[at - 1],
             )
         for area in ("area_a_m2", "area_b_m2"):
             if not (np.isfinite(getattr(self, area)) and getattr(self, area) >= 0):
@@ -280,12 +276,7 @@ def clean(recording: Recording, places: dict[str, list[tuple[float, float]]] | N
         finite &= np.isfinite(values)
     count("non_finite", ~finite)
     if not finite.any():
-        raise RecordingError(
-            "no sample is finite in all channels",
-            where=recording.name,
-            value=f"{len(recording)} rows",
-            remedy="check which columns the layout names, and their units",
-        )
+        raise RecordingError.of("signals.no-finite-sample", where=recording.name, count=len(recording))
     recording = recording.at(finite)
     fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))
     count("repeated_time", ~fresh)

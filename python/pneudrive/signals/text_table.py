@@ -110,12 +110,7 @@ def decode(data: bytes, path: Path) -> str:
         raise RecordingError(what, where=str(path), remedy="save the sheet with the recording as CSV")
     control = sum(byte < 9 or 13 < byte < 32 for byte in head)
     if b"\x00" in head or control > 0.05 * len(head):
-        raise RecordingError(
-            "the file is binary, not text",
-            where=str(path),
-            value=repr(head[:16]),
-            remedy="state its format in the layout (parquet, netcdf, tdms, mf4, mat), or export it as text",
-        )
+        raise RecordingError.of("signals.binary", where=str(path), value=repr(head[:16]))
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -210,12 +205,7 @@ def read_text(
     start, names, units = _header(lines, form, path)
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
     if first is None:
-        raise RecordingError(
-            "there are no rows of numbers",
-            where=str(path),
-            value=f"{len(lines)} lines",
-            remedy="check header, skip_lines and comment in the layout",
-        )
+        raise RecordingError.of("signals.no-rows", where=str(path), count=len(lines))
     width = len(split_row(first, form.delimiter))
     use = {column: column_number(column, names, width, path, is_text=True) for column in wanted}
     rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
@@ -324,13 +314,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
             )
         return places[0]
     if not 0 <= column < width:
-        raise RecordingError(
-            f"there is no column {column}",
-            where=str(path),
-            value=f"the first row has {width} columns",
-            rule="columns count from 0",
-            remedy="check column and delimiter in the layout",
-        )
+        raise RecordingError.of("signals.no-column-number", where=str(path), column=column, width=width)
     return column
 
 
@@ -515,17 +499,9 @@ def sniff_text(path: Path) -> FileForm:
             return _with_header(lines, _told(fit, sample, path))
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
     if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
-        raise RecordingError(
-            "the numbers have units inside the cells",
-            where=str(path),
-            value=unit[0],
-            remedy="remove the units from the cells, and write them into the header, as in Time [s]",
-        )
-    raise RecordingError(
-        "no table of numbers was found",
-        where=str(path),
-        value=(sample[0].strip()[:120] if sample else "no lines"),
-        remedy="write the layout by hand: delimiter, decimal, thousands, header, skip_lines",
+        raise RecordingError.of("signals.units-in-cells", where=str(path), value=unit[0])
+    raise RecordingError.of(
+        "signals.no-table", where=str(path), value=sample[0].strip()[:120] if sample else "no lines"
     )
 
 
@@ -598,12 +574,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     # Small whole numbers next to groups of three: a sign of thousands. Decimals are written in every row.
     if any(any(_BARE.match(text) for text in texts) for texts in marked):
         return thousands[0]
-    raise RecordingError(
-        f"numbers such as {marked[0][0]} can have decimals, or groups of three digits",
-        where=str(path),
-        rule="nothing else in the file shows which of both is meant",
-        remedy='write the layout by hand, with decimal = "," or with thousands = ","',
-    )
+    raise RecordingError.of("signals.decimals-or-thousands", where=str(path), number=marked[0][0])
 
 
 def _with_header(lines: list[str], reading: _Reading) -> FileForm:

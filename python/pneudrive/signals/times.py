@@ -91,9 +91,7 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
     there = count != NOT_A_TIME
     if count.size and not there.any():
         shown = form or "2026-11-03T10:15:00.123 (ISO 8601)"
-        remedy = 'state their format: format = "%d.%m.%Y %H:%M:%S.%f"'
-        what = f"no value of the time column is a date of the format {shown}"
-        raise RecordingError(what, where=str(path), value=str(values[0])[:60], remedy=remedy)
+        raise RecordingError.of("signals.no-dates", where=str(path), value=str(values[0])[:60], form=shown)
     out = np.full(count.size, np.nan)
     if there.any():
         out[there] = (count[there] - count[there][0]) / 1e9
@@ -233,12 +231,7 @@ def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
     """
     count = samples_of_a_stamp(time)
     if count > 1.0:
-        raise RecordingError(
-            f"{count:g} samples share each time stamp",
-            where=f"{where}, column {column!r}",
-            rule="each sample needs a different time",
-            remedy='if the samples are evenly spaced, give their rate instead: time = { rate = "50 Hz" }',
-        )
+        raise RecordingError.of("signals.shared-stamps", where=f"{where}, column {column!r}", count=count)
 
 
 def on_clock(time: Array, own: Array, values: Array) -> Array:

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import DescriptionError, together
+from pneudrive.errors import DescriptionError, together, tomllib
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
