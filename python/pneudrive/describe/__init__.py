@@ -5,45 +5,26 @@ from __future__ import annotations
 from pneudrive.lazy_names import lazily
 
 with lazily(__name__):
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.components import Component
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.formulas.law import FrictionLaw
-    from pneudrive.describe.kinds import component_kinds
-    from pneudrive.describe.tables.dependences import (
-        DirectionDependence,
-        Dwell,
-        Harmonic,
-        PositionDependence,
-        Relaxation,
-        SealPressure,
-        SideLoad,
-    )
-    from pneudrive.describe.tables.friction import Friction, friction_laws
-    from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
-
-__all__ = [
-    "Ambient",
-    "Circuit",
-    "Component",
-    "Cylinder",
-    "DirectionDependence",
-    "Drive",
-    "Dwell",
-    "EndStop",
-    "Friction",
-    "FrictionLaw",
-    "Gas",
-    "Harmonic",
-    "Initial",
-    "Load",
-    "PositionDependence",
-    "Relaxation",
-    "SealPressure",
-    "SideLoad",
-    "Spring",
-    "Supply",
-    "Valve",
-    "component_kinds",
-    "friction_laws",
-]
+    from pneudrive.describe.circuit import Circuit as Circuit
+    from pneudrive.describe.components import Component as Component
+    from pneudrive.describe.drive import Drive as Drive
+    from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw
+    from pneudrive.describe.kinds import component_kinds as component_kinds
+    from pneudrive.describe.tables.dependences import DirectionDependence as DirectionDependence
+    from pneudrive.describe.tables.dependences import Dwell as Dwell
+    from pneudrive.describe.tables.dependences import Harmonic as Harmonic
+    from pneudrive.describe.tables.dependences import PositionDependence as PositionDependence
+    from pneudrive.describe.tables.dependences import Relaxation as Relaxation
+    from pneudrive.describe.tables.dependences import SealPressure as SealPressure
+    from pneudrive.describe.tables.dependences import SideLoad as SideLoad
+    from pneudrive.describe.tables.friction import Friction as Friction
+    from pneudrive.describe.tables.friction import friction_laws as friction_laws
+    from pneudrive.describe.tables.parts import Ambient as Ambient
+    from pneudrive.describe.tables.parts import Cylinder as Cylinder
+    from pneudrive.describe.tables.parts import EndStop as EndStop
+    from pneudrive.describe.tables.parts import Gas as Gas
+    from pneudrive.describe.tables.parts import Initial as Initial
+    from pneudrive.describe.tables.parts import Load as Load
+    from pneudrive.describe.tables.parts import Spring as Spring
+    from pneudrive.describe.tables.parts import Supply as Supply
+    from pneudrive.describe.tables.parts import Valve as Valve

@@ -25,51 +25,32 @@ Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the tru
 from __future__ import annotations
 
 from pneudrive.lazy_names import lazily
-from pneudrive.rig.interface import (
-    Changeable,
-    Envelope,
-    Hold,
-    Identity,
-    Move,
-    Reproducible,
-    Rig,
-    RigState,
-    Samples,
-    Sampling,
-)
+from pneudrive.rig.interface import Changeable as Changeable
+from pneudrive.rig.interface import Envelope as Envelope
+from pneudrive.rig.interface import Hold as Hold
+from pneudrive.rig.interface import Identity as Identity
+from pneudrive.rig.interface import Move as Move
+from pneudrive.rig.interface import Reproducible as Reproducible
+from pneudrive.rig.interface import Rig as Rig
+from pneudrive.rig.interface import RigState as RigState
+from pneudrive.rig.interface import Samples as Samples
+from pneudrive.rig.interface import Sampling as Sampling
 
 with lazily(__name__):
-    from pneudrive.rig.description import AnalogSensor, Encoder, EncoderClock, TimeClock
-    from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, schedule, uniform_in_position
-    from pneudrive.rig.rig_file import load_rig, shipped_rigs
-    from pneudrive.rig.simulated import RigSession, SimulatedRig, Trace, sweep
-
-__all__ = [
-    "AnalogSensor",
-    "Changeable",
-    "Encoder",
-    "EncoderClock",
-    "Envelope",
-    "Hold",
-    "Identity",
-    "Limits",
-    "Motion",
-    "Move",
-    "Reproducible",
-    "Rig",
-    "RigSession",
-    "RigState",
-    "Samples",
-    "Sampling",
-    "SimulatedRig",
-    "TimeClock",
-    "Trace",
-    "cycles",
-    "dwell",
-    "load_rig",
-    "move",
-    "schedule",
-    "shipped_rigs",
-    "sweep",
-    "uniform_in_position",
-]
+    from pneudrive.rig.description import AnalogSensor as AnalogSensor
+    from pneudrive.rig.description import Encoder as Encoder
+    from pneudrive.rig.description import EncoderClock as EncoderClock
+    from pneudrive.rig.description import TimeClock as TimeClock
+    from pneudrive.rig.motion import Limits as Limits
+    from pneudrive.rig.motion import Motion as Motion
+    from pneudrive.rig.motion import cycles as cycles
+    from pneudrive.rig.motion import dwell as dwell
+    from pneudrive.rig.motion import move as move
+    from pneudrive.rig.motion import schedule as schedule
+    from pneudrive.rig.motion import uniform_in_position as uniform_in_position
+    from pneudrive.rig.rig_file import load_rig as load_rig
+    from pneudrive.rig.rig_file import shipped_rigs as shipped_rigs
+    from pneudrive.rig.simulated import RigSession as RigSession
+    from pneudrive.rig.simulated import SimulatedRig as SimulatedRig
+    from pneudrive.rig.simulated import Trace as Trace
+    from pneudrive.rig.simulated import sweep as sweep

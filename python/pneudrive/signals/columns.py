@@ -6,9 +6,18 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from pneudrive.errors import DescriptionError
 from pneudrive.units import converter, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pneudrive.arrays import Array
+    from pneudrive.signals.text_table import FileForm
 
 #: SI unit -> units of its quantity in headers, in lower case: spellings, separated by commas, then the layout's unit.
 _HEADER_UNITS = {
@@ -253,6 +262,12 @@ def side_of(name: str) -> str | None:
     return found.pop() if len(found) == 1 else None
 
 
+def chamber_of(name: str) -> str:
+    """Return the chamber a or b that the name of a pressure states, by a letter or by its number; empty for none."""
+    side = side_of(name) or ""
+    return {"1": "a", "2": "b"}.get(side, side)
+
+
 def family_of(name: str) -> str:
     """Return a name without its last number.
 
@@ -262,3 +277,102 @@ def family_of(name: str) -> str:
     'pa'
     """
     return re.sub(r"(?<!\d)\d++(?=\D*$)", "", name, count=1)
+
+
+def families(names: Iterable[str]) -> list[str]:
+    """Return names, with one entry for names that differ only by their number.
+
+    Examples
+    --------
+    >>> families(["pa0", "pa1", "pa2", "t"])
+    ['pa0 .. pa2', 't']
+    """
+    out: dict[str, list[str]] = {}
+    for name in names:
+        out.setdefault(family_of(name), []).append(name)
+    return [text for some in out.values() for text in ([f"{some[0]} .. {some[-1]}"] if len(some) >= FAMILY else some)]
+
+
+# --- Columns of a file with their headers and numbers.
+
+GROUPED = ("tdms", "mf4")  # formats with names group/channel
+RAW = ("V", "mV", "mA", "count")  # units of sensors whose scale the file does not state
+NAME, SECOND_NAME, UNIT, PHYSICS = 2, 1, 2, 1  # weights of the evidence (assumed): any two beat one
+FEWEST = 3  # least number of values for a guess
+
+
+@dataclass
+class FileColumn:
+    """A column of a foreign table.
+
+    Attributes
+    ----------
+    index : int
+        Number in the file.
+    place : int or str
+        Name or number by which a layout names it.
+    name, bare : str
+        Name in the header, and without its unit.
+    unit : HeaderUnit or None
+        Stated unit.
+    unknown : str
+        Stated unit that is not known.
+    values : ndarray
+        Numbers at the times of the table, after slow channels were filled and wraps of counters removed.
+    """
+
+    index: int
+    place: int | str
+    name: str
+    bare: str
+    unit: HeaderUnit | None
+    unknown: str
+    values: Array
+
+    @property
+    def role(self) -> str | None:
+        """The role that the name states; a time also if the name is a unit of time."""
+        return role_of(self.bare) or role_of(self.name)
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether the numbers are volts, milliamperes or counts of a sensor."""
+        return self.unit is not None and self.unit.unit in RAW
+
+    @property
+    def may_be_pressure(self) -> bool:
+        """Whether neither name nor unit exclude a pressure, and the numbers change."""
+        fits = self.unit is None or self.unit.si == "Pa" or self.is_raw
+        is_signal = np.nanmax(self.values) > np.nanmin(self.values) and not NUMBERING.search(words_of(self.name))
+        return fits and self.role in (None, "pressure") and bool(is_signal)
+
+
+class Candidate(NamedTuple):
+    """A column that may have a role, with the weight of its evidence."""
+
+    column: FileColumn
+    score: float
+    evidence: tuple[str, ...]
+
+    def with_evidence(self, text: str) -> Candidate:
+        """Return the candidate with evidence from the numbers."""
+        return Candidate(self.column, self.score + PHYSICS, (*self.evidence, text))
+
+
+def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
+    """Read the header of a column."""
+    names = form.names
+    name = names[index] if index < len(names) else ""
+    short = name.rpartition("/")[2] if form.format in GROUPED else name
+    bare, unit = split_name(short)
+    cell = form.units[index].strip() if index < len(form.units) else ""
+    opened = short.rpartition("[")[2].partition("]")
+    is_unit = opened[1] and not opened[2].strip() and not opened[0].isdigit()
+    unknown = opened[0] if unit is None and is_unit else ""
+    if cell.strip("[]()- "):
+        bare, unit = (short if unit is None else bare), header_unit(cell)
+        unknown = "" if unit else cell
+    elif unit is None and form.format in GROUPED and short == "time":
+        unit = HeaderUnit("s", "s")
+    is_unique = bool(name) and names.count(name) == 1 and (form.form.header or form.format != "csv")
+    return FileColumn(index, name if is_unique else index, name, bare, unit, unknown, values)

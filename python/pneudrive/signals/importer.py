@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
-from pneudrive.signals.columns import SECONDARY, ColumnUnit, role_of, side_of, split_name, words_of
+from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, role_of, split_name, words_of
 from pneudrive.signals.layout import UNITS
 from pneudrive.signals.text_table import (
     FileForm,
@@ -356,9 +356,7 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
     return [
         name
         for name, bare in names.items()
-        if role_of(bare) == "pressure"
-        and not SECONDARY.search(words_of(bare))
-        and {"1": "a", "2": "b"}.get(side := side_of(bare) or "", side) in {*sides, ""}
+        if role_of(bare) == "pressure" and not SECONDARY.search(words_of(bare)) and chamber_of(bare) in {*sides, ""}
     ]
 
 

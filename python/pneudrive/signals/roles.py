@@ -1,0 +1,589 @@
+"""Roles of the columns of a foreign table, by names, units and numbers; doubtful roles become questions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.describe.files.toml import value_text
+from pneudrive.signals.columns import (
+    FEWEST,
+    NAME,
+    PHYSICS,
+    ROLES,
+    SECOND_NAME,
+    SECONDARY,
+    UNIT,
+    Candidate,
+    FileColumn,
+    chamber_of,
+    families,
+    file_column,
+    role_of,
+    side_of,
+    words_of,
+)
+from pneudrive.signals.motion import local_slope, noise_level, turning_points
+from pneudrive.signals.times import COUNTERS, Times, filled, find_times, on_clock, unit_by_size, unwrapped
+from pneudrive.units import converter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.arrays import Array
+    from pneudrive.signals.text_table import FileForm
+
+ONCE = 1.0  # added to the unevenness of a signal that moves in one direction only
+HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
+SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
+BINS = 20  # of the travel, in which both directions are compared
+MOST_BINS = 0.75  # least share of them that agree on a direction
+CLEAR = 1.0  # least difference of the weights of two candidates
+CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
+CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
+CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
+FOLLOWS = 0.8  # least correlation of a closed chamber's pressure with the position
+#: Chamber -> how its pressure follows the position if it is closed.
+CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"}
+CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
+WHOLE_SPAN = 500  # whole numbers over more than this are counts
+HELD = ("constant from step to step, unlike a force",)
+ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with the position"
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
+
+    A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
+    ``keys`` are further keys of the column in the layout.
+    """
+
+    role: str
+    column: int | str
+    index: int | None
+    unit: str
+    reason: str
+    gauge: bool | None = None
+    keys: str = ""
+
+
+@dataclass(frozen=True)
+class Question:
+    """An open role: the reason, and the candidate columns."""
+
+    role: str
+    why: str
+    choices: tuple[Guess, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The question as one sentence."""
+        names = families(str(choice.column) for choice in self.choices)
+        return f"{self.role}: {self.why}" + (f" ({', '.join(names)})" if names else "")
+
+
+NO_OTHER = "no other candidate"
+
+
+@dataclass
+class RoleSearch:
+    """Columns of a table with guesses and questions about their roles.
+
+    ``taken`` has the numbers of columns whose role is decided, including those without a role.
+    """
+
+    form: FileForm
+    columns: list[FileColumn]
+    times: Times
+    taken: set[int]
+    guesses: list[Guess] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    directions: Directions | None = None
+    sign: int = 0
+
+    @classmethod
+    def of(cls, form: FileForm, columns: Sequence[Array]) -> RoleSearch:
+        """Guess the role and unit of each relevant column by name, unit and signal."""
+        read = [file_column(form, index, values) for index, values in enumerate(columns)]
+        taken = {*form.words}
+        search = cls(form, read, find_times(form, read, taken), taken)
+        raw = [column.values for column in read]
+        for column in read:
+            column.values = search._on_time(column, raw)
+        search._position()
+        if named := [candidate for candidate in search.candidates("command") if "name" in candidate.evidence]:
+            search._settle("command", named)
+        search._force()
+        search._pressures()
+        search._time()
+        search._other_lengths()
+        return search
+
+    def guess(self, role: str) -> Guess | None:
+        """Return the guess of a role."""
+        return next((guess for guess in self.guesses if guess.role == role), None)
+
+    def column(self, role: str) -> FileColumn | None:
+        """Return the column of a role."""
+        guess = self.guess(role)
+        return None if guess is None or guess.index is None else self.columns[guess.index]
+
+    @property
+    def unused(self) -> list[FileColumn]:
+        """Columns of numbers without a role, which no question lists."""
+        listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
+        used = {guess.index for guess in listed} | {self.times.index, self.times.date, *self.times.clocks.values()}
+        used |= {*self.form.words}
+        return [one for one in self.columns if one.index not in used and np.isfinite(one.values).any()]
+
+    def ask_chambers(self) -> None:
+        """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
+        asked = " ".join(question.role for question in self.questions)
+        sides = [f"pressure_{side}" for side in CLOSED if self.guess(f"pressure_{side}") is None]
+        used = [self.columns[guess.index].values for guess in self.guesses if guess.index is not None]
+        spare = [one for one in self.unused if one.may_be_pressure]
+        spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
+        if sides and spare and "pressure" not in asked:
+            why = "no column name shows the chamber, and an unused column may be its pressure"
+            self._ask(" and ".join(sides), why, [Candidate(one, 0.0, ("not used",)) for one in spare])
+
+    def candidates(self, role: str) -> list[Candidate]:
+        """Return the columns that may have a role by name or unit, the best first."""
+        quantity, found = ROLES[role].si, []
+        for column in self.columns:
+            unit, score, evidence = column.unit, 0.0, ()
+            if column.index in self.taken:
+                continue
+            if column.role == role:
+                score, evidence = (SECOND_NAME if SECONDARY.search(words_of(column.bare)) else NAME), ("name",)
+            if unit is not None:
+                fits = unit.si in ("V", "A") if role == "command" else unit.si == quantity
+                is_raw = quantity is not None and column.is_raw
+                if not (fits or is_raw or (role == "command" and unit.unit == "-")):
+                    continue
+                score += UNIT if (fits and quantity) or (fits and score) else 0
+                evidence += ("unit",) if fits else ()
+            if score:
+                found.append(Candidate(column, score, evidence))
+        return sorted(found, key=lambda one: -one.score)
+
+    def _without_role(self) -> list[FileColumn]:
+        """Return the columns whose headers state no role and no quantity."""
+        free = [one for one in self.columns if one.index not in self.taken and one.role is None]
+        return [one for one in free if one.unit is None or one.unit.si == "count"]
+
+    def _on_time(self, column: FileColumn, raw: Sequence[Array]) -> Array:
+        """Return a column at the times of the table.
+
+        A slow column is filled, and a column with a separate clock or start is aligned.
+        """
+        times = self.times
+        if column.index in self.taken:
+            return column.values
+        values, _ = unwrapped(column.values, COUNTERS)
+        if (clock := times.clocks.get(column.index)) is not None:
+            return on_clock(times.values, raw[clock], values)
+        if late := self._late(column):
+            return on_clock(times.values, times.values + late * (times.rate_hz or 0.0), values)
+        return filled(times.values, values)
+
+    def _late(self, column: FileColumn) -> float:
+        """Return the start of a channel without times, s after the first."""
+        return self.form.preamble.starts_s.get(column.index, 0.0) if self.times.index is None else 0.0
+
+    def _position(self) -> None:
+        if named := self.candidates("position"):
+            moving = [unevenness(one.column.values, is_one_of_many=True) < np.inf for one in named]
+            chosen = self._settle("position", _with(named, moving, "strokes"))
+        else:
+            chosen = self._position_by_strokes()
+        if chosen is not None:
+            self.directions = Directions.of(chosen.column.values)
+
+    def _position_by_strokes(self) -> Candidate | None:
+        """Find the signal that moves evenly between its turning points, with little extra path."""
+        signals = different_signals(self._without_role())
+        ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
+        ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
+        close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
+        held = next((one for one in signals if is_held(one.values)), None)
+        if len(close) > 1 and held is not None and len(signals) > FEWEST:
+            self._accept("command", Candidate(held, PHYSICS, HELD), "")
+            rest, why = [one.index for one in signals if one is not held], "numbers alone do not distinguish them"
+            return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
+        chosen = self._only_one("position", close, "even strokes", "these columns move alike")
+        if chosen is not None:
+            self._accept("position", chosen, self._rank(ranked))
+        return chosen
+
+    def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
+        """Return the candidate among columns without names; ask the user if there are several."""
+        some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
+        if len(some) > 1:
+            self._ask(role, why, some)
+            self.taken |= set(close)
+        return some[0] if len(some) == 1 else None
+
+    def _rank(self, ranked: Sequence[tuple[float, int]]) -> str:
+        return f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else NO_OTHER
+
+    def _force(self) -> None:
+        directions, named = self.directions, self.candidates("force")
+        if named and directions is not None:
+            turns = [directions.sign(one.column.values) != 0 for one in named]
+            named = _with(named, turns, "changes with the direction")
+        if named:
+            chosen, rank = self._choose("force", named)
+        elif directions is not None and self.guess("command") is None:
+            chosen, rank = self._force_by_swing(directions)
+        else:
+            return
+        if chosen is None:
+            return
+        self.sign = 0 if directions is None else directions.sign(chosen.column.values)
+        if directions is not None and self.sign == 0:
+            why = "the force does not show its sign, as it hardly changes with the direction"
+            self._ask("force", f'{why}: positive = "+x" or "-x"', [chosen])
+            self.taken.add(chosen.column.index)
+        else:
+            self._accept("force", chosen, rank)
+
+    def _force_by_swing(self, directions: Directions) -> tuple[Candidate | None, str]:
+        """Find the signal that changes most with the direction."""
+        signals = different_signals(self._without_role())
+        ranked = sorted(((directions.swing(one.values), one.index) for one in signals), reverse=True)
+        if not ranked or ranked[0][0] == 0.0:
+            return None, ""
+        best = self.columns[ranked[0][1]]
+        if is_held(best.values) and len(signals) >= FEWEST:
+            self._accept("command", Candidate(best, PHYSICS, HELD), "")
+            return None, ""
+        close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
+        most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
+        return self._only_one("force", close, most, "these columns change with the direction"), self._rank(ranked)
+
+    def _pressures(self) -> None:
+        named = self.candidates("pressure")
+        if not named:
+            rest, has_position = different_signals(self._without_role()), self.guess("position") is not None
+            is_alone = not any(column.name for column in self.columns) and len(rest) == 1
+            why = "more constant than the force" if has_position else "the only signal besides the time"
+            named = [Candidate(one, PHYSICS, (why,)) for one in rest if has_position or is_alone]
+        if not named:
+            return
+        sides: dict[str, list[Candidate]] = {"": []}
+        for one in named:
+            sides.setdefault(chamber_of(one.column.bare), []).append(one)
+        has_digits = any(side_of(one.column.bare) in ("1", "2") for one in named)
+        good = {side: [one for one in some if one.score > named[0].score - CLEAR] for side, some in sides.items()}
+        if len(sides) == 1 or (has_digits and len(sides) == 2):  # 1 and 2 are a and b if these are the only numbers
+            self._without_names([one for some in good.values() for one in some])
+            return
+        del sides[""]
+        free = good[""] if len(sides) < 2 else []
+        for side, some in sides.items():
+            self._settle(f"pressure_{side}", some, f"chamber {side} by its name; ")
+        if len(free) == 1:
+            side = "b" if "a" in sides else "a"
+            self._accept(f"pressure_{side}", free[0], f"chamber {side}: the other pressure is named")
+        elif free:
+            self._ask("the other pressure", "more than one column is possible", free)
+
+    def _without_names(self, free: list[Candidate]) -> None:
+        """Distinguish the chambers of pressures by the balance of forces, otherwise ask."""
+        if len(free) > 2:
+            free = [one._replace(evidence=(*one.evidence, *self._trend(one.column))) for one in free]
+            closed = {side: [one for one in free if words in one.evidence] for side, words in CLOSED.items()}
+            if all(len(some) == 1 for some in closed.values()):
+                for side, (one,) in closed.items():
+                    self._accept(
+                        f"pressure_{side}", one, f"chamber {side} is closed: its pressure follows the position"
+                    )
+            else:
+                self._ask("pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
+        elif self.guess("position") is None:
+            self._settle("pressure", free)
+        else:
+            side, why = self._chamber([one.column.values for one in free])
+            if not side:
+                self._ask("pressure_a and pressure_b" if len(free) > 1 else "pressure", why, free)
+                return
+            for one, chamber in zip(free, (side, "b" if side == "a" else "a"), strict=False):
+                self._accept(f"pressure_{chamber}", one, f"chamber {chamber}: {why}; {NO_OTHER}")
+
+    def _trend(self, column: FileColumn) -> tuple[str, ...]:
+        """Return the text on a pressure that follows the position as in a closed chamber; empty if it does not."""
+        position = self.column("position")
+        if position is None:
+            return ()
+        there = np.isfinite(position.values) & np.isfinite(column.values)
+        x, p = position.values[there], column.values[there]
+        if there.sum() < FEWEST or np.ptp(x) == 0.0 or np.ptp(p) == 0.0:
+            return ()
+        together = float(np.corrcoef(x, p)[0, 1])
+        return () if abs(together) < FOLLOWS else (CLOSED["a" if together < 0 else "b"],)
+
+    def _chamber(self, pressures: list[Array]) -> tuple[str, str]:
+        """Return the chamber of the first pressure and the reason; empty if the force does not show it."""
+        directions, force = self.directions, self.column("force")
+        if force is None or directions is None:
+            return "", ASK_CHAMBER
+        values = self.sign * force.values
+        levels = directions.levels(values)
+        means = [abs(float(np.nanmean(p))) for p in pressures]
+        if levels is not None and (len(means) == 1 or max(means) > CLEAR_PRESSURES * min(means)):
+            mean, half = sum(levels) / 2, abs(levels[0] - levels[1]) / 2
+            if abs(mean) > half:
+                is_first = len(means) == 1 or means[0] > means[1]
+                side = "b" if (mean > 0) == is_first else "a"
+                return side, f"the higher pressure balances the mean force towards {'+x' if mean > 0 else '-x'}"
+        together = [directions.correlation(values, p) for p in pressures]
+        strongest = max(range(len(together)), key=lambda at: abs(together[at]))
+        if abs(together[strongest]) > CLEAR_SHARE:
+            side = "b" if (together[strongest] > 0) == (strongest == 0) else "a"
+            return side, f"the force towards +x {'grows' if together[strongest] > 0 else 'falls'} with this pressure"
+        return "", ASK_CHAMBER
+
+    def _time(self) -> None:
+        """Add the guess of the time, or a question, before all others."""
+        times, dates = self.times, self.form.dates
+        if times.question:
+            self.questions.insert(0, Question("time", times.question))
+            return
+        if times.rate_hz is not None:
+            keys = f'rate = "{times.rate_hz:.6g} Hz"'
+            self.guesses.insert(0, Guess("time", "", None, "", times.reason, keys=keys))
+            return
+        assert times.index is not None
+        place, unit, reason = self.columns[times.index].place, times.unit, "unit as named"
+        if not unit:
+            position, guess = self.column("position"), self.guess("position")
+            is_length = position is not None and guess is not None and guess.unit
+            unit, reason = unit_by_size(times, position.values * converter(guess.unit, "m")[0] if is_length else None)
+        if not unit:
+            self.questions.insert(0, Question("time", reason, (Guess("time", place, times.index, "s", reason),)))
+            return
+        keys = [f'format = "{form}"'] if (form := dates.get(times.index)) else []
+        if times.date is not None:
+            keys.append(f"date = {value_text(self.columns[times.date].place)}")
+            keys += [f'date_format = "{form}"'] if (form := dates[times.date]) else []
+        reason = f"{times.reason}, {reason}"
+        self.guesses.insert(0, Guess("time", place, times.index, unit, reason, keys=", ".join(keys)))
+
+    def _other_lengths(self) -> None:
+        """Ask for channels whose names state an open role, but whose lengths differ from the others."""
+        known = [guess.role for guess in self.guesses]
+        for name, length in self.form.other_lengths.items():
+            role = role_of(name)
+            is_open = sum("pressure" in text for text in known) < 2 if role == "pressure" else role not in known
+            if role is not None and is_open and length > 1 and not SECONDARY.search(words_of(name)):  # 1: a constant
+                usual = self.columns[0].values.size
+                why = f"channel {name!r} has {length} values and the others have {usual}: resample it to their times"
+                self.questions.append(Question(role, why))
+
+    def _settle(self, role: str, named: list[Candidate], note: str = "") -> Candidate | None:
+        """Return the best candidate as the guess of a role, unless the user is asked."""
+        chosen, rank = self._choose(role, named)
+        if chosen is not None:
+            self._accept(role, chosen, note + rank)
+        return chosen
+
+    def _choose(self, role: str, named: list[Candidate]) -> tuple[Candidate | None, str]:
+        """Return the best candidate, and the next one in words.
+
+        If candidates are similarly good, the user is asked, unless they show the same signal.
+        """
+        best, *rest = sorted(named, key=lambda one: -one.score)
+        close = [one for one in rest if one.score > best.score - CLEAR]
+        others = [one for one in close if not same_signal(best.column.values, one.column.values)]
+        self.taken |= {one.column.index for one in (best, *close)}
+        if others:
+            self._ask(role, "more than one column is possible", [best, *others])
+            return None, ""
+        return best, f"next: column {rest[0].column.place!r} ({', '.join(rest[0].evidence)})" if rest else NO_OTHER
+
+    def _accept(self, role: str, one: Candidate, rank: str) -> None:
+        """Add a guess with its unit. For an unknown unit, a count or volts, the user is asked."""
+        column, guess = one.column, self._guess(role, one, rank)
+        same = {other.index for other in self._without_role() if same_signal(column.values, other.values)}
+        self.taken |= same | {column.index}
+        if column.unknown and not column.unit:
+            why = f"the unit {column.unknown!r} of this column is not known: state the unit"
+            self.questions.append(Question(role, why, (guess,)))
+        elif "scale = " in guess.keys:
+            raw = column.unit.unit if column.unit is not None else "count"
+            content = "counts" if raw == "count" else raw
+            why = f"this column contains {content}: state the unit, and the scale (unit per {raw})"
+            self.questions.append(Question(role, why, (replace(guess, reason=why),)))
+        else:
+            self.guesses.append(guess)
+
+    def _guess(self, role: str, one: Candidate, rank: str) -> Guess:
+        column = one.column
+        unit, gauge, is_named = _unit(column, role)
+        keys = [] if is_named or role == "command" else ["guessed = true"]
+        if not unit and role != "command":  # volts or counts
+            unit, keys = ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
+            keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
+        if (clock := self.times.clocks.get(column.index)) is not None:
+            keys.append(f"clock = {value_text(self.columns[clock].place)}")
+        if late := self._late(column):
+            keys.append(f'delay = "{-late:.9g} s"')
+        reason = f"{', '.join(one.evidence)}, unit {'as named' if is_named else 'guessed from its size'}"
+        reason = "; ".join(filter(None, [reason, rank]))
+        return Guess(role, column.place, column.index, unit, reason, gauge, ", ".join(keys))
+
+    def _ask(self, role: str, why: str, candidates: list[Candidate]) -> None:
+        kind = "pressure" if " " in role and "pressure" in role else role
+        self.questions.append(Question(role, why, tuple(self._guess(kind, one, "") for one in candidates)))
+
+
+def _with(candidates: Sequence[Candidate], shown: Sequence[bool], text: str) -> list[Candidate]:
+    """Return candidates, with evidence from the numbers where they show it."""
+    return [one.with_evidence(text) if is_so else one for one, is_so in zip(candidates, shown, strict=True)]
+
+
+def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
+    """Return the unit in the header, or a guess from the size of the numbers.
+
+    Also return whether the unit is gauge, and whether the file states the unit. Volts and counts need a scale: their
+    unit is empty.
+    """
+    kind, unit = role.partition("_")[0], column.unit
+    if kind != "command" and column.is_raw:
+        return "", None, False
+    if unit is not None and unit.si not in ("", "count"):
+        return unit.unit, unit.gauge, True
+    finite = column.values[np.isfinite(column.values)]
+    size, whole = 0.0, False
+    if finite.size:
+        span = float(np.ptp(finite))
+        size = span if kind == "position" else float(np.abs(finite).max())
+        whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
+    by_size = ROLES[kind].by_size if kind in ROLES and not whole else ()
+    return next((name for most, name in by_size if size < most), ""), None, False
+
+
+def is_held(values: Array) -> bool:
+    """Return whether a column is constant from sample to sample, with occasional steps."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and steps.any() and (steps == 0).mean() > HELD_SHARE)
+
+
+def different_signals(columns: Iterable[FileColumn]) -> list[FileColumn]:
+    """Return the last column of each signal, of columns such as volts and newtons of one sensor."""
+    groups: list[list[FileColumn]] = []
+    for column in columns:
+        if not np.isfinite(column.values).all() or np.ptp(column.values) == 0:
+            continue
+        group = next((group for group in groups if same_signal(group[0].values, column.values)), None)
+        if group is None:
+            groups.append([column])
+        else:
+            group.append(column)
+    return [group[-1] for group in groups]
+
+
+def same_signal(first: Array, second: Array) -> bool:
+    """Return whether two columns are one signal in two units: related by a straight line, except for rounding."""
+    both = np.isfinite(first) & np.isfinite(second)
+    first, second = first[both], second[both]
+    if first.size < FEWEST or not np.ptp(first) or not np.ptp(second):
+        return False
+    if abs(np.corrcoef(first, second)[0, 1]) < SAME_SIGNAL:
+        return False
+    slope, intercept = np.polyfit(first, second, 1)
+    rest = float(np.std(second - slope * first - intercept))
+    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(np.unique(v)) for v in (first, second))]
+    return rest <= max(abs(slope) * steps[0], steps[1])
+
+
+def unevenness(values: Array, *, is_one_of_many: bool) -> float:
+    """Return the deviation of a signal from even strokes between turning points.
+
+    The ratio is 1 for a triangle, and infinite without motion.
+    """
+    values = values[np.isfinite(values)]
+    if values.size < FEWEST:
+        return np.inf
+    span = float(np.ptp(values))
+    points = turning_points(values, 0.3 * span)
+    if span == 0 or points.size < (2 if is_one_of_many else 3) or noise_level(values) > 0.02 * span:
+        return np.inf
+    once = ONCE if points.size < 3 else 0.0
+    needed = float(np.abs(np.diff(values[points])).sum())
+    middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
+    # An even stroke spends 60 % of its time in the middle 60 % of its travel. A switched signal spends almost no time
+    # there.
+    return float(np.abs(np.diff(values)).sum()) / needed + 5 * abs(middle - 0.6) + once
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Samples at which the piston moves: towards +x, towards -x, and their position along the travel."""
+
+    up: NDArray[np.bool_]
+    down: NDArray[np.bool_]
+    bins: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, position: Array) -> Directions:
+        """Find the samples that move, from the position alone."""
+        good = np.isfinite(position)
+        at = np.flatnonzero(good)
+        velocity = np.zeros(position.size)
+        bins = np.zeros(position.size, dtype=np.int64)
+        if at.size >= FEWEST and np.ptp(position[good]) > 0:
+            velocity[good] = local_slope(at.astype(float), position[good])
+            away = (position[good] - position[good].min()) / np.ptp(position[good])
+            bins[good] = np.minimum((away * BINS).astype(np.int64), BINS - 1)
+        moving = np.abs(velocity)
+        usual = float(np.median(moving[moving > 0])) if (moving > 0).any() else np.inf
+        fast = moving > 0.5 * usual
+        return cls(fast & (velocity > 0), fast & (velocity < 0), bins)
+
+    def levels(self, values: Array) -> tuple[float, float] | None:
+        """Return the median values of a channel towards +x and back; None if a direction is missing."""
+        there = np.isfinite(values)
+        up, down = values[self.up & there], values[self.down & there]
+        return (float(np.median(up)), float(np.median(down))) if up.size and down.size else None
+
+    def sign(self, values: Array) -> int:
+        """Return whether a channel is larger towards +x (1) or back (-1) at equal positions; 0 if it is not clear."""
+        there = np.isfinite(values)
+        larger = []
+        for number in range(BINS):
+            inside = there & (self.bins == number)
+            up, down = values[inside & self.up], values[inside & self.down]
+            if up.size and down.size:
+                larger.append(np.sign(np.median(up) - np.median(down)))
+        if len(larger) < FEWEST:
+            return 0
+        for sign in (1, -1):
+            if larger.count(sign) >= MOST_BINS * len(larger):
+                return sign
+        return 0
+
+    def swing(self, values: Array) -> float:
+        """Return how much a channel changes with the direction, relative to its level; 0 if it is not clear."""
+        levels = self.levels(values)
+        if levels is None or self.sign(values) == 0:
+            return 0.0
+        return abs(levels[0] - levels[1]) / max(abs(levels[0]) + abs(levels[1]), 1e-300)
+
+    def correlation(self, force: Array, pressure: Array) -> float:
+        """Return the correlation of force and pressure within one direction, where friction does not change sign."""
+        parts: list[tuple[Array, Array]] = []
+        for moving in (self.up, self.down):
+            there = moving & np.isfinite(force) & np.isfinite(pressure)
+            if there.sum() >= FEWEST:
+                parts.append((force[there] - force[there].mean(), pressure[there] - pressure[there].mean()))
+        if not parts:
+            return 0.0
+        first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
