@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.components import Component, component, component_class, within
 from pneudrive.describe.connections import AMBIENT, Part
 from pneudrive.describe.files import catalogue
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.short import TABLES, Short
 from pneudrive.errors import DescriptionError
@@ -102,9 +102,7 @@ def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str,
             here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
             if own in tables or (own != name and own in given):
                 rule = "each component has a different name"
-                problems.add(
-                    wrong(here, f'two components have the name "{own}"', rule=rule, remedy="Rename one of them.")
-                )
+                problems.add(invalid(here, "describe.name-taken", rule=rule, own=own))
             elif own == AMBIENT or not _NAME.fullmatch(str(own)):
                 rule = 'letters, digits, "_" and "-", a letter first; not ambient'
                 problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.errors import nearest
 
 if TYPE_CHECKING:
@@ -174,10 +174,7 @@ class Wiring:
                 raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
             words = [word.strip() for word in chain.split(ARROW)]
             if len(words) > 1 and PILOT_LINE in chain:
-                rule = "a connection is either a chain or a pilot line"
-                raise wrong(
-                    key, f'"{chain}" has both "{ARROW}" and "{PILOT_LINE}"', rule=rule, remedy="Write two connections."
-                )
+                raise invalid(key, "describe.chain-and-pilot-line", chain=chain, arrow=ARROW, pilot_line=PILOT_LINE)
             is_line = PILOT_LINE in chain
             if is_line:
                 words = [word.strip() for word in chain.split(PILOT_LINE)]
@@ -242,13 +239,9 @@ class Wiring:
         pilots = [port.id for port in (one, other) if isinstance(port, Port) and port.is_pilot]
         ends = [port if isinstance(port, str) else port.id for port in (one, other)]
         if pilots and not is_line:
-            rule = "a pilot port senses a pressure without flow"
-            remedy = f'Join it with a pilot line: "{ends[0]} {PILOT_LINE} {ends[1]}".'
-            raise wrong(key, f"{pilots[0]} is a pilot port", rule=rule, remedy=remedy)
+            raise invalid(key, "describe.pilot-port", pilots=pilots, ends=ends, pilot_line=PILOT_LINE)
         if is_line and not pilots:
-            rule = "a pilot line ends at a pilot port"
-            remedy = f'For a flow of gas write "{ends[0]} {ARROW} {ends[1]}".'
-            raise wrong(key, f"neither {ends[0]} nor {ends[1]} is a pilot port", rule=rule, remedy=remedy)
+            raise invalid(key, "describe.no-pilot-port", ends=ends, arrow=ARROW)
 
     def _join(self, one: Port | str, other: Port | str, chain: str, key: str) -> None:
         ports = [port for port in (one, other) if isinstance(port, Port)]

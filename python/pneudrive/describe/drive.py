@@ -16,7 +16,7 @@ from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.files.sourced import Value, has_origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.short import TABLES, beside_control, expanded
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
 from pneudrive.describe.tables import end_stops
@@ -143,11 +143,7 @@ class Drive(Described):
             if base is None:
                 return cls.model_validate(tables)
             if not isinstance(base, str) or not base.startswith(catalogue.PREFIX):
-                raise wrong(
-                    "drive",
-                    f"drive = {base!r} is not a drive of the catalogue",
-                    remedy=f'Write drive = "{catalogue.PREFIX}NAME".',
-                )
+                raise invalid("drive", "describe.not-a-drive", base=base, prefix=catalogue.PREFIX)
             return cls._from_catalogue(base, tables)
 
     if not TYPE_CHECKING:
@@ -322,10 +318,8 @@ class Drive(Described):
         state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)
         position = state["position_m"]
         if not 0.0 <= position <= stroke:
-            raise wrong(
-                "initial.position",
-                f"initial position = {position * 1e3:g} mm lies outside the stroke",
-                rule=f"0 mm <= position <= cylinder.stroke = {stroke * 1e3:g} mm",
+            raise invalid(
+                "initial.position", "describe.start-outside-stroke", position=position * 1e3, stroke=stroke * 1e3
             )
         for chamber in "ab":
             if not state[f"pressure_{chamber}_pa"] > 0.0:

@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.components import Component, component, within
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.marks import Bounds, Fraction, Quantity, StatedPressure
 from pneudrive.describe.tables.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
@@ -100,9 +100,7 @@ class Tank(Described):
     @model_validator(mode="after")
     def _tube_on_a_line(self) -> Tank:
         if self.tube is not None and self.line is None:
-            raise wrong(
-                "tube", "the tube is not connected: [line] is missing", rule="a tube lies between [line] and [volume]"
-            )
+            raise invalid("tube", "describe.tube-without-line")
         return self
 
     @classmethod

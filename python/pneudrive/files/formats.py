@@ -371,12 +371,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
     starts = {name: channel.properties.get("wf_start_time") for name, channel in channels.items()}
     without = [name for name, start in starts.items() if start is None]
     if without and len(without) < len(starts):
-        raise RecordingError(
-            "some channels state their start time, others do not",
-            value=f"without wf_start_time: {', '.join(without)}",
-            rule="the samples of all channels must lie on one time axis",
-            remedy="write the start time of each channel, or read channels of one kind",
-        )
+        raise RecordingError.of("files.start-times", without=", ".join(without))
     known = [np.datetime64(start, "ns") for start in starts.values() if start is not None]
     out = {}
     for name, channel in channels.items():
@@ -411,6 +406,4 @@ def _optional(module: str, form: str) -> Any:  # noqa: ANN401 - a module
     try:
         return import_module(module)
     except ImportError:
-        raise RecordingError(
-            f"format '{form}' needs the optional library {module}", remedy="pip install 'pneudrive[formats]'"
-        ) from None
+        raise RecordingError.of("files.optional-library", form=form, module=module) from None

@@ -290,10 +290,7 @@ def read_fmu(path: Path) -> SeenFmu:
         with zipfile.ZipFile(path) as archive, archive.open(DESCRIPTION) as file:
             text = file.read(MOST_BYTES + 1)
         if len(text) > MOST_BYTES or b"\0" in text or b"<!" in text.replace(b"<!--", b""):
-            raise CommandError(
-                f"{path.name}: pneudrive cannot read its description",
-                rule="XML in UTF-8 without entities, up to 16 MB",
-            )
+            raise CommandError.of("fmu.unreadable-description", path=path)
         root = ElementTree.fromstring(text)
     except CommandError:
         raise

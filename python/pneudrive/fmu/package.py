@@ -58,11 +58,7 @@ def binary_path() -> Path:
     """
     path = Path(__file__).with_name(binary_name())
     if not path.is_file():
-        raise CommandError(
-            f"this installation of pneudrive has no library for FMUs and C on {sys.platform}",
-            where=str(path),
-            remedy="Install a wheel; or, in a copy of the source, run `make setup`.",
-        )
+        raise CommandError.of("fmu.no-library", where=str(path), platform=sys.platform)
     return path
 
 
@@ -239,11 +235,7 @@ def complete_plan(
     states = [one.rate_of for one in plan.variables if one.rate_of]
     count, sizes = try_plan(plan.json(), plan.token, len(states))
     if actuator and count > 0:
-        raise DescriptionError(
-            f"the law {drive.friction.law} has a mode for sticking, which an imposed motion cannot have",  # type: ignore[union-attr]
-            rule="an actuator needs a law whose force follows from the motion",
-            remedy='Choose one with bristles, such as friction.law = "lugre".',
-        )
+        raise DescriptionError.of("fmu.sticking-mode", drive=drive)
     what = "above zero while the present mode of friction or of a valve holds"
     roles = [(f"event_indicator[{i + 1}]", {"role": "event", "of": i}) for i in range(count)]
     events = [FmuVariable(name, "1", what, "local", role) for name, role in roles]

@@ -252,10 +252,7 @@ def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
                 + " For a number that the drive lacks, first give a start value in the drive.",
             )
         if known[name].discrete:
-            raise CommandError(
-                f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
-                rule="each free number must have a derivative",
-            )
+            raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):
         raise CommandError("a parameter is given twice", value=", ".join(names))
     return [known[name] for name in names]
@@ -277,11 +274,7 @@ def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
         raise FitError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
     for p in found:
         if not p.lower < p.value < p.upper:
-            raise FitError(
-                f"the search for {p.name} cannot start at {p.value:g} {p.unit}",
-                rule=f"between {p.lower:g} and {p.upper:g}, ends excluded",
-                remedy=f'Give the drive another start value: drive.replace({{"{p.name}": ...}}).',
-            )
+            raise FitError.of("free.start-at-bound", p=p)
     return found
 
 
@@ -664,10 +657,7 @@ class Differentiator:
         rtol: float = 1e-6,
     ) -> None:
         if callable(command):
-            raise CommandError(
-                "derivatives of a run need a command known in advance, not a function of time",
-                remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
-            )
+            raise CommandError.of("free.command-in-advance")
         names = [names] if isinstance(names, str) else names
         self._family: DriveFamily | CircuitFamily
         if drive.system.names is None:

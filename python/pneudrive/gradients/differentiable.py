@@ -138,9 +138,7 @@ class Differentiable:
         import jax.numpy as jnp
 
         if not jax.config.read("jax_enable_x64"):
-            raise CommandError(
-                "JAX computes in single precision", remedy='Call jax.config.update("jax_enable_x64", True) first.'
-            )
+            raise CommandError.of("gradients.single-precision")
         k, p = len(self.output_names), len(self.names)
         result, matrix = (jax.ShapeDtypeStruct(shape, jnp.float64) for shape in ((k,), (k, p)))
 

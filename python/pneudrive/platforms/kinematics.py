@@ -554,9 +554,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
     names = pose_columns(platform)
     missing = next((name for row in names for name in row if name not in columns), None)
     if missing is not None:
-        what = f"the run has no column {missing}"
-        remedy = f"Simulate the circuit with {platform.name}, and choose a file of that run."
-        raise CommandError(what, rule=f"a run with the platform {platform.name}", remedy=remedy)
+        raise CommandError.of("platforms.missing-column", missing=missing, platform=platform)
     pose, rate, acceleration = (np.column_stack([np.asarray(columns[name]) for name in row]) for row in names)
     return pose, rate, acceleration
 

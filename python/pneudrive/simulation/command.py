@@ -78,11 +78,7 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         try:
             time, value = pair
         except (TypeError, ValueError):
-            raise CommandError(
-                f"entry {number + 1} of the command is {pair!r}",
-                rule="each entry is (time, command)",
-                remedy=f"Give {FORMS}.",
-            ) from None
+            raise CommandError.of("simulation.command-entry", number=number + 1, pair=pair, forms=FORMS) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
     return _checked(pairs, signal)
 
@@ -201,11 +197,7 @@ def _from_text(text: str, signal: CommandInput) -> Steps:
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
-            raise CommandError(
-                f'"{entry}" in the command has no time',
-                rule="each entry is time: command",
-                remedy='For instance "0 s: 0.6".',
-            )
+            raise CommandError.of("simulation.entry-without-time", entry=entry)
         pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
     return _checked(pairs, signal)
 
@@ -226,9 +218,7 @@ def _from_file(path: Path, signal: CommandInput) -> Steps:
         raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
     header = [name.strip().strip('"') for name in lines[0][1].split(",")]
     if header != ["time_s", "command"]:
-        raise CommandError(
-            f"the first line is '{lines[0][1].strip()}'", where=f"{path}:{lines[0][0]}", rule="it is time_s,command"
-        )
+        raise CommandError.of("simulation.command-header", where=f"{path}:{lines[0][0]}", lines=lines[0][1].strip())
     places, pairs = [], []
     for number, line in lines[1:]:
         fields = line.split(",")
@@ -256,11 +246,7 @@ def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places:
         if not time > before:
             raise CommandError(f"{time:g} s follows {before:g} s in the command", where=place(i), rule="times rise")
         if not abs(value) <= 1.0:
-            raise CommandError(
-                f"command = {value:g} at {time:g} s",
-                where=place(i),
-                rule="-1 <= command <= 1: the fraction of full opening",
-            )
+            raise CommandError.of("simulation.command-out-of-range", where=place(i), given=value, time=time)
         if isinstance(signal, Positions):
             signal.check(value, f"command = {value:g} at {time:g} s", place(i))
         before = time
@@ -283,9 +269,7 @@ def _opening(given: object, signal: CommandInput) -> float:
     if isinstance(signal, Positions):
         signal = signal.signal
     if signal is None:
-        what = f'command "{given}" has a unit, but the valve describes no electrical input'
-        remedy = 'Write command = "0 V .. 10 V" under [valve], or give a fraction of full opening, -1 .. 1.'
-        raise CommandError(what, remedy=remedy)
+        raise CommandError.of("simulation.no-electrical-input", given=given)
     return signal.opening(str(given))
 
 

@@ -162,10 +162,7 @@ class Session:
         try:
             times, values = zip(*entries, strict=True)
         except (TypeError, ValueError):
-            raise CommandError(
-                f"the schedule of {name} is not a list of (time, value)",
-                remedy="For instance [(0.1, 0.5), (0.2, 0.0)].",
-            ) from None
+            raise CommandError.of("simulation.schedule", name=name) from None
         try:
             self._core.schedule(name, times, values)
         except (TypeError, ValueError, RuntimeError) as error:

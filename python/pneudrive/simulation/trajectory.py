@@ -138,9 +138,7 @@ def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes:
-        raise CommandError(
-            f"{path.name}: files ending in '{path.suffix}' cannot be written", remedy=nearest(path.suffix, suffixes)
-        )
+        raise CommandError.of("simulation.unknown-suffix", remedy=nearest(path.suffix, suffixes), path=path)
     folder = path.parent
     if not folder.is_dir():
         what = "is not a folder" if folder.exists() else "does not exist"

@@ -246,11 +246,7 @@ def parse_pressure(text: str) -> Pressure:
     except DescriptionError as error:
         rule = PRESSURE_NEEDED if error.rule == DIFFERENCE_NEEDED else error.rule
         raise DescriptionError(error.what, rule=rule, remedy=error.remedy) from None
-    raise DescriptionError(
-        f'pressure "{text}" does not state abs or gauge',
-        rule="a pressure is absolute (abs) or above ambient (gauge)",
-        remedy=f'Write "{number} {unit} abs" or "{number} {unit} gauge".',
-    )
+    raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit)
 
 
 def parse_range(text: str, si_unit: str) -> tuple[float, float]:

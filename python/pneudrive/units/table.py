@@ -158,11 +158,7 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
     if unit.endswith((" abs", " gauge")):
         raise wrong_dimension(unit, si_unit, "a pressure, not a difference" if si_unit == "Pa" else "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
-        raise DescriptionError(
-            f'"{unit}" lacks the reference pressure and temperature of the volume',
-            rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
-            remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
-        )
+        raise DescriptionError.of("units.no-reference-state", unit=unit, needed=needed("m^3/s ANR"))
     # pint would compute 9**9**9**9, and is not loaded only to reject a sentence as a unit
     if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)|[,;:]", unit):
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))

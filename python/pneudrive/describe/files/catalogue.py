@@ -23,7 +23,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
-from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.keys import WrongValueError, invalid, wrong
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
 from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
@@ -328,9 +328,7 @@ def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> 
     if key is None or key in references():
         return key
     if key not in sources:
-        rule = "a key of references.bib, or of [sources] in this file with title, address and date"
-        remedy = f'Add [sources.{toml.key_text(key)}] with title = "...", address = "...", date = "...".'
-        raise wrong(where, f'source "{key}" is not known', rule=rule, remedy=remedy)
+        raise invalid(where, "describe.unknown-source", key=key, key_text=toml.key_text(key))
     return f"{sources[key].title}, {sources[key].address}, {sources[key].date}"
 
 

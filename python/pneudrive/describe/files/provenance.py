@@ -9,7 +9,7 @@ from pydantic import Field
 
 from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.keys import WrongValueError, invalid, wrong
 from pneudrive.describe.marks import Bounds, EachChamber, PerChamber, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.tables.friction import Friction
@@ -158,12 +158,7 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
         value = known[key].si
         slack = ROUNDING * max(abs(value), abs(low) if math.isfinite(low) else 0.0, 1e-300)
         if not low - slack <= value <= high + slack:
-            raise wrong(
-                full,
-                f"{key} lies outside its interval {origin.interval.low} .. {origin.interval.high}",
-                rule="an interval contains its value",
-                remedy=f'If {key} was changed by hand, remove [provenance."{key}"].',
-            )
+            raise invalid(full, "describe.outside-interval", key=key, origin=origin)
 
 
 def kept(before: Described, after: Described, origins: Mapping[str, Origin]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -70,10 +70,7 @@ def read(key: str, given: object) -> Value:
     origins = [word for word in ("source", "assumed") if word in table]
     if not has_origin(given) or len(origins) != 1 or not all(isinstance(table.get(w, ""), str) for w in _KEYS[1:]):
         how = "both a source and a reason" if len(origins) == 2 else "neither a source nor a reason"
-        remedy = 'Write { value = ..., source = "..." } or { value = ..., assumed = "why" }.'
-        raise wrong(
-            key, f"{key} has {how}", rule="keys: value, one of source and assumed, optionally note", remedy=remedy
-        )
+        raise invalid(key, "describe.origin", key=key, how=how)
     return Value(key, table["value"], table.get("source"), table.get("assumed"), table.get("note", ""))
 
 

@@ -32,9 +32,7 @@ Made = TypeVar("Made", bound="Written")
 
 def _unit(given: object) -> str:
     if not isinstance(given, str):
-        raise WrongValueError(
-            f"{given!r} is not a unit", remedy='Write an SI unit, unit = "N", or "-" for a pure number.'
-        )
+        raise WrongValueError.of("describe.not-a-unit", given=given)
     return units.si_name(given)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.marks import Bounds, Quantity
 
 if TYPE_CHECKING:
@@ -125,8 +125,5 @@ class PistonTable(Described):
             check_rod(table, self.kind, bore, rod)
             return piston_areas(self.kind, bore, rod or 0.0)
         if a is None or b is None or (bore, rod) != (None, None):
-            rule = "either bore, or area_a and area_b"
-            raise wrong(
-                table, f"[{table}] gives no piston areas, or more than once", rule=rule, remedy='bore = "25 mm"'
-            )
+            raise invalid(table, "describe.piston-areas", table=table)
         return a, b

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.connections import is_platform
-from pneudrive.describe.keys import within, wrong
+from pneudrive.describe.keys import invalid, within, wrong
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 
@@ -140,9 +140,7 @@ class Poses:
             if platform is None:
                 continue
             if platform.name in own:
-                what = f"{key} and a pose of {platform.name} are both given"
-                rule = "a run starts from a pose or from positions of the legs"
-                raise wrong(f"initial.{key}", what, rule=rule, remedy="Remove one of the two.")
+                raise invalid(f"initial.{key}", "describe.pose-and-legs", key=key, platform=platform)
             self.given.pop(platform.name, None)
         for name, pose in own.items():
             self.given[name] = self.given.get(name, {}) | pose
@@ -482,10 +480,7 @@ def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial 
     if isinstance(given, str):
         given = _entries(given)
     if not isinstance(given, Mapping):
-        raise CommandError(
-            f"the initial state is a {type(given).__name__}",
-            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
-        )
+        raise CommandError.of("describe.start-not-a-table", name=type(given).__name__)
     return Initial.model_validate(dict(given))
 
 
@@ -520,9 +515,7 @@ def _entries(text: str) -> dict[str, str]:
     for entry in filter(None, map(str.strip, text.split(","))):
         key, equals, value = (part.strip() for part in entry.partition("="))
         if not equals or not value:
-            raise CommandError(
-                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
-            )
+            raise CommandError.of("describe.start-without-key", entry=entry)
         if key in given:
             raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
         given[key] = value
