@@ -133,7 +133,8 @@ def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
     table = texts_of(SKETCHES)[name]
     strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
     drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
-    return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0)
+    width_in = table.get("width_in", figures.WIDTH_IN)
+    return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0, width_in=width_in)
 
 
 def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
@@ -148,7 +149,8 @@ def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke
     if "arrow" in table:
         return PenStroke(table["arrow"], text, head=table["head"], **look)
     align = f"{table.get('align', 'center')} center"
-    return PenStroke([table["at"]], text.format(**values), size=table["size"], align=align, bold="weight" in table)
+    look = {"color": color, "size": table["size"], "bold": "weight" in table}
+    return PenStroke([table["at"]], text.format(**values), align=align, **look)
 
 
 def is_open(recording: Recording, side: str) -> bool:

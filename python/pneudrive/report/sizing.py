@@ -13,10 +13,11 @@ from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
-from pneudrive.figures import Drawing, Figure, Line, Look, Markers, Panel, PenStroke, Rule
+from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
+from pneudrive.report.layout_figure import sketch
 from pneudrive.report.page import Items, Paragraph, Report, Topic, view_section
 from pneudrive.report.render import draw_figure
 from pneudrive.sizing.checks import READ, read
@@ -254,47 +255,18 @@ def sheet_report(found: SizingResult) -> Report:
 def sketch_figure(found: SizingResult) -> Figure:
     """Draw load, cylinder with bore and stroke, tubes, valve and supply of the best choice, with their types."""
     task, best = found.task, found.ranked[0]
-    bore, gauge = 1e3 * best.sizes[0], 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
-    names = {slot: maker_type(name) for slot, name in best.parts.items()}
     is_hanging = any("hangs" in check.name for check in found.open_checks)
-
-    def box(x: float, y: float, width: float, height: float, fill: str = "") -> PenStroke:
-        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
-        return PenStroke(corners, fill=fill, width=1.2)
-
-    def words(
-        x: float, y: float, text: str, align: str = "left center", *, bold: bool = False, color: str = "black"
-    ) -> PenStroke:
-        return PenStroke([(x, y)], text=text, align=align, bold=bold, color=color, size=8.0)
-
-    stroke = f"{1e3 * task.stroke_m:.4g} mm"
-    strokes = [
-        box(0.6, 7.4, 1.8, 1.0, "shade"),
-        words(1.5, 7.9, f"{task.mass_kg:.3g} kg", "center center", bold=True),
-        PenStroke([(1.5, 7.4), (1.5, 4.6)], width=3.0),
-        box(0.9, 2.4, 1.2, 3.8),
-        box(0.9, 2.4, 1.2, 1.9, "band"),
-        PenStroke([(0.9, 4.45), (2.1, 4.45)], width=5.0, cap="butt"),
-        PenStroke([(0.35, 2.4), (0.35, 6.2)], color="grey"),
-        *(PenStroke([(0.2, y), (0.5, y)], color="grey") for y in (2.4, 6.2)),
-        words(0.15, 4.3, stroke, "right center", color="grey"),
-        PenStroke([(2.1, 6.0), (4.4, 6.0), (4.4, 1.9)], color="blue", width=1.4),
-        PenStroke([(2.1, 2.6), (3.6, 2.6), (3.6, 1.9)], color="blue", width=1.4),
-        box(2.95, 1.0, 2.1, 0.9),
-        *(PenStroke([(x, 1.0), (x, 1.9)]) for x in (3.65, 4.35)),
-        PenStroke([(4.0, 1.0), (4.0, 0.6)]),
-        PenStroke([(3.75, 0.2), (4.25, 0.2), (4.0, 0.6), (3.75, 0.2)]),
-        words(2.8, 8.1, names["cylinder"], bold=True),
-        words(2.8, 7.5, f"bore {bore:.3g} mm, stroke {stroke}", color="grey"),
-        words(4.6, 4.6, f"{names['tube']}, {task.tube_length_m:.3g} m", bold=True),
-        words(5.3, 1.4, names["valve"], bold=True),
-        words(4.5, 0.3, f"{gauge:.3g} bar gauge", color="grey"),
-        words(0.9, 1.9, f"incline {math.degrees(task.incline_rad):.3g} deg", color="grey"),
-    ]
-    if is_hanging:
-        strokes += [box(1.05, 6.5, 0.9, 0.5), words(2.2, 6.75, "clamp: missing", bold=True, color="red")]
-    return Figure(
-        [Panel([Drawing(strokes, (-1.4, 9.4), (0.0, 8.6), equal=True)])], row_in=2.2, rest_in=0.0, width_in=4.2
+    names = {slot: maker_type(best.parts[slot]) for slot in ("cylinder", "tube", "valve")}
+    return sketch(
+        "choice",
+        ["hanging"] if is_hanging else [],
+        mass=task.mass_kg,
+        stroke=f"{1e3 * task.stroke_m:.4g} mm",
+        bore=1e3 * best.sizes[0],
+        tube_m=task.tube_length_m,
+        gauge=1e-5 * (task.supply_pa - task.ambient.pressure_pa),
+        incline=math.degrees(task.incline_rad),
+        **names,
     )
 
 

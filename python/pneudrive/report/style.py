@@ -11,6 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.errors import tomllib
 from pneudrive.figures import WIDTH_IN
 
 if TYPE_CHECKING:
@@ -21,58 +22,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
-LABEL_PT, TITLE_PT, TICK_PT, LEGEND_PT = 8.0, 8.5, 7.5, 7.5
-FONT = "DejaVu Sans"  # comes with matplotlib: the same font on every machine
-
-#: Colours by name on light and on dark paper. They differ in lightness, so that grey print shows them apart.
-INKS = {
-    "black": ("#111111", "#e8eaed"),
-    "blue": ("#1f5f99", "#6aaeea"),
-    "orange": ("#d97706", "#f2a53a"),
-    "green": ("#5b8c5a", "#8fc78e"),
-    "grey": ("#8c8c8c", "#9aa0a6"),
-    "red": ("#c0392b", "#ff8095"),
-    "path": ("#c2334d", "#ff8095"),
-    "band": ("#dfe6ee", "#26333f"),  # prediction bands: light enough to print as a tint
-    "shade": ("#ececec", "#242a30"),
-    "shade two": ("#d9d9d9", "#343b42"),
-    "wall": ("#cfcfcf", "#4a5057"),
-    "piston": ("#8f8f8f", "#80868c"),
-    "grid": ("#e2e2e2", "#2f353b"),
-    "stamp": ("#8a4b00", "#f2a53a"),
-    "paper": ("#ffffff", "#14181d"),
-}
+_STYLE = tomllib.loads(Path(__file__).with_name("style.toml").read_text(encoding="utf-8"))
+#: Settings of matplotlib, and colours by name on light and on dark paper.
+_SETTINGS, INKS = _STYLE["settings"], _STYLE["inks"]
+FONT, LABEL_PT, TITLE_PT = (_SETTINGS[key] for key in ("font.family", "axes.labelsize", "axes.titlesize"))
+TICK_PT, LEGEND_PT = _SETTINGS["xtick.labelsize"], _SETTINGS["legend.fontsize"]
 TINTS = ("band", "shade", "shade two")
 #: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
 RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
-_SETTINGS: dict[str, Any] = {
-    "font.family": FONT,
-    "font.size": LABEL_PT,
-    "axes.titlesize": TITLE_PT,
-    "axes.titlelocation": "left",
-    "axes.labelsize": LABEL_PT,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "xtick.labelsize": TICK_PT,
-    "ytick.labelsize": TICK_PT,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "legend.fontsize": LEGEND_PT,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 4.0,
-    "errorbar.capsize": 2.0,
-    "grid.linewidth": 0.5,
-    "axes.formatter.useoffset": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "path.simplify_threshold": 0.5,
-    "svg.fonttype": "path",
-    "text.parse_math": False,  # names of users may contain dollars: no text of a figure is a formula
-    "svg.hashsalt": "pneudrive",  # equal data give equal files
-}
 _INKED = {
     "black": ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"),
     "paper": ("figure.facecolor", "axes.facecolor"),
