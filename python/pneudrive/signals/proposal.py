@@ -37,7 +37,7 @@ MOST_TAGS = 100  # different texts that name the channels of a table with one ro
 MOST_NAMED = 8  # columns in a message
 #: Names of absolute pressures: p_abs, psia, bara.
 ABSOLUTE = re.compile(r"abs|(?:psi|bar|pa)a\b", re.IGNORECASE)
-MOST_CHOICES = 8  # columns that are listed for a role that is left open
+TEMPLATE = Path(__file__).with_name("layout.toml.j2")
 #: Ranges of electrical signals that command a valve, in V or mA.
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
@@ -181,64 +181,12 @@ def _first_recording(path: Path, layout: Layout) -> Recording:
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     """Return the text of the layout file."""
-    reading, columns, guesses = roles.form, roles.columns, roles.guesses
-    lines = _file_lines(path, reading, kind)
-    lines += ["", "[columns]"]
-    sign, bore, why = _sign_and_bore(roles)
-    lines += [
-        _column_line(guess, columns, sign) for guess in guesses if not (kind == "drive" and guess.role == "force")
-    ]
-    for question in roles.questions:
-        lines.append(f"# open: {question.text}")
-        lines += [f"# {_column_line(choice, columns, sign)}" for choice in question.choices[:MOST_CHOICES]]
-    if unused := families(str(column.place) for column in roles.unused):
-        lines.append(f"# not used: {', '.join(unused)}")
-    found = {guess.role for guess in guesses}
-    cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
-    if cycle and reading.format == "parquet":
-        lines.append(f"cycle = {{ column = {value_text(cycle[0])} }}  # guess: numbers the cycles of a campaign")
-    if kind != "rig":
-        return "\n".join([*lines, ""])
-    open_roles = " ".join(question.role for question in roles.questions)
-    missing = [role for role in ("time", "position", "force") if role not in found and role not in open_roles]
-    lines += [f"# not found: {role}" for role in missing]
-    lines += ["", "[geometry]", 'kind = "rodless"  # guess', f'bore = "{bore * 1e3:.3g} mm"  # guess: {why}']
-    for side in ("a", "b"):
-        if f"pressure_{side}" not in found:
-            sign = "# " if "pressure" in open_roles else ""
-            why = "if it is" if sign else "guess: no pressure column for this chamber"
-            lines += ["", f"{sign}[chamber_{side}]", f"{sign}open_to_ambient = true  # {why}"]
-    if "pressure_a" in found:
-        lines += _parallel_lines(roles)
-    lines += ["", "# [window]", '# position = "5 mm .. 30 mm"  # absent: the middle 60 % of the stroke', ""]
-    return "\n".join(lines)
+    import jinja2
 
-
-def _parallel_lines(roles: RoleSearch) -> list[str]:
-    """Return a parallel force as a comment, if two further columns are pressures, which may belong to a ram."""
-    spare = [(one.column.place, unit) for one in roles.candidates("pressure") if (unit := one.column.unit)]
-    if len(spare) != 2:
-        return []
-    lines = ["", "# Two more pressures: if they drive a ram in parallel with the force, state its area and direction."]
-    lines += ["# [[force]]", '# name = "ram"', '# area = "10 cm2"', '# area_accuracy = "5 %"', '# positive = "+x"']
-    for key, (place, unit) in zip(("pressure", "against"), spare, strict=True):
-        form = f"{unit.unit} {'abs' if unit.gauge is False else 'gauge'}"
-        lines.append(f'# {key} = {{ column = {value_text(place)}, unit = "{form}" }}')
-    return lines
-
-
-def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
-    """Return the lines on the format of the file."""
-    form, names = reading.form, {None: "whitespace", "\t": "tab"}
-    lines = [f"# Proposed for {path.name}. Check every line that says guess, in particular units and signs.", ""]
-    if kind == "fixed-volume":
-        lines.append('kind = "fixed-volume"  # guess: pressures, and no position')
-    lines.append(f'format = "{reading.format}"')
-    if reading.format != "csv":
-        return lines
+    reading, form, signs = roles.form, roles.form.form, {None: "whitespace", "\t": "tab"}
     keys = {
-        "delimiter": names.get(form.delimiter, form.delimiter),
-        "header_delimiter": None if form.of_header == form.delimiter else names.get(form.of_header, form.of_header),
+        "delimiter": signs.get(form.delimiter, form.delimiter),
+        "header_delimiter": None if form.of_header == form.delimiter else signs.get(form.of_header, form.of_header),
         "comment": None if form.comment == "#" else form.comment,
         "quoted": True if form.delimiter == form.decimal else None,
         "header": form.header,
@@ -246,8 +194,29 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
         "thousands": form.thousands,
         "skip_lines": form.skip_lines or None,
     }
-    notes = {"quoted": "  # numbers are in quotation marks"}
-    return lines + [f"{k} = {value_text(v)}{notes.get(k, '')}" for k, v in keys.items() if v is not None]
+    sign, bore, why = _sign_and_bore(roles)
+    cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
+    open_roles, found = " ".join(question.role for question in roles.questions), {guess.role for guess in roles.guesses}
+    spare = [(one.column.place, unit) for one in roles.candidates("pressure") if (unit := one.column.unit)]
+    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters["toml"] = value_text
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        name=path.name,
+        kind=kind,
+        format=reading.format,
+        keys=keys if reading.format == "csv" else {},
+        guesses=[guess for guess in roles.guesses if not (kind == "drive" and guess.role == "force")],
+        questions=roles.questions,
+        line=lambda guess: _column_line(guess, roles.columns, sign),
+        unused=families(str(column.place) for column in roles.unused),
+        cycle=cycle[:1] if reading.format == "parquet" else (),
+        missing=[role for role in ("time", "position", "force") if role not in found and role not in open_roles],
+        bore=f"{bore * 1e3:.3g}",
+        why=why,
+        sides=[side for side in "ab" if f"pressure_{side}" not in found],
+        is_open="pressure" in open_roles,
+        spare=spare if "pressure_a" in found and len(spare) == 2 else (),
+    )
 
 
 def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
