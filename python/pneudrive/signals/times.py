@@ -268,7 +268,7 @@ STEPS_S = (50e-6, 0.5)  # usual steps of samples of a motion (assumed)
 SLOWEST_S = 3600.0  # the same without a motion: the longest step
 SPEEDS_M_S = (5e-5, 5.0)  # usual speeds of pistons (assumed)
 RISING = 0.999  # least share of steps of a time that do not fall
-EVEN, EVEN_SHARE = 0.2, 0.9  # largest deviation of an even step; least share of even steps
+EVEN, EVEN_STEPS = 0.2, 0.9  # largest deviation of an even step; least share of even steps
 INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 
 
@@ -359,7 +359,7 @@ def _is_even(values: Array) -> bool:
     """Return whether most steps are equal: a signal that drifts upwards is not a time."""
     steps = np.diff(values[np.isfinite(values)])
     usual = float(np.median(steps))
-    return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_SHARE)
+    return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_STEPS)
 
 
 def _counts(values: Array) -> bool:

@@ -18,10 +18,11 @@ import numpy as np
 from pneudrive.campaign.run import Options, run_campaign
 from pneudrive.control.loop import run
 from pneudrive.control.tuning import Controller
+from pneudrive.describe.files import toml
 from pneudrive.figures import Figure, Line, Panel, look
 from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction
-from pneudrive.report.page import Paragraph, section
+from pneudrive.report.page import Paragraph, section, texts_of
 from pneudrive.simulation.simulate import simulate
 from pneudrive.views import ShownFigure, ShownTable
 
@@ -34,59 +35,28 @@ if TYPE_CHECKING:
     from pneudrive.report.page import Section
 
 VALVE, FRICTION = "components.valve", "components.cylinder.friction"
-#: The truth; assumed, as all values here.
-SEAL = {"coulomb": "41 N", "breakaway": "63 N", "stribeck_velocity": "12 mm/s", "viscous": "65 N s/m"}
-BRISTLES = {"bristle_stiffness": "1.4e5 N/m", "bristle_damping": "300 N s/m", "damping_fade_velocity": "100 mm/s"}
-TRUE_VALVE = {
-    "conductance": "1.6 dm3/(s bar)",
-    "critical_pressure_ratio": 0.38,
-    "frequency": "72 Hz",
-    "delay": "1.8 ms",
-    "overlap": 0.038,
-    "leakage": 0.004,
-}
-#: What is identified of a valve: unit, the datasheet's value, in which it is sought, and how it is written.
-SOUGHT = {
-    "conductance": ("dm3/(s bar)", 2.0, "conductance of the valve", "{:.2f} dm3/(s bar)", 1.0),
-    "critical_pressure_ratio": ("", 0.3, "critical pressure ratio", "{:.2f}", 1.0),
-    "frequency": ("Hz", 100.0, "frequency of the spool", "{:.0f} Hz", 1.0),
-    "delay": ("ms", 1.0, "dead time", "{:.1f} ms", 1.0),
-    "overlap": ("", 0.02, "overlap", "{:.1f} %", 100.0),
-}
-FITTED = {
-    "coulomb": ("N", "Coulomb friction", "{:.0f} N", 1.0),
-    "breakaway": ("N", "breakaway friction", "{:.0f} N", 1.0),
-    "stribeck_velocity": ("m/s", "Stribeck velocity", "{:.0f} mm/s", 1e3),
-    "viscous": ("N s/m", "viscous friction", "{:.0f} N s/m", 1.0),
-}
-#: Steps of the command from rest: small ones about the overlap, and full ones; s.
-STEPS = [(0.0, 0.0), (0.05, 0.06), (0.25, -0.06), (0.45, 0.25), (0.6, -0.4), (0.75, 0.08), (0.95, -0.1)]
-STEPS += [(1.15, 1.0), (1.22, -1.0), (1.32, 0.05)]
-ANSWER = "1.5 s"
-REST = {"cylinder.position": "250 mm", "cylinder.a.pressure": "4 bar abs", "cylinder.b.pressure": "4 bar abs"}
-#: Channels: noise, and what counts as one unit of a residual, m and Pa.
-CHANNELS = {"cylinder.position": (5e-6, 2e-4), "cylinder.a.pressure": (300.0, 1e3), "cylinder.b.pressure": (300.0, 1e3)}
+_TABLES = texts_of(Path(__file__).with_name("identified_axis.toml"))
+#: Of the true axis: friction and valve.
+SEAL, TRUE_VALVE = _TABLES["friction"], _TABLES["valve"]
+#: Numbers that are identified: unit, start of the search, title, written form and its factor.
+FITTED, SOUGHT = _TABLES["fitted"], _TABLES["sought"]
+CHANNELS = _TABLES["channels"]
 LAW, REFERENCE, DURATION, SEEDS = "super-twisting", "sine 60 mm 1 Hz around 250 mm", "6 s", (1, 2, 3)
 FROM_S = 4.0  # what is drawn of a run
 
 
 def true_axis(sheet: Circuit) -> Circuit:
     """Return the true axis, which is measured and run, for the axis of the datasheet."""
-    friction = {f"{FRICTION}.{key}": value for key, value in (SEAL | BRISTLES).items()}
+    friction = {f"{FRICTION}.{key}": value for key, value in SEAL.items()}
     return sheet.replace(friction | {f"{VALVE}.{key}": value for key, value in TRUE_VALVE.items()})
 
 
 def measure_friction(folder: Path) -> FrictionFit:
     """Drag the piston on a simulated rig at ten speeds, and fit Stribeck's law."""
-    rig = 'schema = 1\nname = "Rig of this seal"\nextends = "default"\n[friction]\nlaw = "lugre"\n'
-    for key, value in (SEAL | BRISTLES).items():
-        rig += f'{key} = {{ value = "{value}", source = "assumed", reason = "the truth of this study" }}\n'
-    (folder / "rig.toml").write_text(rig)
-    (folder / "protocol.toml").write_text(
-        'schema = 1\nname = "Speeds"\nseed = 1\ndirections = "both"\n'
-        '[speed]\nfrom = "2 mm/s"\nto = "400 mm/s"\ncount = 10\nsettled_time = "0 s"\n'
-        '[pressure]\nboth = ["0 bar gauge"]\n'
-    )
+    assumed = {"source": "assumed", "reason": "the truth of this study"}
+    friction = {"law": "lugre"} | {key: {"value": value} | assumed for key, value in SEAL.items()}
+    for name, tables in (("rig", _TABLES["rig"] | {"friction": friction}), ("protocol", _TABLES["protocol"])):
+        (folder / f"{name}.toml").write_text(toml.write(tables), encoding="utf-8")
     campaign = folder / "campaign"
     run_campaign(folder / "protocol.toml", folder / "rig.toml", campaign, options=Options(yes=True))
     return fit_friction(characterise(campaign), law="stribeck")
@@ -94,7 +64,9 @@ def measure_friction(folder: Path) -> FrictionFit:
 
 def answer(axis: Circuit) -> NDArray[np.float64]:
     """Return position and pressures under the steps of the command."""
-    found = simulate(axis, {"valve.command": STEPS}, ANSWER, initial=REST, rtol=1e-5)
+    test = _TABLES["test"]
+    steps = [tuple(step) for step in test["steps"]]
+    found = simulate(axis, {"valve.command": steps}, test["duration"], initial=test["rest"], rtol=1e-5)
     return np.array([found[name].values for name in CHANNELS])
 
 
@@ -103,11 +75,11 @@ def identify_valve(axis: Circuit, measured: NDArray[np.float64]) -> tuple[Circui
     from scipy.optimize import least_squares
 
     def with_valve(shares: NDArray[np.float64]) -> tuple[Circuit, dict[str, float]]:
-        values = {key: float(share * own[1]) for (key, own), share in zip(SOUGHT.items(), shares, strict=True)}
-        written = {key: f"{value!r} {SOUGHT[key][0]}" if SOUGHT[key][0] else value for key, value in values.items()}
+        values = {k: float(share * own["start"]) for (k, own), share in zip(SOUGHT.items(), shares, strict=True)}
+        written = {k: f"{value!r} {unit}" if (unit := SOUGHT[k]["unit"]) else value for k, value in values.items()}
         return axis.replace({f"{VALVE}.{key}": value for key, value in written.items()}), values
 
-    scale = np.array([[one] for _, one in CHANNELS.values()])
+    scale = np.array([[channel["residual"]] for channel in CHANNELS.values()])
     found = least_squares(
         lambda shares: ((answer(with_valve(shares)[0]) - measured) / scale).ravel(),
         np.ones(len(SOUGHT)),
@@ -176,13 +148,13 @@ def identify_axis(sheet: Circuit) -> IdentifiedAxis:
     sheet : Circuit
         As ``examples/controlled_axis.toml``.
     """
-    sheet = sheet.replace({f"{FRICTION}.damping_fade_velocity": BRISTLES["damping_fade_velocity"]})
+    sheet = sheet.replace({f"{FRICTION}.damping_fade_velocity": SEAL["damping_fade_velocity"]})
     truth = true_axis(sheet)
     with tempfile.TemporaryDirectory() as folder:
         fit = measure_friction(Path(folder))
-    known = {f"{FRICTION}.{key}": f"{fit.parameters[key]!r} {own[0]}" for key, own in FITTED.items()}
+    known = {f"{FRICTION}.{key}": f"{fit.parameters[key]!r} {own['unit']}" for key, own in FITTED.items()}
     with_friction = sheet.replace(known)
-    measured, noise = answer(truth), np.array([[one] for one, _ in CHANNELS.values()])
+    measured, noise = answer(truth), np.array([[channel["noise"]] for channel in CHANNELS.values()])
     measured += noise * np.random.default_rng(1).standard_normal(measured.shape)
     identified, valve = identify_valve(with_friction, measured)
     told = {"the datasheet": sheet, "and the friction": with_friction, "and the valve": identified, "the truth": truth}
@@ -202,16 +174,16 @@ def identify_axis(sheet: Circuit) -> IdentifiedAxis:
 
 def _numbers(sheet: Circuit, truth: Circuit, friction: dict[str, float], valve: dict[str, float]) -> list[tuple]:
     """Return the rows of the result."""
-    rows = []
     ends = [_friction(one) for one in (sheet, truth)]
-    for key, (_, title, form, factor) in FITTED.items():
-        values = (ends[0][key], friction[key], ends[1][key])
-        rows.append((title, *(form.format(factor * value) for value in values)))
-    for key, (unit, start, title, form, factor) in SOUGHT.items():
-        true = TRUE_VALVE[key]
-        plain = float(str(true).removesuffix(unit).strip()) if unit else float(true)
-        rows.append((title, *(form.format(factor * value) for value in (start, valve[key], plain))))
-    return rows
+    values = {key: (ends[0][key], friction[key], ends[1][key]) for key in FITTED}
+    for key, own in SOUGHT.items():
+        true = str(TRUE_VALVE[key]).removesuffix(own["unit"]).strip()
+        values[key] = (own["start"], valve[key], float(true))
+    about = FITTED | SOUGHT
+    return [
+        (about[k]["title"], *(about[k]["form"].format(about[k]["factor"] * value) for value in row))
+        for k, row in values.items()
+    ]
 
 
 def _friction(axis: Circuit) -> dict[str, float]:
