@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, tomllib
 from pneudrive.units import converter, parse
 
 if TYPE_CHECKING:
@@ -19,22 +19,8 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.signals.text_table import FileForm
 
-#: SI unit -> units of its quantity in headers, in lower case: spellings, separated by commas, then the layout's unit.
-_HEADER_UNITS = {
-    "s": "s,sec,secs,second,seconds,sek,sekunden:s ms,msec,millis,millisecond,milliseconds:ms min,mins,minutes:min "
-    "us,usec,micros,microsecond,microseconds:us ns,nsec,nanoseconds:ns h,hr,hours:h day,days:day",
-    "m": "m,meter,meters,metre,metres:m mm,millimeter,millimeters,millimetre:mm cm:cm um,micron,microns:um in,inch,"
-    'inches,":in ft,feet:ft',
-    "N": "n,newton,newtons:N kn:kN mn:mN dan:daN lbf,lb,lbs,lb-f,lb_f:lbf kgf,kp,kg-f,kg_f,kg:kgf",
-    "Pa": "pa,pascal:Pa kpa:kPa mpa:MPa hpa:hPa bar,bars:bar mbar,millibar:mbar psi,lbf/in2,lb/in2:psi ksi:ksi atm:atm "
-    "at:at torr:torr mmhg:mmHg inhg:inHg kgf/cm2,kg/cm2,kp/cm2:kgf/cm2 n/mm2:N/mm2 n/cm2:N/cm2 n/m2:Pa",
-    "V": "v,volt,volts:V mv:mV",
-    "A": "a,amp,amps,ampere:A ma:mA",
-    "m/s": "m/s:m/s mm/s,mm/sec:mm/s in/s,in/sec,ips:in/s cm/s:cm/s",
-    "K": "k:K degc,°c,c,celsius:degC degf,°f,f:degF",
-    "count": "count,counts,cts,cnt,ticks,tick,pulses,pulse,inc,incs,inkremente,lsb,digits,bit,bits:count",
-    "": "%,-,1,rpm,1/min,u/min,hz,khz,deg,°,rad,w,kw,nm,l/min,slpm,sccm,m/s2,mm/s2,g,raw,percent,date-time,hh:mm:ss:-",
-}
+#: Units in headers, roles of columns, and words of other columns.
+_TABLES = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
 #: How a pressure says that it counts from ambient, or from vacuum.
 _SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")
@@ -70,12 +56,8 @@ class HeaderUnit:
 
 @cache
 def _known() -> dict[str, HeaderUnit]:
-    found = {}
-    for si, groups in _HEADER_UNITS.items():
-        for group in groups.split(" "):
-            spellings, _, unit = group.rpartition(":")
-            found |= {text: HeaderUnit(si, unit) for text in spellings.split(",")}
-    return found
+    units = ((si, unit, text) for si, own in _TABLES["units"].items() for unit, text in own.items())
+    return {spelling: HeaderUnit(si, unit) for si, unit, text in units for spelling in text.split()}
 
 
 def header_unit(text: str) -> HeaderUnit | None:
@@ -209,31 +191,8 @@ class Role:
     scaled: str = ""
 
 
-#: Names are in English and German.
-ROLES = {
-    "time": Role(
-        r"^(t\b|x value$)|\btime|zeit|temps|tijd|tiempo|stamp|stempel|elapsed|uhrzeit|clock|micros|millis", "s"
-    ),
-    "position": Role(
-        r"\b(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel|\bhub|encoder|\benc\b|lvdt",
-        "m",
-        ((2.0, "m"), (math.inf, "mm")),
-        "mm",
-    ),
-    "force": Role(r"\b(f|fx)\b|force|kraft|\bload|fuerza", "N", ((math.inf, "N"),), "N"),
-    "pressure": Role(r"\bp\b|\bp[ab]\b|press|druck", "Pa", ((30.0, "bar"), (3000.0, "kPa"), (math.inf, "Pa")), "bar"),
-    "command": Role(r"\b(u|cmd)\b|command|valve|ventil|voltage|spannung"),
-    "cycle": Role(r"^cycle|^episode|zyklus"),
-}
-#: Words that make another column of a role the likelier one: a set value, a limit, an error, another place.
-SECONDARY = re.compile(
-    r"set ?p|set\b|soll|target|\bref|demand|\bdes\b|limit|\bmin\b|\bmax\b|err|dev|filter|raw|peak|status|state|"
-    r"suppl|tank|source|ambient|\batm|versorg|netz|line|reserv|regul|inlet|speed|veloc|geschw|\bvel\b|rate|accel|temp\b"
-)
-INDEX = re.compile(
-    r"^(index|idx|samples?|no|nr|n|row|point|num|number|count|record|lfd|zeile|i|k|id)( (no|nr|number|index))?$"
-)
-NUMBERING = re.compile(r"\b(index|idx|number|id|nr|no|count)$")
+ROLES = {name: Role(**table) for name, table in _TABLES["roles"].items()}
+SECONDARY, INDEX, NUMBERING = (re.compile(_TABLES["words"][name]) for name in ("secondary", "index", "numbering"))
 #: Least number of columns that are called alike but for their number.
 FAMILY = 3
 
