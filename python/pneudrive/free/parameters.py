@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -118,24 +117,8 @@ def side_of(name: str) -> str:
 
 # --- Numbers of a drive that can be free, and their names.
 
-# Endings of the names in the core's form, longest first, and their units.
-_ENDINGS = {
-    "_m3_s_pa": "m^3/(s Pa)",
-    "_w_m2_k": "W/(m^2 K)",
-    "_j_kg_k": "J/(kg K)",
-    "_n_s_m": "N s/m",
-    "_per_m": "1/m",
-    "_n_m": "N/m",
-    "_m_s": "m/s",
-    "_rad": "rad",
-    "_m3": "m^3",
-    "_kg": "kg",
-    "_pa": "Pa",
-    "_k": "K",
-    "_m": "m",
-    "_n": "N",
-    "_s": "s",
-}
+#: Units of numbers, which the ends of their names in the core's form give.
+_UNITS = ("m^3/(s Pa)", "W/(m^2 K)", "J/(kg K)", "N s/m", "N/m", "m/s", "rad", "m^3", "kg", "Pa", "K", "m", "N", "s")
 # Numbers that may be negative, with the size of a usual change; all others are positive.
 _SIGNED = {
     "load.force": 10.0,
@@ -317,12 +300,9 @@ def _of_component(name: str, path: str, value: float, entry: dict[str, Any]) -> 
     return Parameter(name, path, unit, value, *bounds, abs(value), discrete=entry["discrete"])
 
 
-@lru_cache(maxsize=256)
 def _without_unit(key: str) -> tuple[str, str]:
-    for ending, unit in _ENDINGS.items():
-        if key.endswith(ending):
-            return key.removesuffix(ending), unit
-    return key, "1"
+    bare = key.removesuffix("_per_m")
+    return (bare, "1/m") if bare != key else units.without_unit(key, _UNITS)
 
 
 #: Relative step for derivatives of a derived value by its sources.

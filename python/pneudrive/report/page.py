@@ -373,17 +373,8 @@ def sentence(text: str) -> str:
 
 # --- Tables of a page, made of records: a column names its field and format; the field's name gives the unit.
 
-#: End of a field's name -> SI unit of its value. The longest match counts.
-_ENDINGS = {
-    "_m": "m",
-    "_m_s": "m/s",
-    "_s": "s",
-    "_n": "N",
-    "_n_s": "N/s",
-    "_n_m": "N/m",
-    "_n_s_m": "N s/m",
-    "_pa": "Pa",
-}
+#: SI units of values, which the ends of the names of fields give.
+_UNITS = ("m", "m/s", "s", "N", "N/s", "N/m", "N s/m", "Pa")
 NOTHING, SPARE = "–", "spare"
 #: Forms beside those of ``format``.
 _FORMS: Mapping[str, Callable[[Any], str]] = {
@@ -474,8 +465,7 @@ def quantity(field: str) -> tuple[float, str]:
     >>> quantity("speed_m_s"), quantity("friction_n"), quantity("flags")
     ((0.001, 'mm/s'), (1.0, 'N'), (1.0, ''))
     """
-    known = [end for end in _ENDINGS if field.endswith(end)]
-    return units.readable(_ENDINGS[max(known, key=len)]) if known else (1.0, "")
+    return units.readable(units.without_unit(field, _UNITS)[1])
 
 
 # --- Sections of a page: text from a table, numbers and pictures from results.

@@ -17,6 +17,7 @@ from pneudrive.errors import CommandError, RecordingError, nearest, warn
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.inputs import INPUTS, stored_beside
 from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
+from pneudrive.units import without_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -53,25 +54,25 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "stop_time_s": ("stop_time", "s", "duration of the present stop, zero in slip"),
     "lost_share": ("lost_share", "1", "fraction of breakaway minus Coulomb force lost when the stop or slip began"),
 }
-_SUFFIXES = {
-    "_kg_s": "kg/s",
-    "_m_s3": "m/s^3",
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_n_s": "N s",
-    "_pa_s": "Pa/s",
-    "_1_s": "1/s",
-    "_rad_s2": "rad/s^2",
-    "_rad_s": "rad/s",
-    "_rad": "rad",
-    "_pa": "Pa",
-    "_kg": "kg",
-    "_m": "m",
-    "_k": "K",
-    "_n": "N",
-    "_s": "s",
-    "_j": "J",
-}
+_UNITS = (
+    "kg/s",
+    "m/s^3",
+    "m/s^2",
+    "m/s",
+    "N s",
+    "Pa/s",
+    "1/s",
+    "rad/s^2",
+    "rad/s",
+    "rad",
+    "Pa",
+    "kg",
+    "m",
+    "K",
+    "N",
+    "s",
+    "J",
+)
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
@@ -97,11 +98,8 @@ def meaning(column: str) -> tuple[str, str, str]:
     known = MEANING.get(column)
     if known is not None:
         return known
-    for suffix, unit in _SUFFIXES.items():
-        if column.endswith(suffix):
-            name = column.removesuffix(suffix)
-            return name, unit, name.replace("_", " ")
-    return column, "1", column.replace("_", " ")
+    name, unit = without_unit(column, _UNITS)
+    return name, unit, name.replace("_", " ")
 
 
 def columns(run: xr.Dataset) -> dict[str, np.ndarray]:

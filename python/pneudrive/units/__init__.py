@@ -172,6 +172,20 @@ def suffix(si_unit: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
 
 
+@lru_cache(maxsize=4096)
+def without_unit(name: str, units: tuple[str, ...]) -> tuple[str, str]:
+    """Return a name without the suffix of its unit, and the unit; the longest suffix counts, and "1" is no unit.
+
+    Examples
+    --------
+    >>> without_unit("speed_m_s", ("s", "m/s")), without_unit("flags", ("s", "m/s"))
+    (('speed', 'm/s'), ('flags', '1'))
+    """
+    endings = {f"_{suffix(unit)}": unit for unit in units}
+    ending = max((ending for ending in endings if name.endswith(ending)), key=len, default="")
+    return name.removesuffix(ending), endings.get(ending, "1")
+
+
 def column_name(name: str, unit: str) -> str:
     """Return the name of a column that carries its unit.
 
