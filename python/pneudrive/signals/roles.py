@@ -363,8 +363,10 @@ class RoleSearch:
         place, unit, reason = self.columns[times.index].place, times.unit, "unit as named"
         if not unit:
             position, guess = self.column("position"), self.guess("position")
-            is_length = position is not None and guess is not None and guess.unit
-            unit, reason = unit_by_size(times, position.values * converter(guess.unit, "m")[0] if is_length else None)
+            metres = None
+            if position is not None and guess is not None and guess.unit:
+                metres = position.values * converter(guess.unit, "m")[0]
+            unit, reason = unit_by_size(times, metres)
         if not unit:
             self.questions.insert(0, Question("time", reason, (Guess("time", place, times.index, "s", reason),)))
             return
