@@ -19,6 +19,7 @@ from pneudrive.units.table import (
     KINDS,
     PRESSURE_NEEDED,
     TABLE,
+    USUAL,
     canonical,
     converter_of_pint,
     kind,
@@ -431,19 +432,6 @@ def _said(text: str) -> tuple[str, str]:
 
 
 #: SI unit -> common unit, if they differ.
-_READABLE = {
-    "m": "mm",
-    "m^3": "cm3",
-    "m/s": "mm/s",
-    "rad": "deg",
-    "Pa": "bar",
-    "N/Pa": "N/bar",
-    "N/Pa2": "N/bar2",
-    "1/Pa": "%/bar",
-    "m/(s Pa)": "mm/(s bar)",
-    "m^3/(s Pa)": "dm3/(s bar)",
-    "s": "s",
-}
 
 
 def readable(si_unit: str) -> tuple[float, str]:
@@ -456,7 +444,7 @@ def readable(si_unit: str) -> tuple[float, str]:
     >>> readable("1")
     (1.0, '')
     """
-    unit = _READABLE.get(si_unit)
+    unit = USUAL.get(si_unit)
     if unit is not None:
         return TABLE[unit][1], unit
     return 1.0, "" if si_unit in ("1", "-") else si_unit.replace("^", "")

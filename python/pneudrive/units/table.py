@@ -2,108 +2,27 @@
 
 from __future__ import annotations
 
-import math
 import re
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, tomllib
 
 if TYPE_CHECKING:
     import pint
 
 
-_BAR, _PSI, _L_MIN = 1.0e5, 6894.757293168361, 1.0e-3 / 60.0  # psi: 0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2
-
-# unit as written -> (SI unit, factor, offset): SI value = number * factor + offset
+_UNITS = tomllib.loads(Path(__file__).with_name("table.toml").read_text(encoding="utf-8"))
+_FACTORS = ((si, unit, line) for si, about in _UNITS.items() for unit, line in about.get("units", {}).items())
+#: Unit as written -> (SI unit, factor, offset): SI value = number * factor + offset.
 TABLE: dict[str, tuple[str, float, float]] = {
-    **{u: ("m", f, 0.0) for u, f in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}.items()},
-    "km": ("m", 1e3, 0.0),
-    **{u: ("kg m^2", f, 0.0) for u, f in {"kg m2": 1.0, "kg cm2": 1e-4, "kg mm2": 1e-6, "g cm2": 1e-7}.items()},
-    **{u: ("m^2", f, 0.0) for u, f in {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6}.items()},
-    **{
-        u: ("m^3", f, 0.0) for u, f in {"m3": 1.0, "dm3": 1e-3, "l": 1e-3, "cm3": 1e-6, "ml": 1e-6, "mm3": 1e-9}.items()
-    },
-    **{u: ("kg", f, 0.0) for u, f in {"kg": 1.0, "g": 1e-3}.items()},
-    **{u: ("s", f, 0.0) for u, f in {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}.items()},
-    **{u: ("1/s", f, 0.0) for u, f in {"Hz": 1.0, "kHz": 1e3, "1/s": 1.0}.items()},
-    **{u: ("N", f, 0.0) for u, f in {"N": 1.0, "mN": 1e-3, "kN": 1e3}.items()},
-    **{u: ("m/s", f, 0.0) for u, f in {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "um/s": 1e-6}.items()},
-    **{u: ("m/s^2", f, 0.0) for u, f in {"m/s2": 1.0, "mm/s2": 1e-3}.items()},
-    **{u: ("m/s^3", f, 0.0) for u, f in {"m/s3": 1.0, "mm/s3": 1e-3}.items()},
-    **{u: ("m/s^4", f, 0.0) for u, f in {"m/s4": 1.0, "mm/s4": 1e-3}.items()},
-    **{u: ("rad", f, 0.0) for u, f in {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}.items()},
-    **{u: ("K", 1.0, o) for u, o in {"K": 0.0, "degC": ZERO_CELSIUS_K, "°C": ZERO_CELSIUS_K}.items()},
-    **{
-        u: ("Pa", f, 0.0) for u, f in {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": _BAR, "psi": _PSI}.items()
-    },
-    **{u: ("N/m", f, 0.0) for u, f in {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3}.items()},
-    **{u: ("N s/m", f, 0.0) for u, f in {"N s/m": 1.0, "N s/mm": 1e3, "kg/s": 1.0}.items()},
-    **{u: ("kg/m", f, 0.0) for u, f in {"kg/m": 1.0, "kg/mm": 1e3, "N s2/m2": 1.0}.items()},
-    "N/bar2": ("N/Pa2", 1e-10, 0.0),
-    **{u: ("N/Pa", f, 0.0) for u, f in {"N/Pa": 1.0, "N/bar": 1e-5, "N/kPa": 1e-3, "N/MPa": 1e-6}.items()},
-    **{u: ("N/s", f, 0.0) for u, f in {"N/s": 1.0, "N/h": 1.0 / 3600.0}.items()},
-    **{u: ("m/(s Pa)", f, 0.0) for u, f in {"m/(s Pa)": 1.0, "mm/(s bar)": 1e-8}.items()},
-    **{u: ("V", f, 0.0) for u, f in {"V": 1.0, "mV": 1e-3}.items()},
-    **{u: ("A", f, 0.0) for u, f in {"A": 1.0, "mA": 1e-3}.items()},
-    "N/K": ("N/K", 1.0, 0.0),
-    "K/W": ("K/W", 1.0, 0.0),
-    "W/K": ("W/K", 1.0, 0.0),
-    **{u: ("1/K", f, 0.0) for u, f in {"1/K": 1.0, "%/K": 1e-2}.items()},
-    **{u: ("1/Pa", f, 0.0) for u, f in {"1/Pa": 1.0, "1/bar": 1e-5, "%/bar": 1e-7}.items()},
-    **{u: ("1/m", f, 0.0) for u, f in {"1/m": 1.0, "%/m": 1e-2, "%/km": 1e-5}.items()},
-    "W/(m2 K)": ("W/(m^2 K)", 1.0, 0.0),
-    **{u: ("J", f, 0.0) for u, f in {"J": 1.0, "mJ": 1e-3, "kJ": 1e3}.items()},
-    "J/(kg K)": ("J/(kg K)", 1.0, 0.0),
-    **{u: ("J/K", f, 0.0) for u, f in {"J/K": 1.0, "kJ/K": 1e3}.items()},
-    "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
-    "l/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
-    "m3/(s Pa)": ("m^3/(s Pa)", 1.0, 0.0),
-    # volume flow at the standard reference atmosphere: not a plain volume flow, and therefore a separate dimension
-    **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"l/min": _L_MIN, "l/s": 1e-3, "dm3/min": _L_MIN}.items()},
-    **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"dm3/s": 1e-3, "m3/h": 1 / 3600.0, "m3/s": 1.0}.items()},
+    unit: (si, *line) if isinstance(line, list) else (si, line, 0.0) for si, unit, line in _FACTORS
 }
-
-# SI unit -> its quantity in messages, with an example that a user can copy
-KINDS: dict[str, tuple[str, str]] = {
-    "m": ("a length", "25 mm"),
-    "m^2": ("an area", "4.9 cm2"),
-    "m^3": ("a volume", "10 cm3"),
-    "kg": ("a mass", "2 kg"),
-    "s": ("a time", "2 s"),
-    "1/s": ("a frequency", "1 kHz"),
-    "N": ("a force", "30 N"),
-    "m/s": ("a velocity", "20 mm/s"),
-    "m/(s Pa)": ("a velocity per pressure", "2 mm/(s bar)"),
-    "m/s^2": ("an acceleration", "1 m/s2"),
-    "m/s^3": ("a jerk", "500 m/s3"),
-    "m/s^4": ("a snap", "5e4 m/s4"),
-    "rad": ("an angle", "30 deg"),
-    "K": ("a temperature", "20 degC"),
-    "Pa": ("a pressure", "7 bar abs"),
-    "V": ("a voltage", "5 V"),
-    "A": ("a current", "12 mA"),
-    "N/m": ("a stiffness", "1e6 N/m"),
-    "N s/m": ("a viscous coefficient", "40 N s/m"),
-    "kg m^2": ("a moment of inertia", "0.02 kg m2"),
-    "kg/m": ("a damping proportional to the square of speed", "100 kg/m"),
-    "N/Pa": ("a force per pressure", "1.0 N/bar"),
-    "1/Pa": ("a share per pressure", "10 %/bar"),
-    "1/m": ("a share per length", "5 %/m"),
-    "N/s": ("a force per time", "0.05 N/h"),
-    "N/K": ("a force per temperature", "0.02 N/K"),
-    "K/W": ("a thermal resistance", "0.5 K/W"),
-    "W/K": ("a thermal conductance", "2 W/K"),
-    "1/K": ("a share per temperature", "0.02 1/K"),
-    "W/(m^2 K)": ("a heat transfer coefficient", "30 W/(m2 K)"),
-    "J": ("an energy", "0.5 J"),
-    "J/(kg K)": ("a specific gas constant", "287.05 J/(kg K)"),
-    "J/K": ("a heat capacity", "500 J/K"),
-    "m^3/(s Pa)": ("a sonic conductance", "2 dm3/(s bar)"),
-    "m3/s": ("a volume flow", "120 l/min"),
-    "m^3/s ANR": ("a volume flow in normal litres", "700 l/min ANR"),
-}
+#: SI unit -> its quantity in messages, with an example that a user can copy.
+KINDS = {si: (about["quantity"], about["example"]) for si, about in _UNITS.items() if "quantity" in about}
+#: SI unit -> the usual unit of its numbers.
+USUAL: dict[str, str] = {si: about["usual"] for si, about in _UNITS.items() if "usual" in about}
 
 #: Rules of messages for a pressure, and for a difference of two, which has neither abs nor gauge.
 PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs"'
