@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import re
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, tomllib
 
 if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
@@ -16,38 +17,8 @@ if TYPE_CHECKING:
 
 #: Component of a drive whose name is left out.
 PISTON = "cylinder"
-#: Names of a drive -> names of its circuit: columns and starts, then inputs, states and keys, each in their order.
-DRIVE_NAMES = {
-    "time_s": "time_s",
-    "position_m": "cylinder.position_m",
-    "velocity_m_s": "cylinder.velocity_m_s",
-    "acceleration_m_s2": "cylinder.acceleration_m_s2",
-    "pressure_a_pa": "cylinder.a.pressure_pa",
-    "temperature_a_k": "cylinder.a.temperature_k",
-    "pressure_b_pa": "cylinder.b.pressure_pa",
-    "temperature_b_k": "cylinder.b.temperature_k",
-    "friction_force_n": "cylinder.friction_force_n",
-    "end_stop_force_n": "cylinder.end_stop_force_n",
-    "command": "valve.command",
-    "mass_flow_a_kg_s": "cylinder.a.mass_flow_kg_s",
-    "mass_flow_b_kg_s": "cylinder.b.mass_flow_kg_s",
-    "opening_supply_a": "valve.opening_1_4",
-    "opening_a_exhaust": "valve.opening_4_5",
-    "opening_supply_b": "valve.opening_1_2",
-    "opening_b_exhaust": "valve.opening_2_3",
-    "load_force_n": "cylinder.load_force_n",
-    "supply_pressure_pa": "supply.pressure_pa",
-    "supply_temperature_k": "supply.temperature_k",
-    "mass_a_kg": "cylinder.a.mass_kg",
-    "internal_energy_a_j": "cylinder.a.internal_energy_j",
-    "mass_b_kg": "cylinder.b.mass_kg",
-    "internal_energy_b_j": "cylinder.b.internal_energy_j",
-    "cylinder.dead_volume.a": "cylinder.dead_volume_a",
-    "cylinder.dead_volume.b": "cylinder.dead_volume_b",
-    "cylinder.end_stop.stiffness": "cylinder.end_stop_stiffness",
-    "cylinder.end_stop.damping": "cylinder.end_stop_damping",
-    "cylinder.end_stop.damping_depth": "cylinder.end_stop_damping_depth",
-}
+#: Names of a drive -> names of its circuit.
+DRIVE_NAMES = tomllib.loads(Path(__file__).with_name("drive_names.toml").read_text(encoding="utf-8"))
 #: Names of a drive outside its cylinder, by those of the circuit.
 _OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.startswith(f"{PISTON}.")}
 #: Units that end the keys of a drive in SI, longest first.

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import CommandError, RecordingError, nearest, warn
+from pneudrive.errors import CommandError, RecordingError, nearest, tomllib, warn
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.inputs import INPUTS, stored_beside
 from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
@@ -29,50 +29,10 @@ if TYPE_CHECKING:
     from pneudrive._core import Column
     from pneudrive.files.tables import Table
 
-# column of a file -> (variable, units, long name)
-MEANING: dict[str, tuple[str, str, str]] = {
-    "time_s": ("time", "s", "time"),
-    "position_m": ("position", "m", "piston position, growing towards the end of chamber b"),
-    "velocity_m_s": ("velocity", "m/s", "piston velocity"),
-    "acceleration_m_s2": ("acceleration", "m/s^2", "piston acceleration"),
-    "pressure_a_pa": ("pressure_a", "Pa", "absolute pressure in chamber a"),
-    "temperature_a_k": ("temperature_a", "K", "gas temperature in chamber a"),
-    "pressure_b_pa": ("pressure_b", "Pa", "absolute pressure in chamber b"),
-    "temperature_b_k": ("temperature_b", "K", "gas temperature in chamber b"),
-    "friction_force_n": ("friction_force", "N", "friction force, positive when it opposes motion towards +x"),
-    "end_stop_force_n": ("end_stop_force", "N", "end stop force, positive at the end of chamber b"),
-    "command": ("command", "1", "valve command"),
-    "mass_flow_a_kg_s": ("mass_flow_a", "kg/s", "mass flow into chamber a"),
-    "mass_flow_b_kg_s": ("mass_flow_b", "kg/s", "mass flow into chamber b"),
-    "bristle_deflection_m": ("bristle_deflection", "m", "mean bristle deflection"),
-    "relaxed_deflection_m": ("relaxed_deflection", "m", "part of the bristle deflection that has relaxed"),
-    "contact_age_s": ("contact_age", "s", "age of the contact"),
-    "contact_warming_k": ("contact_warming", "K", "temperature of the contact above ambient"),
-    "sliding_distance_m": ("sliding_distance", "m", "distance that the contact has slid since the start"),
-    "presliding_deflection_m": ("presliding_deflection", "m", "deflection of the presliding spring"),
-    "remembered_velocity_m_s": ("remembered_velocity", "m/s", "delayed velocity in the friction law"),
-    "stop_time_s": ("stop_time", "s", "duration of the present stop, zero in slip"),
-    "lost_share": ("lost_share", "1", "fraction of breakaway minus Coulomb force lost when the stop or slip began"),
-}
-_UNITS = (
-    "kg/s",
-    "m/s^3",
-    "m/s^2",
-    "m/s",
-    "N s",
-    "Pa/s",
-    "1/s",
-    "rad/s^2",
-    "rad/s",
-    "rad",
-    "Pa",
-    "kg",
-    "m",
-    "K",
-    "N",
-    "s",
-    "J",
-)
+_TABLE = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+#: Column of a file -> variable, unit, long name.
+MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in _TABLE["columns"].items()}
+_UNITS = tuple(_TABLE["units"])
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
