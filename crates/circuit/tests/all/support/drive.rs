@@ -124,7 +124,7 @@ pub struct Initial {
     pub contact_age_s: f64,
 }
 
-/// Names of a drive and those of its circuit, as in `python/pneudrive/describe/drive_names.toml`.
+/// Names of a drive and those of its circuit, as in `python/pneudrive/describe/system.py`.
 const NAMES: [(&str, &str); 24] = [
     ("time_s", "time_s"),
     ("position_m", "cylinder.position_m"),
