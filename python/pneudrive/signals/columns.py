@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pneudrive.arrays import Array
-    from pneudrive.signals.text_table import FileForm
 
 #: Units in headers, roles of columns, and words of other columns.
 _TABLES = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
@@ -254,10 +253,8 @@ def families(names: Iterable[str]) -> list[str]:
 
 # --- Columns of a file with their headers and numbers.
 
-GROUPED = ("tdms", "mf4")  # formats with names group/channel
 RAW = ("V", "mV", "mA", "count")  # units of sensors whose scale the file does not state
 NAME, SECOND_NAME, UNIT, PHYSICS = 2, 1, 2, 1  # weights of the evidence (assumed): any two beat one
-FEWEST = 3  # least number of values for a guess
 
 
 @dataclass
@@ -316,22 +313,3 @@ class Candidate(NamedTuple):
     def with_evidence(self, text: str) -> Candidate:
         """Return the candidate with evidence from the numbers."""
         return Candidate(self.column, self.score + PHYSICS, (*self.evidence, text))
-
-
-def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
-    """Read the header of a column."""
-    names = form.names
-    name = names[index] if index < len(names) else ""
-    short = name.rpartition("/")[2] if form.format in GROUPED else name
-    bare, unit = split_name(short)
-    cell = form.units[index].strip() if index < len(form.units) else ""
-    opened = short.rpartition("[")[2].partition("]")
-    is_unit = opened[1] and not opened[2].strip() and not opened[0].isdigit()
-    unknown = opened[0] if unit is None and is_unit else ""
-    if cell.strip("[]()- "):
-        bare, unit = (short if unit is None else bare), header_unit(cell)
-        unknown = "" if unit else cell
-    elif unit is None and form.format in GROUPED and short == "time":
-        unit = HeaderUnit("s", "s")
-    is_unique = bool(name) and names.count(name) == 1 and (form.form.header or form.format != "csv")
-    return FileColumn(index, name if is_unique else index, name, bare, unit, unknown, values)

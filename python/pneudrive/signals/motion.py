@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
+
 
 MINIMUM_SAMPLES = 20
 # A reversal counts if the position retreats by this fraction of the whole travel.
@@ -371,3 +373,119 @@ def _are_levels(groups: list[list[Stroke]]) -> bool:
     widths = [max(group) / min(group) - 1 for group in speeds]
     gaps = [min(upper) / max(lower) - 1 for lower, upper in pairwise(speeds)]
     return not gaps or float(np.median(gaps)) > max(APART * float(np.median(widths)), LEAST_GAP)
+
+
+# --- Signals of a foreign table: whether they move like a piston, or change with its direction.
+
+FEWEST = 3  # least number of values for a guess
+ONCE = 1.0  # added to the unevenness of a signal that moves in one direction only
+HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
+SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
+BINS = 20  # of the travel, in which both directions are compared
+MOST_BINS = 0.75  # least share of them that agree on a direction
+
+
+def is_held(values: Array) -> bool:
+    """Return whether a column is constant from sample to sample, with occasional steps."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and steps.any() and (steps == 0).mean() > HELD_SHARE)
+
+
+def same_signal(first: Array, second: Array) -> bool:
+    """Return whether two columns are one signal in two units: related by a straight line, except for rounding."""
+    both = np.isfinite(first) & np.isfinite(second)
+    first, second = first[both], second[both]
+    if first.size < FEWEST or not np.ptp(first) or not np.ptp(second):
+        return False
+    if abs(np.corrcoef(first, second)[0, 1]) < SAME_SIGNAL:
+        return False
+    slope, intercept = np.polyfit(first, second, 1)
+    rest = float(np.std(second - slope * first - intercept))
+    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(np.unique(v)) for v in (first, second))]
+    return rest <= max(abs(slope) * steps[0], steps[1])
+
+
+def unevenness(values: Array, *, is_one_of_many: bool) -> float:
+    """Return the deviation of a signal from even strokes between turning points.
+
+    The ratio is 1 for a triangle, and infinite without motion.
+    """
+    values = values[np.isfinite(values)]
+    if values.size < FEWEST:
+        return np.inf
+    span = float(np.ptp(values))
+    points = turning_points(values, 0.3 * span)
+    if span == 0 or points.size < (2 if is_one_of_many else 3) or noise_level(values) > 0.02 * span:
+        return np.inf
+    once = ONCE if points.size < 3 else 0.0
+    needed = float(np.abs(np.diff(values[points])).sum())
+    middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
+    # An even stroke spends 60 % of its time in the middle 60 % of its travel. A switched signal spends almost no time
+    # there.
+    return float(np.abs(np.diff(values)).sum()) / needed + 5 * abs(middle - 0.6) + once
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Samples at which the piston moves: towards +x, towards -x, and their position along the travel."""
+
+    up: NDArray[np.bool_]
+    down: NDArray[np.bool_]
+    bins: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, position: Array) -> Directions:
+        """Find the samples that move, from the position alone."""
+        good = np.isfinite(position)
+        at = np.flatnonzero(good)
+        velocity = np.zeros(position.size)
+        bins = np.zeros(position.size, dtype=np.int64)
+        if at.size >= FEWEST and np.ptp(position[good]) > 0:
+            velocity[good] = local_slope(at.astype(float), position[good])
+            away = (position[good] - position[good].min()) / np.ptp(position[good])
+            bins[good] = np.minimum((away * BINS).astype(np.int64), BINS - 1)
+        moving = np.abs(velocity)
+        usual = float(np.median(moving[moving > 0])) if (moving > 0).any() else np.inf
+        fast = moving > 0.5 * usual
+        return cls(fast & (velocity > 0), fast & (velocity < 0), bins)
+
+    def levels(self, values: Array) -> tuple[float, float] | None:
+        """Return the median values of a channel towards +x and back; None if a direction is missing."""
+        there = np.isfinite(values)
+        up, down = values[self.up & there], values[self.down & there]
+        return (float(np.median(up)), float(np.median(down))) if up.size and down.size else None
+
+    def sign(self, values: Array) -> int:
+        """Return whether a channel is larger towards +x (1) or back (-1) at equal positions; 0 if it is not clear."""
+        there = np.isfinite(values)
+        larger = []
+        for number in range(BINS):
+            inside = there & (self.bins == number)
+            up, down = values[inside & self.up], values[inside & self.down]
+            if up.size and down.size:
+                larger.append(np.sign(np.median(up) - np.median(down)))
+        if len(larger) < FEWEST:
+            return 0
+        for sign in (1, -1):
+            if larger.count(sign) >= MOST_BINS * len(larger):
+                return sign
+        return 0
+
+    def swing(self, values: Array) -> float:
+        """Return how much a channel changes with the direction, relative to its level; 0 if it is not clear."""
+        levels = self.levels(values)
+        if levels is None or self.sign(values) == 0:
+            return 0.0
+        return abs(levels[0] - levels[1]) / max(abs(levels[0]) + abs(levels[1]), 1e-300)
+
+    def correlation(self, force: Array, pressure: Array) -> float:
+        """Return the correlation of force and pressure within one direction, where friction does not change sign."""
+        parts: list[tuple[Array, Array]] = []
+        for moving in (self.up, self.down):
+            there = moving & np.isfinite(force) & np.isfinite(pressure)
+            if there.sum() >= FEWEST:
+                parts.append((force[there] - force[there].mean(), pressure[there] - pressure[there].mean()))
+        if not parts:
+            return 0.0
+        first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
