@@ -82,40 +82,26 @@ with lazily(__name__) as _HOME:
     from pneudrive.validate.motion import validate_motion as validate_motion
 
 # Functions that methods of lower layers forward to.
-UPPER.update(
-    serve="pneudrive.web.serve",
-    start="pneudrive.simulation.start",
-    simulate="pneudrive.simulation.simulate",
-    Pneu="pneudrive.accessor",
-    figure_svg="pneudrive.report.page",
-    **dict.fromkeys(["characterisation_view", "recording_view"], "pneudrive.report.recordings"),
-    map_view="pneudrive.report.strokes",
-    plot="pneudrive.report.trajectory",
-    view_of_run="pneudrive.report.trajectory",
-    controllers_view="pneudrive.report.control",
-    platform_view="pneudrive.report.platform",
-    view_report="pneudrive.report.page",
-    ensemble_view="pneudrive.report.trajectory",
-    sensitivity_view="pneudrive.report.trajectory",
-    write_fit_report="pneudrive.report.fit",
-    validation_view="pneudrive.report.validation",
-    write_validation_report="pneudrive.report.validation",
-    friction_view="pneudrive.report.validation",
-    write_friction_report="pneudrive.report.validation",
-    motion_view="pneudrive.report.trajectory",
-    follow_page="pneudrive.report.trajectory",
-    motion_page="pneudrive.report.trajectory",
-    campaign_view="pneudrive.report.campaign",
-    comparison_view="pneudrive.report.comparison",
-    plot_sizing="pneudrive.report.sizing",
-    sizing_sheet="pneudrive.report.sizing",
-    sizing_view="pneudrive.report.sizing",
-    sheet_view="pneudrive.report.datasheet",
-    characteristic_view="pneudrive.report.datasheet",
-    write_sizing_report="pneudrive.report.sizing",
-    Reproduction="pneudrive.studies.bracha.reproduction",
-    reproduce="pneudrive.studies.bracha.reproduction",
-)
+_UPPER = {
+    "web.serve": "serve",
+    "simulation.start": "start",
+    "simulation.simulate": "simulate",
+    "accessor": "Pneu",
+    "report.page": "figure_svg view_report",
+    "report.recordings": "characterisation_view recording_view",
+    "report.strokes": "map_view",
+    "report.trajectory": "plot view_of_run ensemble_view sensitivity_view motion_view follow_page motion_page",
+    "report.control": "controllers_view",
+    "report.platform": "platform_view",
+    "report.fit": "write_fit_report",
+    "report.validation": "validation_view write_validation_report friction_view write_friction_report",
+    "report.campaign": "campaign_view",
+    "report.comparison": "comparison_view",
+    "report.sizing": "plot_sizing sizing_sheet sizing_view write_sizing_report",
+    "report.datasheet": "sheet_view characteristic_view",
+    "studies.bracha.reproduction": "Reproduction reproduce",
+}
+UPPER.update({name: f"pneudrive.{module}" for module, names in _UPPER.items() for name in names.split()})
 _SUBMODULES = ("control", "ensemble", "mujoco", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]

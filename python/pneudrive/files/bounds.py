@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, nearest, tomllib
 
 if TYPE_CHECKING:
     from pneudrive.errors import PneudriveError
@@ -36,20 +37,8 @@ class Bound:
     raised: bool = True
 
 
-BOUNDS: dict[str, Bound] = {
-    "text_bytes": Bound(16e6, "bytes", "descriptions, protocols and fits are far below 1 MB"),
-    "nesting": Bound(64, "levels", "files of pneudrive have at most 8 levels of nesting", raised=False),
-    "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
-    "unpacked_bytes": Bound(4e9, "bytes", "4e7 rows of 100 characters"),
-    "unpacking_factor": Bound(1e3, "times the size of the file", "recordings unpack to 2 to 50 times their size"),
-    "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
-    "count": Bound(1e4, "", "10,000 levels, repeats or strokes take months on a rig"),
-    "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
-    "samples": Bound(2e8, "samples", "recordings are below 1e8 samples"),
-    "seconds": Bound(3.2e7, "s", "one year"),
-    "reader_seconds": Bound(60, "s and 1 s for every 10 MB", "libraries read 30 to 1000 MB in a second"),
-    "reader_bytes": Bound(1.6e10, "bytes of memory", "2e9 samples of 8 bytes"),
-}
+_TABLE = tomllib.loads(Path(__file__).with_name("bounds.toml").read_text(encoding="utf-8"))
+BOUNDS = {name: Bound(**about) for name, about in _TABLE.items()}
 
 
 def bound(name: str) -> float:

@@ -14,6 +14,7 @@ import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
+from pneudrive.errors import tomllib
 from pneudrive.files.bounds import bound, within
 
 if TYPE_CHECKING:
@@ -213,30 +214,14 @@ def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
 
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
 
+_TABLE = tomllib.loads(Path(__file__).with_name("kinds.toml").read_text(encoding="utf-8"))
 #: Kind of a folder that is one object -> files in it.
-FOLDERS = {"campaign": ("campaign.json", "rig.json"), "comparison": ("comparison.json",), "sizing": ("sizing.json",)}
+FOLDERS: dict[str, list[str]] = _TABLE["folders"]
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
 #: A task has its stroke before any table. No pattern runs over lines: many empty lines would take quadratic time.
 _TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
-_FIT = r"\[\[?[ \t]*(?:covariance\b|undetermined\b|values\.)|kind[ \t]*=[ \t]*[\"']motion[\"']"
 #: Kinds of TOML files by the beginning of a line.
-_KINDS = {
-    kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE)
-    for kind, mark in {
-        "validation": r"\[\[[ \t]*verdict\b",
-        "fit": _FIT,
-        "tank": r"\[[ \t]*volume\b",
-        "regulator": r"\[[ \t]*regulator\b",
-        "circuit": r"\[[ \t]*components\b|connections[ \t]*=",
-        "drive": r"\[[ \t]*supply\b|drive[ \t]*=[ \t]*[\"']catalogue:",
-        "layout": r"\[[ \t]*columns\b",
-        "formula": r"\[[ \t]*output\b",
-        "protocol": r"\[[ \t]*(?:speed|stop)\b",
-        "controller": r"law[ \t]*=",
-        "setup": r"\[[ \t]*sensors\b",
-        "rig": r"\[[ \t]*(?:cylinder|rig)\b|kind[ \t]*=[ \t]*[\"']opc-ua",
-    }.items()
-}
+_KINDS = {kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE) for kind, mark in _TABLE["files"].items()}
 
 
 def kind_of_folder(path: Path) -> str:
