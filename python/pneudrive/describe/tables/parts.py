@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
@@ -37,7 +38,7 @@ from pneudrive.describe.marks import (
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
 from pneudrive.describe.tables.signal import Signal, SignalRange
-from pneudrive.errors import warn
+from pneudrive.errors import tomllib, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,23 +47,14 @@ NOT_NEGATIVE = Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
-
-#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name: R is the molar gas constant over the
-#: molar mass, k the usual value at 20 degC (assumed).
-GASES: dict[str, tuple[float, float]] = {
-    "air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K),
-    "nitrogen": (1.4, 296.80),
-    "argon": (1.667, 208.13),
-    "helium": (1.667, 2077.3),
-    "carbon-dioxide": (1.289, 188.92),
-}
-
-#: Of B = a - b exp(c/T): a and b, cm3/mol, and c, K. Source: libretexts-virial in references.bib.
-VIRIAL: dict[str, tuple[float, float, float]] = {
-    "nitrogen": (185.4, 141.8, 88.7),
-    "argon": (154.2, 119.3, 105.1),
-    "carbon-dioxide": (137.6, 87.7, 325.7),
-}
+_GASES = tomllib.loads(Path(__file__).with_name("gases.toml").read_text(encoding="utf-8"))
+_AIR = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant": AIR_GAS_CONSTANT_J_KG_K}
+#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name.
+GASES = {name: tuple((_AIR | gas if name == "air" else gas)[key] for key in _AIR) for name, gas in _GASES.items()}
+#: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
+VIRIAL, CAPACITY_EXCESS = (
+    {name: gas[key] for name, gas in _GASES.items() if key in gas} for key in ("virial", "capacity_excess")
+)
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
