@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
 from pneudrive.describe.tables.dependences import (
@@ -307,61 +307,37 @@ class Friction(Described):
         return f"names no law; assumed: {listed}" if listed else ""
 
     @model_validator(mode="after")
-    def _levels(self) -> Friction:
+    def _fits_the_law(self) -> Friction:
         coulomb, breakaway = self.parameters.get("coulomb"), self.parameters.get("breakaway")
         if coulomb is not None and breakaway is not None and breakaway < coulomb:
-            what = (
-                f"friction.breakaway = {units.write(breakaway, 'N', 'N')} must not be below "
-                f"friction.coulomb = {units.write(coulomb, 'N', 'N')}"
-            )
-            raise wrong("friction.breakaway", what, remedy="Were the two swapped?")
-        return self
-
-    @model_validator(mode="after")
-    def _shape(self) -> Friction:
+            forces = {key: units.write(force, "N", "N") for key, force in (("lower", breakaway), ("upper", coulomb))}
+            raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", **forces)
         if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
-            what = f'friction.stribeck_shape needs a Stribeck curve, but law "{self.law}" has none'
             laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
-            raise wrong("friction.stribeck_shape", what, remedy=f"Laws with a Stribeck curve: {laws}.")
+            raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
-            what = f'friction.stribeck_exponent has no effect with stribeck_shape = "{self.stribeck_shape}"'
-            raise wrong("friction.stribeck_exponent", what, remedy='Remove it, or choose stribeck_shape = "free".')
-        return self
-
-    @model_validator(mode="after")
-    def _elements(self) -> Friction:
-        key, stiffness = "friction.elements", "friction.bristle_stiffness"
-        has_elements = self.entry["elements"]
-        if not self.elements:
-            if has_elements and "bristle_stiffness" not in self.parameters:
-                what = f'{stiffness} is missing; law "{self.law}" needs it or elements'
-                raise wrong(stiffness, what, remedy=f"{units.needed('N/m')}, or {key} = [{{ stiffness, share }}, ...].")
-            return self
-        if not has_elements:
-            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
-        if "bristle_stiffness" in self.given:
-            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Give one of the two.")
-        if not 2 <= len(self.elements) <= MOST_ELEMENTS:
-            raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
-        total = sum(element.share for element in self.elements)
-        if abs(total - 1.0) > SHARES_WITHIN:
-            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum is 1")
-        return self
-
-    @model_validator(mode="after")
-    def _evolves(self) -> Friction:
+            raise invalid("friction.stribeck_exponent", "describe.idle-exponent", shape=self.stribeck_shape)
+        self._check_elements()
         if self.evolution is not None and not self.entry["evolves"]:
-            what = f'friction.evolution belongs to law "rate-and-state"; law "{self.law}" has no such state'
-            raise wrong("friction.evolution", what)
+            raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
+        if self.relaxation is not None and not self.entry["bristles"]:
+            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
+            raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
         return self
 
-    @model_validator(mode="after")
-    def _bristles_relax(self) -> Friction:
-        if self.relaxation is not None and not self.entry["bristles"]:
-            what = f'friction.relaxation needs elastic bristles, but law "{self.law}" has none'
-            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
-            raise wrong("friction.relaxation", what, remedy=f"Laws with bristles: {laws}.")
-        return self
+    def _check_elements(self) -> None:
+        key, stiffness, total = "friction.elements", "friction.bristle_stiffness", sum(e.share for e in self.elements)
+        if not self.elements:
+            if self.entry["elements"] and "bristle_stiffness" not in self.parameters:
+                raise invalid(stiffness, "describe.no-stiffness", law=self.law, needed=units.needed("N/m"))
+        elif not self.entry["elements"]:
+            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
+        elif "bristle_stiffness" in self.given:
+            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Give one of the two.")
+        elif not 2 <= len(self.elements) <= MOST_ELEMENTS:
+            raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
+        elif abs(total - 1.0) > SHARES_WITHIN:
+            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum is 1")
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
         """Return a parameter of the law by its key, as a quantity that shows its unit."""
