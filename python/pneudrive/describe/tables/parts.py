@@ -52,9 +52,8 @@ _AIR = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant": AIR_GAS_
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name.
 GASES = {name: tuple((_AIR | gas if name == "air" else gas)[key] for key in _AIR) for name, gas in _GASES.items()}
 #: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
-VIRIAL, CAPACITY_EXCESS = (
-    {name: gas[key] for name, gas in _GASES.items() if key in gas} for key in ("virial", "capacity_excess")
-)
+VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
+CAPACITY_EXCESS = {name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas}
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
