@@ -17,7 +17,7 @@ from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.files.sourced import Value as Value, has_origin as has_origin
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.keys import invalid as invalid, wrong as wrong
 from pneudrive.describe.short import TABLES as TABLES, beside_control as beside_control, expanded as expanded
 from pneudrive.describe.system import (
     PISTON as PISTON,

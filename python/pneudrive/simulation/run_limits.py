@@ -148,7 +148,7 @@ def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> It
         )
 
 
-def _second_share(coefficients: tuple[float, float, float], pressure_pa: float, temperature_k: float) -> float:
+def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: float) -> float:
     """Return B p/(R T): the part of the pressure that the second virial coefficient adds. Source: libretexts-virial."""
     a, b, c = coefficients
     second = 1e-6 * (a - b * math.exp(c / max(temperature_k, 60.0)))

@@ -14,7 +14,7 @@ from pneudrive import units as units
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
-from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.keys import invalid as invalid, wrong as wrong
 from pneudrive.describe.marks import Bounds as Bounds, Quantity as Quantity, StatedPressure as StatedPressure
 from pneudrive.describe.parameters import (
     parameter_quantities as parameter_quantities,

@@ -48,12 +48,16 @@ NOT_NEGATIVE = Bounds(at_least=0.0)
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 _GASES = tomllib.loads(Path(__file__).with_name("gases.toml").read_text(encoding="utf-8"))
-_AIR = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant": AIR_GAS_CONSTANT_J_KG_K}
+_GASES["air"] |= {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant": AIR_GAS_CONSTANT_J_KG_K}
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name.
-GASES = {name: tuple((_AIR | gas if name == "air" else gas)[key] for key in _AIR) for name, gas in _GASES.items()}
+GASES: dict[str, tuple[float, float]] = {
+    name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items()
+}
 #: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
 VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
-CAPACITY_EXCESS = {name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas}
+CAPACITY_EXCESS: dict[str, list[float]] = {
+    name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas
+}
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:

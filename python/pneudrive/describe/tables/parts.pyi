@@ -39,13 +39,15 @@ from pneudrive.describe.marks import (
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
 from pneudrive.describe.tables.signal import Signal as Signal, SignalRange as SignalRange
-from pneudrive.errors import warn as warn
+from pneudrive.errors import tomllib as tomllib, warn as warn
 from typing import Annotated, Any, ClassVar, Literal
 
 NOT_NEGATIVE: Incomplete
 DEW_POINTS: Incomplete
+_GASES: Incomplete
 GASES: dict[str, tuple[float, float]]
-VIRIAL: dict[str, tuple[float, float, float]]
+VIRIAL: dict[str, list[float]]
+CAPACITY_EXCESS: dict[str, list[float]]
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float: ...
 
