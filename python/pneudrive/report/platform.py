@@ -14,7 +14,8 @@ from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
-from pneudrive.report.page import view_report
+from pneudrive.report.layout_figure import SKETCHES
+from pneudrive.report.page import texts_of, view_report
 from pneudrive.report.render import draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
@@ -70,16 +71,7 @@ class LineLook(NamedTuple):
     is_path: bool = False
 
 
-LOOKS = {
-    "frame": LineLook(1.0, dash=(5.0, 4.0)),
-    "guide": LineLook(11.0, 0.25),
-    "barrel": LineLook(11.0, 0.25),
-    "rod": LineLook(2.5),
-    "piston": LineLook(11.0),
-    "arm": LineLook(2.0),
-    "path": LineLook(1.6, is_path=True),
-    "platform": LineLook(2.5, fill=0.15),
-}
+LOOKS = {name: LineLook(**table) for name, table in texts_of(SKETCHES)["lines"].items()}
 #: Colours of text, path and paper on light and on dark paper.
 INKS = {"light": ("#111111", "#c2334d", "#ffffff"), "dark": ("#e8eaed", "#ff8095", "#14181d")}
 

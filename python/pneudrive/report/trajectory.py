@@ -60,30 +60,6 @@ MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
 MOST_SHOWN = 4000  # samples of a view
 ENDINGS = (*PICTURES, ".html")
-ABOUT_TUBES = (
-    "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
-    "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
-    "stroke, the emptying chamber at supply pressure; the choked speed is the limit that the exhaust path alone causes."
-)
-#: Column of a table of tubes -> variable of the study.
-TUBE_COLUMNS = (
-    ("choked m/s", "vent_speed"),
-    ("out s", "stroke_time_out"),
-    ("back s", "stroke_time_back"),
-    ("mean m/s", "mean_speed"),
-    ("end m/s", "end_speed"),
-)
-#: Panels: label, name of the variable or last part of it, its unit.
-PANELS = (
-    ("position / mm", "position", "m"),
-    ("velocity / (m/s)", "velocity", "m/s"),
-    ("pressure / bar abs", "pressure", "Pa"),
-    ("gas temperature / K", "temperature", "K"),
-    ("friction force / N", "friction_force", "N"),
-    ("end stop force / N", "end_stop_force", "N"),
-    ("valve position", "position", "1"),
-    ("command", "command", "1"),
-)
 
 
 def plot(
@@ -148,7 +124,7 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
 
 def _panels(run: xr.Dataset) -> Iterator[tuple[str, list[tuple[str, Look, str]]]]:
     """Yield label and variables (name, look, words) of each panel with data."""
-    for label, last, unit in PANELS:
+    for label, last, unit in Topic("trajectory", "run").texts["panels"]:
         wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
         of_kind = (str(name) for name, variable in run.data_vars.items() if variable.attrs.get("units") == unit)
         names = [name for name in of_kind if wanted.fullmatch(name)][: len(LOOKS)]
@@ -237,21 +213,21 @@ def tubes_figure(study: xr.Dataset) -> Figure:
 
 def view_of_tubes(study: xr.Dataset) -> View:
     """Return speeds and stroke times of a drive for each bore and length of its tubes, with the picture."""
-    drives = {"without tubes": study.attrs["without_tubes"]}
+    topic, drives = Topic("trajectory", "tubes"), {"without tubes": study.attrs["without_tubes"]}
     drives |= {"as described": study.attrs["as_described"]} if "as_described" in study.attrs else {}
     for d, m in product(study.diameter.to_numpy(), study.length.to_numpy()):
         values = study.sel(diameter=d, length=m)
         drives[f"{1e3 * d:g} mm {m:g} m"] = {str(name): float(values[name]) for name in study.data_vars}
-    full = study.attrs["without_tubes"]["mean_speed"]
+    full, heads = study.attrs["without_tubes"]["mean_speed"], topic.texts["columns"]
     rows = []
     for label, values in drives.items():
         texts = {"C dm3/(s bar)": f"{1e8 * values['vent_conductance']:.3f}"}
-        texts |= {head: f"{values[key]:.3f}" if values[key] == values[key] else "never" for head, key in TUBE_COLUMNS}
+        texts |= {head: f"{values[key]:.3f}" if values[key] == values[key] else "never" for head, key in heads}
         ratio = values["mean_speed"] / full
         texts |= {"of the speed": f"{100.0 * ratio:.0f} %" if ratio == ratio else ""}
         rows += [ShownValue(f"{label}.{head}", label, head, text) for head, text in texts.items()]
     figure = ShownFigure("tubes", f"{study.attrs['title']}: speed and stroke time.", tubes_figure(study))
-    return View(str(study.attrs["title"]), tuple(rows), notes=(ABOUT_TUBES,), figures=(figure,))
+    return View(str(study.attrs["title"]), tuple(rows), notes=(topic.say("about"),), figures=(figure,))
 
 
 # --- Pages of a circuit along recorded motions: chambers, force balance, and what the recordings do not determine.
