@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
+from unicodedata import normalize
 
 from pneudrive import __version__
 from pneudrive.describe.tables.friction import friction_laws
@@ -202,19 +203,10 @@ def references(keys: Iterable[str]) -> tuple[str, ...]:
     return tuple(line for key in keys if (line := reference(key)))
 
 
-_ACCENTS = {
-    '\\"{o}': "ö",
-    '\\"{a}': "ä",
-    '\\"{u}': "ü",
-    "\\'{e}": "é",
-    "{\\AA}": "Å",
-    "\\AA": "Å",
-    "\\'{o}": "ó",
-    "\\l": "ł",
-}
+_ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs
 
 
 def _plain(text: str) -> str:
-    for tex, letter in _ACCENTS.items():
-        text = text.replace(tex, letter).replace(tex.replace("{", "").replace("}", ""), letter)
+    text = re.sub(r"""\\(["'])\{?(\w)\}?""", lambda found: normalize("NFC", found[2] + _ACCENTS[found[1]]), text)
+    text = text.replace("\\AA", "Å").replace("\\l", "ł")
     return re.sub(r"[{}]", "", text).replace("--", "–").replace("\\&", "&").replace("~", " ").strip()

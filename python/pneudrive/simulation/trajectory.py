@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from pneudrive._core import Column
     from pneudrive.files.tables import Table
 
-_TABLE = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+#: Names, units and meanings of columns.
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 #: Column of a file -> variable, unit, long name.
-MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in _TABLE["columns"].items()}
-_UNITS = tuple(_TABLE["units"])
+MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
+_UNITS = tuple(TABLE["units"])
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import simulate
+from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,26 +25,6 @@ SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
 LONGEST = 64.0  # times the expected time of a stroke: a slower drive counts as not arriving
 SETTLED_S = 5.0  # after that the flow through a line is steady
 VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
-#: Variable -> unit and meaning.
-_MEANING = {
-    "vent_conductance": ("m3/(s Pa)", "sonic conductance of the exhaust path of chamber b: line and valve in series"),
-    "vent_speed": ("m/s", "piston speed at choked flow through the exhaust path of chamber b"),
-    "stroke_time_out": ("s", "from the command to the end of chamber b, from rest, chamber b at supply pressure"),
-    "stroke_time_back": ("s", "from the command to the end of chamber a, from rest, chamber a at supply pressure"),
-    "mean_speed": ("m/s", "stroke over stroke_time_out"),
-    "end_speed": ("m/s", "speed at the end of chamber b"),
-}
-
-
-class _Row(NamedTuple):
-    """Results of one drive, in the order of `_MEANING`."""
-
-    vent_conductance: float
-    vent_speed: float
-    stroke_time_out: float
-    stroke_time_back: float
-    mean_speed: float
-    end_speed: float
 
 
 def lines(
@@ -102,17 +83,17 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
         raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
-    rows: list[_Row] = []
+    rows: list[dict[str, float]] = []
     for diameter, length in watch.each([(d, n) for d in wide for n in long], "tubes"):
         tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
         rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
-    table = np.array(rows).reshape(len(wide), len(long), len(_MEANING))
-    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, None))._asdict()}
+    table = np.array([[*row.values()] for row in rows]).reshape(len(wide), len(long), -1)
+    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, None))}
     if drive.tubing:
-        attrs["as_described"] = _row(drive)._asdict()
+        attrs["as_described"] = _row(drive)
     variables = {
         name: (("diameter", "length"), table[:, :, number], {"units": unit, "long_name": what})
-        for number, (name, (unit, what)) in enumerate(_MEANING.items())
+        for number, (name, (unit, what)) in enumerate(TABLE["tubes"].items())
     }
     axes = {
         "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
@@ -142,14 +123,17 @@ def _with_tubes(drive: Drive, tubing: dict[str, Any] | None) -> Drive:
     return type(drive).model_validate(tables | ({"tubing": tubing} if tubing else {}) | {"friction": drive.friction})
 
 
-def _row(drive: Drive) -> _Row:
+def _row(drive: Drive) -> dict[str, float]:
+    """Return the results of one drive by variable, in the order of the table."""
     conductance = _vent_conductance(drive)
     mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
     flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
     speed = conductance * flow / drive.cylinder.area_b_m2
     out, end_speed = _stroke(drive, speed, 1)
     back, _ = _stroke(drive, speed, -1)
-    return _Row(conductance, speed, out, back, drive.cylinder.stroke_m / out, end_speed)
+    return dict(
+        zip(TABLE["tubes"], (conductance, speed, out, back, drive.cylinder.stroke_m / out, end_speed), strict=True)
+    )
 
 
 def _vent_conductance(drive: Drive) -> float:
