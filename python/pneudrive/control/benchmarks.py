@@ -34,7 +34,7 @@ from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
 from pneudrive.progress import Watch
-from pneudrive.simulation.trajectory import read_columns, save_columns, whole, write_frame
+from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
@@ -262,8 +262,7 @@ def store_about(folder: Path, about: Mapping[str, Any]) -> None:
             return
         for name in (SCORES, TABLE):
             (folder / name).unlink(missing_ok=True)
-        with whole(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except (OSError, UnicodeDecodeError) as error:
         raise CommandError(f"{path} cannot be written", value=str(error)) from None
 

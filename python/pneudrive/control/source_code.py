@@ -12,7 +12,7 @@ from pneudrive.control.setup import Setup, read_setup
 from pneudrive.errors import CommandError, nearest
 from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 
 if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
@@ -107,10 +107,7 @@ def export(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CommandError(f"the folder {folder} cannot be made", value=error.strerror) from None
-    for name, text in files:
-        with whole(folder / name) as temporary:
-            temporary.write_text(text, encoding="ascii")
-    return [folder / name for name, _ in files]
+    return [write_whole(folder / name, text, "ascii") for name, text in files]
 
 
 def _written(

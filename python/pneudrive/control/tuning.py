@@ -35,7 +35,7 @@ from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 from pneudrive.views import VALUE, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
@@ -384,9 +384,7 @@ class Tuning(Viewed):
         CommandError
             The file cannot be written.
         """
-        with whole(Path(path)) as temporary:
-            temporary.write_text(self.to_toml(Path(path).parent), encoding="utf-8")
-        return Path(path)
+        return write_whole(Path(path), self.to_toml(Path(path).parent))
 
     def view(self) -> View:
         """Return the gains with their rules, the drive as assumed, and the limits."""

@@ -30,7 +30,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import SOLVER, require
 from pneudrive.simulation.start import check_tolerance, ready, start
-from pneudrive.simulation.trajectory import meaning, save, whole, write_frame
+from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
 
 if TYPE_CHECKING:
@@ -405,8 +405,7 @@ class ChunkStore:
             except OSError as error:
                 why = os.strerror(error.errno) if error.errno else str(error)
                 raise CommandError(f"the folder {folder} cannot be made: {why}") from None
-            with whole(path) as temporary:
-                temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+            write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
             raise CommandError(
                 f"{folder} holds results of another study",

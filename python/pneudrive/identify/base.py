@@ -18,7 +18,7 @@ from pneudrive.identify.export import export, middle_of
 from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 from pneudrive.units import readable
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, Viewed
 
@@ -575,8 +575,7 @@ class Fit(Viewed):
         CommandError
             The file cannot be written.
         """
-        with whole(Path(path)) as temporary:
-            temporary.write_text(self.toml(Path(path).parent), encoding="utf-8")
+        write_whole(Path(path), self.toml(Path(path).parent))
         object.__setattr__(self, "file", str(path))
 
     @classmethod

@@ -21,7 +21,7 @@ from pneudrive.report.fit import references
 from pneudrive.report.page import Items, Report, Topic, view_section, write_pdf
 from pneudrive.report.render import draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
-from pneudrive.simulation.trajectory import check_target, whole
+from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
 from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
@@ -230,9 +230,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     if target.suffix.lower() == ".pdf":
         report.pictures = report.plain_svg()
         return write_pdf(report, target)
-    with whole(target) as temporary:
-        temporary.write_text(report.alone().replace(*SMALL_CIRCUIT, 1), encoding="utf-8")
-    return target
+    return write_whole(target, report.alone().replace(*SMALL_CIRCUIT, 1))
 
 
 def sheet_view(found: Datasheet) -> View:

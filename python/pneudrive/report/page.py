@@ -23,7 +23,7 @@ from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
 from pneudrive.report import style
 from pneudrive.report.render import render
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import whole, write_whole
 from pneudrive.views import Finding, ShownFigure, ShownTable
 
 if TYPE_CHECKING:
@@ -181,10 +181,7 @@ class Report:
         make_subfolder(figures)
         for block in self.drawn():
             self.pictures[block.name] = write_picture(block, figures)
-        target = Path(folder) / REPORT
-        with whole(target) as temporary:
-            temporary.write_text(self.html(), encoding="utf-8")
-        return target
+        return write_whole(Path(folder) / REPORT, self.html())
 
     def drawn(self) -> Iterator[Picture]:
         """Yield the pictures of all sections."""
@@ -247,8 +244,7 @@ def write_picture(picture: Picture, folder: Path) -> str:
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
     svg = svg_text(figure)
-    with whole(folder / f"{picture.name}.svg") as temporary:
-        temporary.write_text(svg, encoding="utf-8")
+    write_whole(folder / f"{picture.name}.svg", svg)
     return inline(svg, picture.name, picture.caption)
 
 

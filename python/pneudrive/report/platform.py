@@ -17,7 +17,7 @@ from pneudrive.report import style
 from pneudrive.report.layout_figure import SKETCHES
 from pneudrive.report.page import texts_of, view_report
 from pneudrive.report.render import draw_figure, film
-from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
+from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -392,9 +392,7 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
     """
     target = check_target(path, (".html",))
     report = view_report(platform_run_view(platform, columns), synthetic=True)
-    with whole(target) as temporary:
-        temporary.write_text(report.alone(), encoding="utf-8")
-    return target
+    return write_whole(target, report.alone())
 
 
 def platform_view(platform: Platform) -> View:

@@ -34,7 +34,7 @@ from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Topic, plural, view_report
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.run_view import run_view
-from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
+from pneudrive.simulation.trajectory import attributes, check_si, columns, write_whole
 from pneudrive.units import readable
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
@@ -171,8 +171,7 @@ def _write_page(
     sections = [view_section("platform", platform_run_view(platform, columns(run))) for platform in machines]
     report = view_report(view, *sections, Section("provenance", "Provenance", (table,)), synthetic=True)
     report.pictures = {shown.name: inline(svg_text(figure), shown.name, shown.caption) for shown in view.figures}
-    with whole(target) as temporary:
-        temporary.write_text(report.alone(), encoding="utf-8")
+    write_whole(target, report.alone())
 
 
 def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:

@@ -129,6 +129,13 @@ def whole(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_whole(target: Path, text: str, encoding: str = "utf-8") -> Path:
+    """Write a text file by `whole`, and return its path."""
+    with whole(target) as temporary:
+        temporary.write_text(text, encoding=encoding)
+    return target
+
+
 def save(run: xr.Dataset, path: str | Path) -> Path:
     """Write a trajectory as Parquet, CSV or netCDF, by the suffix of `path`.
 

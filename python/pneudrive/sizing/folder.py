@@ -14,7 +14,7 @@ from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
 from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
@@ -74,8 +74,7 @@ class SizingFolder:
         except OSError as error:
             raise CommandError(f"the folder {self.folder} cannot be made: {error.strerror}") from None
         self._lock()
-        with whole(path) as temporary:
-            temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
+        write_whole(path, json.dumps(about, indent=1))
 
     def _lock(self) -> None:
         """Lock the folder; continue without a lock if the file system has no locks."""
@@ -117,8 +116,7 @@ class SizingFolder:
             )
         self._stages = read_stages(self.folder / LINES)
         if self._stages:
-            with whole(self.folder / LINES) as temporary:
-                temporary.write_text("".join(f"{line}\n" for line, _ in self._stages.values()), encoding="utf-8")
+            write_whole(self.folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
 
     def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
         """Return the stored drive of a choice with a number of draws, or its tuned settings; None without them."""
@@ -135,8 +133,7 @@ class SizingFolder:
 
     def tell(self, sentence: str) -> None:
         """Write the provisional answer."""
-        with whole(self.folder / PROVISIONAL) as temporary:
-            temporary.write_text(sentence + "\n", encoding="utf-8")
+        write_whole(self.folder / PROVISIONAL, sentence + "\n")
 
 
 def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:

@@ -16,7 +16,7 @@ from pneudrive.errors import NOT_READY, CommandError
 from pneudrive.files.content import read_json
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, sized
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
 from pneudrive.sizing.folder import LINES, read_choices, read_drive
@@ -406,10 +406,7 @@ def _write(result: SizingResult, folder: Path) -> list[Path]:
     strict = json.loads(json.dumps(_summary(result)), parse_constant=lambda _: None)  # null for infinity
     files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
     files |= {f"{place + 1:02d}.toml": result.circuit(place).to_toml() for place in range(len(result.ranked[:WRITTEN]))}
-    for name, text in files.items():
-        with whole(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return [folder / name for name in files]
+    return [write_whole(folder / name, text) for name, text in files.items()]
 
 
 #: Fields of a result that its file holds as they are.

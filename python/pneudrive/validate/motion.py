@@ -26,7 +26,7 @@ from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
 from pneudrive.signals.pressure_delay import pressure_delay
 from pneudrive.signals.recording import Recording
-from pneudrive.simulation.trajectory import columns_in, whole
+from pneudrive.simulation.trajectory import columns_in, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
 from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
@@ -540,10 +540,7 @@ class MotionValidation(Viewed):
                 for c in self.closures
             ],
         }  # fmt: skip
-        target = Path(folder) / "validation.toml"
-        with whole(target) as temporary:
-            temporary.write_text(toml.write(tables), encoding="utf-8")
-        return [target]
+        return [write_whole(Path(folder) / "validation.toml", toml.write(tables))]
 
 
 def validate_motion(
@@ -662,11 +659,8 @@ class RegulatorValidation(Viewed):
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""
         runs = [{"name": r.name, "rms_pa": r.rms_pa, "percent": 100.0 * r.share, "badge": r.badge} for r in self.runs]
-        target = Path(folder) / "validation.toml"
-        with whole(target) as temporary:
-            tables = {"kind": "regulator-validation", "notes": self.notes, "runs": runs}
-            temporary.write_text(toml.write(tables), encoding="utf-8")
-        return [target]
+        tables = {"kind": "regulator-validation", "notes": self.notes, "runs": runs}
+        return [write_whole(Path(folder) / "validation.toml", toml.write(tables))]
 
 
 def validate_regulator(

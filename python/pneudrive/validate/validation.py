@@ -21,7 +21,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
-from pneudrive.simulation.trajectory import save_columns, whole
+from pneudrive.simulation.trajectory import save_columns, write_whole
 from pneudrive.validate import balance
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
@@ -230,11 +230,9 @@ class Validation(Viewed):
         A file of a run has the recording and the model on a uniform time base. Its columns are ``free.position_m`` of
         the free run and ``restarted.position_m`` of the runs from measured states, in SI, with NaN for missing results.
         """
-        target = Path(folder) / "validation.toml"
-        with whole(target) as temporary:
-            tables = self.content()
-            tables["provenance"] = stored_beside(tables["provenance"], target.parent)
-            temporary.write_text("\n".join([HEAD, *toml.sections(tables)]) + "\n", encoding="utf-8")
+        tables = self.content()
+        tables["provenance"] = stored_beside(tables["provenance"], Path(folder))
+        target = write_whole(Path(folder) / "validation.toml", "\n".join([HEAD, *toml.sections(tables)]) + "\n")
         return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
 
     def content(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import TRACE
 from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVELS, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
-from pneudrive.simulation.trajectory import check_target, whole, write_frame
+from pneudrive.simulation.trajectory import check_target, write_frame, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -245,9 +245,7 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
 
 
 def _write(tables: dict[str, Any], path: Path) -> Path:
-    with whole(path) as temporary:
-        temporary.write_text("\n".join(sections(_plain(tables))) + "\n", encoding="utf-8")
-    return path
+    return write_whole(path, "\n".join(sections(_plain(tables))) + "\n")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses

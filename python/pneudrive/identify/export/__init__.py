@@ -43,7 +43,7 @@ from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.identify.identified import sentences
 from pneudrive.repr_tables import Shown
-from pneudrive.simulation.trajectory import whole
+from pneudrive.simulation.trajectory import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -332,10 +332,7 @@ class Exported(Shown):
         CommandError
             The file cannot be written.
         """
-        target = Path(path)
-        with whole(target) as temporary:
-            temporary.write_text(self.text, encoding="utf-8")
-        return target
+        return write_whole(Path(path), self.text)
 
 
 @lru_cache(maxsize=1)
