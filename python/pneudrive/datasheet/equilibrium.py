@@ -151,11 +151,9 @@ def number_of(given: str | float, unit: str, what: str) -> float:
     return value
 
 
-def at_velocity(
-    plant: HeldDrive, command: float, position: float, velocity: float, guess: Array | None = None
-) -> Equilibrium:
+def at_velocity(plant: HeldDrive, command: float, position: float, velocity: float) -> Equilibrium:
     """Return the steady state at an imposed velocity; see `equilibrium`."""
-    gas = _SteadySearch(plant, command, position).settle(velocity, guess)
+    gas = _SteadySearch(plant, command, position).settle(velocity)
     return state_at(plant, command, position, velocity, gas)
 
 
@@ -212,7 +210,7 @@ class _SteadySearch:
     def _gas(self, z: Array) -> Array:
         return np.exp(z[:-1].reshape(2, -1).T)
 
-    def settle(self, velocity: float, gas: Array | None = None) -> Array:
+    def settle(self, velocity: float) -> Array:
         """Return pressures and temperatures of all nodes, shape (nodes, 2).
 
         Raises
@@ -221,8 +219,7 @@ class _SteadySearch:
             None was found.
         """
         supply, (ambient, temperature) = self.plant.supply_pa, self.plant.ambient
-        if gas is None:
-            gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
+        gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
         z = np.r_[np.log(gas).T.ravel(), velocity]
         lasting, step, found = FIRST_S, np.inf, self._rates(z)
         for _ in range(MOST_STEPS):

@@ -488,7 +488,6 @@ class HeldDrive:
         position: float,
         velocity: float = 0.0,
         gas: Array | None = None,
-        load: float = 0.0,
         rtol: float = RTOL,
         lags: Mapping[str, float] | None = None,
     ) -> Session:
@@ -496,8 +495,8 @@ class HeldDrive:
 
         Parameters
         ----------
-        command, position, velocity, load : float
-            SI; the load acts in +x.
+        command, position, velocity : float
+            SI.
         gas : ndarray, optional
             Shape (nodes, 2): absolute pressure, Pa, and temperature, K, at `nodes`.
         rtol : float
@@ -521,8 +520,6 @@ class HeldDrive:
         except (ValueError, RuntimeError) as error:
             raise CommandError(str(error)) from None
         self.set(session, command)
-        if load:
-            session.set(self.load, load)
         return session
 
     def rates(self, session: Session) -> Rates:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 #: Base points of Sobol indices, trajectories of Morris' method, by default.
 BASE_POINTS, TRAJECTORIES = 1024, 50
 METHODS = ("sobol", "morris")
+LEVELS = 4  # of the grid of Morris' method
 #: Resamples of the bootstrap, and how many are evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
 #: Variables of the result -> long name; those that are fractions have no unit, the others that of the output.
@@ -267,23 +268,23 @@ def _indices(f: Array, weights: Array) -> Array:
         return np.stack([first, 0.5 * (weights @ (moved * moved).T)], axis=1) / variance[:, None, None]
 
 
-def morris_points(trajectories: int, d: int, seed: int, levels: int = 4) -> Array:
+def morris_points(trajectories: int, d: int, seed: int) -> Array:
     """Return Morris' trajectories through a grid in the unit cube, shape (trajectories (d + 1), d) [morris1991].
 
-    Each trajectory starts at a random point of a grid of `levels` cells. It moves one argument after the other, in
-    random order and by levels / (2 (levels - 1)) of its range. The grid uses the centres of cells, so no point is on a
+    Each trajectory starts at a random point of a grid of four levels. It moves one argument after the other, in
+    random order and by two levels. The grid uses the centres of cells, so no point is on a
     face of the cube, where the value of a normal distribution would be infinite.
     """
     rng = np.random.default_rng(seed)
-    step = levels // 2
+    step = LEVELS // 2
     out = np.empty((trajectories, d + 1, d))
     for path in out:
-        at = rng.integers(levels, size=d)
+        at = rng.integers(LEVELS, size=d)
         path[0] = at
         for k, argument in enumerate(rng.permutation(d), start=1):
             at[argument] += step if at[argument] < step else -step
             path[k] = at
-    return (out.reshape(-1, d) + 0.5) / levels
+    return (out.reshape(-1, d) + 0.5) / LEVELS
 
 
 def elementary_effects(

@@ -15,7 +15,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import export, middle_of
-from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
+from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined, refused
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
@@ -215,12 +215,9 @@ class FitFile(_Table):
             name = ".".join(str(part) for part in parts if part not in ("_Recording", "Undetermined", "str"))
             is_missing = problem.get("input") is _MISSING
             rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
-            line = toml.line_of(text, name)
-            raise FitError(
-                f"the file is not a complete {title}: {name} {rule}",
-                where=f"{where}:{line}" if line else where,
-                remedy="Give a fit.toml as pneudrive fit or pneudrive identify wrote it.",
-            ) from None
+            if line := toml.line_of(text, name):
+                where = f"{where}:{line}"
+            raise refused("incomplete", where, title=title, what=f"{name} {rule}") from None
 
 
 _MISSING = object()
@@ -390,15 +387,9 @@ class Fit(Viewed):
             if name not in self.free:
                 raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
         if self.profiler is None:
-            raise FitError(
-                f"this {self.TITLE} was read from a file, without its data",
-                rule="a profile needs the data; apply, export and report do not",
-                remedy="Fit again.",
-            )
+            raise refused("without_data", title=self.TITLE)
         if not self.converged:
-            raise FitError(
-                "the search did not converge, so there are no intervals", remedy="Fit again from these values."
-            )
+            raise refused("not_converged")
         return {name: self.profiler(name) for name in names}
 
     @property
@@ -591,15 +582,9 @@ class Fit(Viewed):
         content, text = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
         kind = content.get("kind", "friction map")
         if kind != cls.KIND:
-            raise FitError(
-                f"this is the fit of a {kind}, not of a {cls.KIND}",
-                where=where,
-                rule=f"a {cls.TITLE} is needed",
-            )
+            raise refused("other_kind", where, kind=kind, needed=cls.KIND, title=cls.TITLE)
         if content.get("schema", SCHEMA) != SCHEMA:
-            raise FitError(
-                "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
-            )
+            raise refused("other_schema", where, value=content["schema"], schema=SCHEMA)
         try:
             file = FitFile.read(cls._present(content), cls.TITLE, cls.GROUPS, where, text)
             fields = cls._fields(file)

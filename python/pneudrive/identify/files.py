@@ -12,6 +12,7 @@ from pneudrive.estimate.estimates import Estimate
 from pneudrive.identify.dynamic.fit import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.fit import FollowFit
+from pneudrive.identify.identified import stated
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.volume import RegulatorFit, VolumeFit
 
@@ -53,11 +54,7 @@ def read_source(path: str | Path) -> AnyFit | Drive:
         return Drive.load(path)
     tables, _ = toml.read(path, FitError, "pneudrive fit writes a fit.toml.")
     if any(key in tables for key in OF_A_CIRCUIT):
-        raise DescriptionError(
-            "the file describes a circuit, but friction is exported from a fit or a drive",
-            where=str(path),
-            remedy="Export the whole circuit with --to fmu or --to c, or give the fit or the drive file.",
-        )
+        raise DescriptionError(where=str(path), **stated("application", "circuit"))
     is_drive = "kind" not in tables and ("friction" in tables or "drive" in tables)
     return Drive.load(path) if is_drive else read_fit(path)
 

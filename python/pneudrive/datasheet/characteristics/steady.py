@@ -413,8 +413,8 @@ LASTING_S, LOOKS = 660.0, 60  # a piston that is not there then does not move; l
 DONE = 0.99  # of the stroke
 
 
-def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) -> bool:
-    """Return whether a slowly rising pressure moves the piston over a fraction of the stroke from rest."""
+def _reaches(plant: HeldDrive, pressure: float, direction: float) -> bool:
+    """Return whether a slowly rising pressure moves the piston over 99 % of the stroke from rest."""
     start = 0.0 if direction > 0.0 else plant.stroke_m
     gas = np.tile(plant.ambient, (len(plant.nodes), 1))
     session = plant.session(0.0, start, 0.0, gas, rtol=RTOL)
@@ -423,12 +423,12 @@ def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) 
     session.schedule(plant.supply, list(zip(RISING_S * np.arange(RISES + 1) / RISES, rise.tolist(), strict=True)))
     for k in range(1, LOOKS + 1):
         session.advance(LASTING_S * k / LOOKS)
-        if abs(session.read(f"{plant.piston}.position_m") - start) >= share * plant.stroke_m:
+        if abs(session.read(f"{plant.piston}.position_m") - start) >= DONE * plant.stroke_m:
             return True
     return False
 
 
-def least_pressure(plant: HeldDrive, direction: float, share: float = DONE) -> float:
+def least_pressure(plant: HeldDrive, direction: float) -> float:
     """Return the least absolute supply pressure at which the piston moves, Pa, by bisection on runs.
 
     Raises
@@ -437,12 +437,12 @@ def least_pressure(plant: HeldDrive, direction: float, share: float = DONE) -> f
         Even the supply of the drive does not move it.
     """
     low, high = plant.ambient[0], plant.supply_pa
-    if not _reaches(plant, high, direction, share):
+    if not _reaches(plant, high, direction):
         raise SimulationError(f"the supply of {plain(1e-5 * high)} bar abs does not move the piston over its stroke")
     width = CLOSE * (high - low)
     while high - low > width:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _reaches(plant, middle, direction, share) else (middle, high)
+        low, high = (low, middle) if _reaches(plant, middle, direction) else (middle, high)
     return high
 
 

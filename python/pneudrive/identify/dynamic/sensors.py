@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pneudrive.errors import DescriptionError, FitError, RecordingError, nearest
+from pneudrive.identify.identified import refused
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -174,9 +175,7 @@ def command_delay(sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> D
     """
     said = (sensors or {}).get("command", {})
     if isinstance(said, Sensor) or set(said) - {"delay"}:
-        raise FitError(
-            "the command is not a sensor", rule="the only key of command is delay", remedy="command: delay = free"
-        )
+        raise refused("command_sensor")
     given = said.get("delay", 0.0)
     return Delay(free=True) if given == "free" else Delay(_si(given, "s", "command.delay", -np.inf))
 
@@ -199,10 +198,7 @@ def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, An
     said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
     if unknown:
-        raise FitError(
-            f"a sensor is described for {unknown[0]}, but no recording has this channel",
-            rule=f"measured channels: {', '.join(names)}",
-        )
+        raise refused("no_channel", name=unknown[0], known=", ".join(names))
     made = {name: _made(name, given) for name, given in said.items()}
     return [channel(name, made.get(name, Sensor())) for name in names]
 

@@ -41,7 +41,7 @@ from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.csv_tables import spreadsheet_text
-from pneudrive.identify.identified import sentences
+from pneudrive.identify.identified import refused, sentences
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
 
@@ -119,17 +119,10 @@ def speeds_over(between: object, source: str) -> Array:
         The limits are missing, or not ascending above zero.
     """
     if not isinstance(between, (list, tuple)):
-        raise FitError(
-            f"a {source} has no range of measured speeds",
-            remedy='Give the range of speeds: --speeds "1 mm/s .. 500 mm/s".',
-        )
+        raise refused("no_speeds", source=source)
     low, high = (float(end) for end in between)
     if not 0.0 < low < high:
-        raise FitError(
-            f"the range of speeds from {low:g} to {high:g} m/s is not valid",
-            rule="0 < lowest < highest speed",
-            remedy='Give another range of speeds: --speeds "1 mm/s .. 500 mm/s".',
-        )
+        raise refused("speeds", low=low, high=high)
     return np.geomspace(low, high, POINTS)
 
 
@@ -472,12 +465,7 @@ def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
         before, worst = worst, float(np.abs(friction / curve.friction_n - 1.0).max())
         if max(worst, before / FALL if intervals == last else 0.0) < ACCURACY:
             return spline.c[::-1].T.copy(), friction
-    raise FitError(
-        "the curve has a kink that a spline does not follow",
-        value=f"deviation of {before / FALL:.1e}",
-        rule=f"below {ACCURACY:g} of the friction",
-        remedy="Choose a narrower range of speeds.",
-    )
+    raise refused("kink", deviation=before / FALL, accuracy=ACCURACY)
 
 
 def _structured_text(curve: SlidingCurve) -> Exported:
@@ -548,10 +536,5 @@ def export(curve: SlidingCurve, to: str) -> Exported:
     check_tool(to)
     if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
         worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
-        raise FitError(
-            "the curve is not positive over all of its speeds",
-            value=f"least value {worst:.3g} N",
-            rule="finite and above 0 N",
-            remedy="Export over the measured speeds and pressures.",
-        )
+        raise refused("not_positive", worst=worst)
     return TOOLS[to](curve)

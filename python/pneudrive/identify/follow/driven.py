@@ -87,11 +87,7 @@ def check_follow(follow: str) -> None:
 def refuse_circuit(drive: object) -> None:
     """Refuse a circuit where a drive with a valve command is fitted or validated."""
     if isinstance(drive, Circuit):
-        raise CommandError(
-            f"{drive.name} is a circuit, not a drive",
-            rule="a drive runs under the recorded command of its valve",
-            remedy='if its piston follows the recorded position, add follow="motion"',
-        )
+        raise CommandError(**stated("application", "not_a_drive", name=drive.name))
 
 
 def driven_recordings(
@@ -427,23 +423,15 @@ class DrivenCircuit:
             out[place, : found[column].size] = found[column]
         return out
 
-    def trajectory(self, record: DrivenRecording, start: Sequence[float] | Array | None = None) -> dict[str, Array]:
+    def trajectory(self, record: DrivenRecording) -> dict[str, Array]:
         """Return all columns of a run along a recording, at its grid of times.
 
-        Parameters
-        ----------
-        record : DrivenRecording
-        start : array, optional
-            As for `run`; default: the measured pressures, at the temperatures of the walls.
+        It starts with the measured pressures, at the temperatures of the walls.
         """
-        first = [*record.pressures_pa[:, 0], *self.wall_k.values()]
+        start, end = [*record.pressures_pa[:, 0], *self.wall_k.values()], float(record.grid_s[-1])
         core = _core.Circuit(json.dumps(self.form))
         columns = [name for name in core.columns if name != "time_s"]
-        end = float(record.grid_s[-1])
-        return {
-            "time_s": record.grid_s,
-            **self._recorded(core, record, first if start is None else start, end, columns),
-        }
+        return {"time_s": record.grid_s, **self._recorded(core, record, start, end, columns)}
 
     def _recorded(
         self,

@@ -16,6 +16,7 @@ from scipy.stats import t as student
 
 from pneudrive.errors import FitError
 from pneudrive.identify.follow.driven import SIDES
+from pneudrive.identify.identified import refused
 from pneudrive.progress import UNWATCHED
 
 if TYPE_CHECKING:
@@ -348,11 +349,7 @@ def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
     own = diagonal[: len(problem.numbers)]
     idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
     if idle:
-        raise FitError(
-            f"{idle[0]} has no effect on the pressures of these recordings",
-            value=", ".join(r.name for r in problem.records),
-            remedy="hold it, or record a motion that changes the volumes",
-        )
+        raise refused("no_effect", name=idle[0], recordings=", ".join(r.name for r in problem.records))
 
 
 def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> None:
