@@ -26,13 +26,15 @@ from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     import xarray as xr
 
+    from pneudrive.arrays import Array
     from pneudrive.control.mismatch import Mismatch
     from pneudrive.control.motion import Reference
+    from pneudrive.control.own_law import RunningLaw
     from pneudrive.control.tuning import Controller, Plant
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -232,14 +234,53 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     setup = truth.setup.core(seed, ambient_pa) | {"step_repeats": prepared.step_repeats}
     watch.look()
     own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
+    axes, start = [(tuning.core(), motion, setup)], prepared.start | truth.start
+    (columns,), _, mass_kg = run_axes(truth.core_json, start, axes, [], seconds, prepared.rtol, watch, own)
+    events = told(columns.pop("events", []))
+    named = {meaning(column)[0]: values for column, values in columns.items()}
+    gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
+    air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
+    found = score_of(named["time"], named, motion, air)
+    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
+    if own is not None and own.failure is not None:  # the standby law has taken over
+        said["law_failure"] = str(own.failure)
+    return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
+
+
+def run_axes(
+    core_json: str,
+    start: Mapping[str, float],
+    axes: Sequence[tuple[Any, Any, Any]],
+    outputs: list[str],
+    seconds: float,
+    rtol: float,
+    watch: Watch,
+    own: RunningLaw | None = None,
+) -> tuple[list[dict[str, Array]], Array, float]:
+    """Run axes of one circuit under control; return columns of each axis, outputs, and mass of the drawn air, kg.
+
+    Parameters
+    ----------
+    core_json : str
+        Circuit in the core's form.
+    start : mapping
+    axes : sequence of tuple
+        Controller, motion and instrumentation of each axis in the core's form.
+    outputs : list of str
+        Further columns of the circuit.
+    seconds, rtol : float
+    watch : Watch
+    own : RunningLaw, optional
+        A custom law, of a single axis.
+    """
     try:
-        (columns,), _, mass_kg = _core.control_run(
-            compiled(truth.core_json),
-            prepared.start | truth.start,
-            [(json.dumps(tuning.core()), json.dumps(motion), json.dumps(setup))],
-            [],
+        return _core.control_run(
+            compiled(core_json),
+            start,
+            [tuple(map(json.dumps, axis)) for axis in axes],
+            outputs,
             seconds,
-            prepared.rtol,
+            rtol,
             lambda t: watch.tell(t, seconds, "seconds simulated"),
             None if own is None else (own.call, own.signals),
         )
@@ -252,15 +293,6 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     finally:
         if own is not None and own.stopped is not None:
             raise own.stopped
-    events = told(columns.pop("events", []))
-    named = {meaning(column)[0]: values for column, values in columns.items()}
-    gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
-    air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
-    found = score_of(named["time"], named, motion, air)
-    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
-    if own is not None and own.failure is not None:  # the standby law has taken over
-        said["law_failure"] = str(own.failure)
-    return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
 
 
 def whole_number(name: str, given: object, low: int, high: int) -> int:

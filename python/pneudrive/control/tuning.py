@@ -453,8 +453,6 @@ def is_code_file(module: str) -> bool:
     return module.endswith(".py")
 
 
-__all__ = ["LawModel", "Plant", "TunedGain", "Tuning", "alone", "believed_by", "laws", "tune"]
-
 DEFAULT_LAW = "nmpc"
 #: Key, unit, value, meaning and rule of a number, as the core lists it.
 _Ruled = tuple[str, str, float, str, str]

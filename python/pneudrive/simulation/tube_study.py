@@ -9,7 +9,7 @@ from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
 from pneudrive.progress import Watch
-from pneudrive.simulation.simulate import simulate
+from pneudrive.simulation.simulate import positive, simulate
 from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
@@ -106,16 +106,7 @@ def _metres(given: Sequence[str | float], what: str) -> list[float]:
     """Return different lengths in m, increasing."""
     if isinstance(given, str) or not given:
         raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
-    out = []
-    for one in given:
-        try:
-            value = units.parse(one, "m") if isinstance(one, str) else float(one)
-        except DescriptionError as error:
-            raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
-        if not (math.isfinite(value) and value > 0.0):
-            raise CommandError(f"{what} = {one} is out of bounds", rule="finite and greater than 0")
-        out.append(value)
-    return sorted(set(out))
+    return sorted({positive(one, "m", what) for one in given})
 
 
 def _with_tubes(drive: Drive, tubing: dict[str, Any] | None) -> Drive:

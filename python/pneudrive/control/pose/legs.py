@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive import _core, units
+from pneudrive import units
 from pneudrive.control.axis import supply_of
-from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, whole_number
+from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, run_axes, whole_number
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.motion import POWERS, polynomials
 from pneudrive.control.pose.path import PoseScore, Tracked, pose_path
@@ -21,8 +21,7 @@ from pneudrive.control.scores import LAST_S, air_of
 from pneudrive.control.setup import read_setup, told
 from pneudrive.control.tuning import tune
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.system import compiled
-from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.errors import CommandError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
@@ -427,23 +426,10 @@ class _Legs:
             motion, efforts = leg_reference(self.needs, i, self.path.text)
             form = motion.core() | ({"efforts": efforts} if self.is_full else {})
             own_setup = setup.core(seed, ambient_pa) | {"step_repeats": 1, "member": i}
-            axes.append((json.dumps(tuning.core()), json.dumps(form), json.dumps(own_setup)))
+            axes.append((tuning.core(), form, own_setup))
         outputs = [name for names in pose_columns(self.platform) for name in names]
-        try:
-            each, poses, mass_kg = _core.control_run(
-                compiled(core_json),
-                self._start() | start,
-                axes,
-                outputs,
-                self.seconds,
-                rtol,
-                lambda t: watch.tell(t, self.seconds, "seconds simulated"),
-                None,
-            )
-        except ValueError as error:
-            raise CommandError(f"the run cannot begin: {error}") from None
-        except RuntimeError as error:
-            raise SimulationError(str(error)) from None
+        begun = self._start() | start
+        each, poses, mass_kg = run_axes(core_json, begun, axes, outputs, self.seconds, rtol, watch)
         columns = {"time_s": each[0]["time_s"]}
         columns |= {name: np.ascontiguousarray(poses[:, k]) for k, name in enumerate(outputs)}
         wanted = self.path.at(columns["time_s"])[0]
