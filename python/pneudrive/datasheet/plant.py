@@ -6,15 +6,17 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
 from pneudrive.describe.system import compiled
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError
 from pneudrive.identify.export import steady_force
 from pneudrive.simulation.session import Session
 
@@ -24,6 +26,15 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Linear
+
+
+_Kind = TypeVar("_Kind", bound=PneudriveError)
+
+
+def refused(key: str, /, kind: type[_Kind] = CommandError, where: str | None = None, **values: object) -> _Kind:
+    """Return the error of a request that a drive or a recording cannot meet, with these values."""
+    message = toml.read(Path(__file__).with_name("messages.toml"))[0][key]
+    return kind(where=where, **{part: text.format(**values) for part, text in message.items()})
 
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
@@ -73,10 +84,7 @@ class Actuation:
         if self.is_switched and u == 0.0:
             return {}
         if self.is_switched and abs(u) != 1.0:
-            raise CommandError(
-                f"command = {u:g}: {' and '.join(self.held)} is on or off",
-                rule="the commands of a switching valve are its two directions, 1 and -1",
-            )
+            raise refused("command", u=u, valves=" and ".join(self.held))
         full = self.out if u >= 0.0 else self.back
         return {name: abs(u) * value for name, value in full.items()}
 
@@ -234,10 +242,7 @@ class HeldDrive:
         pistons = [name for name, one in self.circuit.components.items() if one.entry["kind"].startswith("cylinder/")]
         self.valves = list(self.circuit.commandable)
         if len(pistons) != 1 or not self.valves:
-            raise CommandError(
-                f"{self.circuit.name} has {len(pistons)} pistons and {len(self.valves)} commands",
-                rule="characteristics are those of one piston under valves",
-            )
+            raise refused("pistons", name=self.circuit.name, pistons=len(pistons), valves=len(self.valves))
         self.piston, self.valve = pistons[0], self.valves[0]
         if actuation is None and isinstance(described, Drive) and not described.valve.is_switching:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
@@ -269,11 +274,7 @@ class HeldDrive:
         held = {f"{node}.mass_kg" for node in plant.nodes}
         loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
         if loose:
-            raise CommandError(
-                f"{self.name}: {loose[0]} cannot be held",
-                rule="steady states need pressures and temperatures that a start takes",
-                remedy='Take tubes with model = "steady".',
-            )
+            raise refused("loose", name=self.name, state=loose[0])
         return plant
 
     @cached_property
@@ -345,10 +346,7 @@ class HeldDrive:
                 break
             passed.append((port.component, others[0].name, port.name))
             at = wiring.at[others[0]]
-        raise CommandError(
-            f"{self.name}: chamber {side} is not at a valve by one line",
-            rule="the flow of a path is that of a valve port with components of two ports in series",
-        )
+        raise refused("line", name=self.name, side=side)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -626,11 +624,7 @@ def _search(circuit: Circuit) -> Actuation:
         forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
     least, most = (_strongest(forces, sign) for sign in (-1.0, 1.0))
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
-        raise CommandError(
-            f"{circuit.name}: no command of {', '.join(kinds)} moves the piston",
-            rule="the commands of the valves give the piston two directions",
-            remedy="Simulate the circuit, and look at the pressures of its chambers.",
-        )
+        raise refused("still", name=circuit.name, valves=", ".join(kinds))
     return Actuation(most[1], least[1], bool(held), not held, held)
 
 
