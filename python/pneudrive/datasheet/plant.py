@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -33,8 +32,7 @@ _Kind = TypeVar("_Kind", bound=PneudriveError)
 
 def refused(key: str, /, kind: type[_Kind] = CommandError, where: str | None = None, **values: object) -> _Kind:
     """Return the error of a request that a drive or a recording cannot meet, with these values."""
-    message = toml.read(Path(__file__).with_name("messages.toml"))[0][key]
-    return kind(where=where, **{part: text.format(**values) for part, text in message.items()})
+    return kind(where=where, **toml.message(__file__, key, **values))
 
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
+from pneudrive.describe.files.toml import message
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
@@ -144,8 +145,7 @@ class Normal(Distribution):
     def _read(self, read: QuantityReader) -> Self:
         mean = read.value(self.mean)
         if "%" in str(self.sd) and _FROM_ELSEWHERE.search(str(self.mean)):
-            what = f"{self}: a share of {self.mean} depends on where its scale begins"
-            raise CommandError(what, remedy='Give the standard deviation with a unit, as "0.5 bar" or "5 K".')
+            raise CommandError(**message(__file__, "share", distribution=self, mean=self.mean))
         return replace(self, mean=mean, sd=read.width(self.sd, mean))
 
     def _rules(self) -> dict[str, bool]:
@@ -234,9 +234,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
         except ValueError:
             count = 0
         if not count >= 2:
-            raise CommandError(
-                f'the grid "{values[0]}" does not say how many values it has', remedy='Write grid("20 mm .. 32 mm", 7).'
-            )
+            raise CommandError(**message(__file__, "grid", text=values[0]))
         return GridAxis((low.strip(), high.strip()), count)
     if not values:
         raise CommandError("a grid has no value", remedy='Write grid("20 mm", "25 mm") or grid("20 mm .. 32 mm", 7).')
@@ -721,8 +719,7 @@ def design_of(
             raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
         return vary
     if not isinstance(vary, Mapping) or not vary:
-        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution for each number, or a pn.EnsembleDesign.'
-        raise CommandError(f"vary is {type(vary).__name__ if vary else 'empty'}", remedy=remedy)
+        raise CommandError(**message(__file__, "vary", kind=type(vary).__name__ if vary else "empty"))
     each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
     for name, one in each.items():
         if not isinstance(one, Distribution | GridAxis) and not np.ndim(one):
@@ -732,10 +729,7 @@ def design_of(
         for one in each.values()
     }
     if len(kinds) > 1:
-        raise CommandError(
-            f"vary mixes {' and '.join(sorted(kinds))}",
-            rule="all numbers by distributions, all by grid(...), or one value of each for each member",
-        )
+        raise CommandError(**message(__file__, "mixed", kinds=" and ".join(sorted(kinds))))
     (kind,) = kinds
     if kind == "distributions":
         return EnsembleDesign(method, each, n, seed or 0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.describe.files.toml import message
 from pneudrive.errors import CommandError, SimulationError
 
 if TYPE_CHECKING:
@@ -144,11 +145,7 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
     try:
         return _core.Ensemble(system.json, list(paths), system.names)
     except ValueError as error:
-        raise CommandError(
-            f"vary: {error}",
-            rule="numbers of the components, of the friction law and of the ambient air vary",
-            remedy="Leave it out; for a fit, list the names: pn.EnsembleDesign.posterior(fit, n, names=[...]).",
-        ) from None
+        raise CommandError(**message(__file__, "held", error=error)) from None
 
 
 def _output(one: Reduction) -> CoreOutput:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.describe.files.toml import message
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
@@ -180,10 +181,8 @@ class EnsembleStudy:
             made = output.function(signals, self.sample_times(output.rate_hz))
             out[done] = np.broadcast_to(np.asarray(made, dtype=np.float64), (int(done.sum()),))
         except Exception as error:
-            raise SimulationError(
-                f"output {output.name}: {type(error).__name__}: {error}",
-                rule="your function returns one number for each member, an array of shape (members,)",
-            ) from error
+            failure = {"name": output.name, "kind": type(error).__name__, "error": error}
+            raise SimulationError(**message(__file__, "own", **failure)) from error
         return out
 
 
@@ -345,12 +344,7 @@ class DaskExecutor:
                     future = next(iter(done))
                     result = future.result(timeout=LOOK_S)
                 except KilledWorker as error:
-                    raise SimulationError(
-                        "a chunk of the study lost its worker again and again",
-                        value=error,
-                        remedy="Check the memory of the workers, use smaller chunks, or let Dask try more often: its "
-                        "setting distributed.scheduler.allowed-failures.",
-                    ) from None
+                    raise SimulationError(**message(__file__, "workers", error=error)) from None
                 except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated
                     seen = self._still_there(seen)
                     continue
@@ -407,12 +401,8 @@ class ChunkStore:
                 raise CommandError(f"the folder {folder} cannot be made: {why}") from None
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
-            raise CommandError(
-                f"{folder} holds results of another study",
-                where=str(path),
-                rule=f"the same {_different(begun.get('about', {}), about['about'])} as at the beginning of the folder",
-                remedy="Choose another folder, or remove this one.",
-            )
+            differ = _different(begun.get("about", {}), about["about"])
+            raise CommandError(where=str(path), **message(__file__, "other_study", folder=folder, differ=differ))
         self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
 
     def _begun(self, path: Path) -> dict[str, Any] | None:
@@ -420,9 +410,7 @@ class ChunkStore:
             begun = json.loads(path.read_text("utf-8"))
         except FileNotFoundError:
             if self.folder.is_dir() and any(self.folder.iterdir()):
-                raise CommandError(
-                    f"{self.folder} is not empty and holds no study", remedy="Choose a new folder."
-                ) from None
+                raise CommandError(**message(__file__, "not_empty", folder=self.folder)) from None
             return None
         except (OSError, ValueError) as error:
             raise CommandError(f"{path} cannot be read: {error}") from None

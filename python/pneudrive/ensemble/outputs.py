@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
+from pneudrive.describe.files.toml import message
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.simulation import command as commands
@@ -97,10 +98,7 @@ class MemberPlans:
         found = {f"the command of {of[name]}" if of[name] else "the command": len(x) for name, x in self.steps.items()}
         for what, length in {**found, "duration": len(self.durations)}.items():
             if length not in (1, size):
-                raise CommandError(
-                    f"{what} has {length} rows, and there are {size} members",
-                    rule="one for all, or one for each member",
-                )
+                raise CommandError(**message(__file__, "rows", what=what, length=length, size=size))
 
     def part(self, first: int, last: int) -> MemberPlans:
         """Return the commands and durations of the members from `first` to before `last`."""
@@ -524,10 +522,7 @@ def _reduction(output: Output, signals: SignalNames) -> Reduction:
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
     found = _CONDITION.fullmatch(condition)
     if found is None:
-        raise CommandError(
-            f'outputs: "{condition}" is not a condition',
-            remedy='Write for instance "position > 0.45 m" or "velocity < 0 m/s".',
-        )
+        raise CommandError(**message(__file__, "condition", text=condition))
     signal, sign, text = found.groups()
     column = signals.column(signal)
     name, unit, long_name = meaning(column)
@@ -539,11 +534,7 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
 
 def _stroke_time(signals: SignalNames) -> Reduction:
     if signals.towards_b is None:
-        raise CommandError(
-            "outputs: there is no stroke time",
-            rule="needs one piston, which the commands of all members first move in the same direction",
-            remedy='Write the condition: "time_when(left.end_stop_force > 0.001 N)".',
-        )
+        raise CommandError(**message(__file__, "stroke_time"))
     end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
     about = f"time from the start until the piston first touches the end of chamber {end}"
     column = signals.column("end_stop_force")

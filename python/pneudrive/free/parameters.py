@@ -229,11 +229,7 @@ def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
     known = numbers_of(drive)
     for name in names:
         if name not in known:
-            raise CommandError(
-                f"{name} is not a number of this drive",
-                remedy=nearest(name, known)
-                + " For a number that the drive lacks, first give a start value in the drive.",
-            )
+            raise CommandError.of("free.unknown", name=name, nearest=nearest(name, known))
         if known[name].discrete:
             raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):

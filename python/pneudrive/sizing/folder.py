@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.describe.files.toml import message
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
 from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
@@ -83,11 +84,7 @@ class SizingFolder:
             if take(self._file):
                 return
             self.release()
-            raise CommandError(
-                f"another process searches in {self.folder}",
-                rule="two processes must not write into the folder of one sizing",
-                remedy="Wait until it ends, or choose another folder.",
-            )
+            raise CommandError(**message(__file__, "locked", folder=self.folder))
 
     def release(self) -> None:
         """Release the folder for other processes."""
@@ -108,12 +105,8 @@ class SizingFolder:
             raise CommandError(f"{path} cannot be read: {error}") from None
         differ = [key for key in about if begun.get(key) != about[key]]
         if differ:
-            raise CommandError(
-                f"{self.folder} holds the sizing of another task",
-                where=str(path),
-                rule=f"the same {', '.join(differ)} as when it was begun",
-                remedy="Choose another folder, or remove this one.",
-            )
+            told = {"folder": self.folder, "differ": ", ".join(differ)}
+            raise CommandError(where=str(path), **message(__file__, "other_task", **told))
         self._stages = read_stages(self.folder / LINES)
         if self._stages:
             write_whole(self.folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
