@@ -9,3 +9,6 @@ from numpy.typing import NDArray
 
 #: Array of real numbers.
 Array: TypeAlias = NDArray[np.float64]
+#: Array of truth values, and of whole numbers.
+Bools: TypeAlias = NDArray[np.bool_]
+Ints: TypeAlias = NDArray[np.int64]

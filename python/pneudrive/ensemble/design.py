@@ -29,14 +29,13 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from typing_extensions import Self
 
+    from pneudrive.arrays import Array
     from pneudrive.ensemble.variation import QuantityReader, Variation
     from pneudrive.estimate.profile import Transforms
     from pneudrive.identify.base import Fit
-
-    Array = NDArray[np.float64]
 
 
 # --- Variation of one number of a drive: distributions and grid values, in SI or as written quantities.

@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Ensemble, Outcome
     from pneudrive._core import Output as CoreOutput
+    from pneudrive.arrays import Array
     from pneudrive.describe.system import System
     from pneudrive.ensemble.outputs import Alike, MemberPlans, Reduction
     from pneudrive.ensemble.variation import CoreMembers
-
-    Array = NDArray[np.float64]
 
 
 #: Status of a member that was simulated to the end.

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
@@ -48,8 +49,6 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
-
-    Array = NDArray[np.float64]
 
 
 # --- A study: everything that determines the results of its members, and the results of members.

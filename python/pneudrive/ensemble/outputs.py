@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.simulation.command import CommandInput, Steps
 
-    Array = NDArray[np.float64]
     EachSteps = list[Steps]
     OwnReduction = Callable[[dict[str, Array], Array], Array | float]
 

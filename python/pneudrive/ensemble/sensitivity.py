@@ -23,14 +23,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.many import EnsembleStudy, Executor
     from pneudrive.ensemble.outputs import Output
     from pneudrive.progress import Flag
     from pneudrive.simulation import command as commands
-
-    Array = NDArray[np.float64]
 
 #: Base points of Sobol indices, trajectories of Morris' method, by default.
 BASE_POINTS, TRAJECTORIES = 1024, 50

@@ -22,11 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.free.parameters import DriveFamily
-
-    Array = NDArray[np.float64]
 
 #: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.
 COUPLED = (

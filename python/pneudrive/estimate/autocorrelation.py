@@ -11,14 +11,14 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array, Bools, Ints
 
 
 #: Number of values above which the autocorrelation is computed from means of neighbours, with fewer lags.
 MOST_VALUES = 400
 
 
-def stderr_of_mean(values: NDArray[np.float64]) -> float:
+def stderr_of_mean(values: Array) -> float:
     """Estimate the standard error of the mean of a series, shape (n,), in the order of time or position.
 
     The autocorrelation is summed until it first falls below zero. Subtracting the mean of the series makes its variance
@@ -33,7 +33,7 @@ def stderr_of_mean(values: NDArray[np.float64]) -> float:
     return float(stderrs_of_means(series[np.isfinite(series)][None, :])[0])
 
 
-def stderrs_of_means(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def stderrs_of_means(rows: Array) -> Array:
     """Estimate `stderr_of_mean` for many series of one length, shape (m, n), all finite."""
     if rows.shape[1] > MOST_VALUES:  # means of neighbours keep the slow part, which dominates
         each = rows.shape[1] // MOST_VALUES
@@ -82,7 +82,7 @@ def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[floa
 # --- Groups of values that are equal except for noise.
 
 
-def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
+def levels(values: Array, reach: float) -> Ints:
     """Return the level number of each value. A level contains the values within `reach` of its smallest value.
 
     Examples
@@ -99,7 +99,7 @@ def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
     return level
 
 
-def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def means(group: Ints, *columns: Array) -> list[Array]:
     """Return the mean of each column over each group; every group has members.
 
     Examples
@@ -111,7 +111,7 @@ def means(group: NDArray[np.int64], *columns: NDArray[np.float64]) -> list[NDArr
     return [np.bincount(group, column) / count for column in columns]
 
 
-def cells(*columns: NDArray[np.int64]) -> NDArray[np.int64]:
+def cells(*columns: Ints) -> Ints:
     """Return the number of each row's combination of values, from columns of shape (n,).
 
     Examples
@@ -201,7 +201,7 @@ def shift_of(jacobian: Array, residual: Array) -> Array:
     return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
 
 
-def weak_coordinates(jacobian: Array) -> NDArray[np.bool_]:
+def weak_coordinates(jacobian: Array) -> Bools:
     """Return a mask of coordinates without effect, or with a part in a direction without information.
 
     Examples

@@ -19,9 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Ints
 
 #: Numbers of repeats that are tried for a budget of time.
 MOST_REPEATS = 12
@@ -71,7 +69,7 @@ def information(candidates: DesignSpace, counts: Array) -> Array:
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
-def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArray[np.int64]:
+def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
     """Choose `count` measurements, with repeats: first greedily, then by exchanges while these improve the criterion.
 
     Returns
@@ -98,9 +96,7 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArr
     return np.sort(np.array(chosen, dtype=np.int64))
 
 
-def within_budget(
-    candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D"
-) -> tuple[NDArray[np.int64], int]:
+def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D") -> tuple[Ints, int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
     Each point is chosen once, and all are repeated equally often, as in a protocol. The number of repeats is optimised.

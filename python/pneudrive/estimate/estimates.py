@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array
 
 CONFIDENCE = 0.95  # confidence of every interval
 #: Two-sided quantile of the normal distribution at this confidence.
@@ -126,7 +126,7 @@ def _chance(value: float, stderr: float, freedom: float) -> float:
     return 2.0 * float(stdtr(min(freedom, MOST_FREEDOM), -abs(value) / stderr))
 
 
-def mean_estimate(values: NDArray[np.float64], unit: str = "N") -> Estimate:
+def mean_estimate(values: Array, unit: str = "N") -> Estimate:
     """Estimate the mean of repeats, with Student's t.
 
     Parameters
@@ -159,7 +159,7 @@ class FTest:
     p: float
 
 
-def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
+def changed(values: Array, stderr: float = 0.0) -> bool:
     """Return whether a quantity was varied: by a relevant fraction of its mean, and by more than its scatter.
 
     If one of two quantities was not varied, their correlation is noise.
@@ -180,6 +180,6 @@ def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
     return span > max(CHANGED_SHARE * float(np.abs(values).mean() if values.size else 0.0), SURE * stderr)
 
 
-def robust_deviation(residual: NDArray[np.float64]) -> float:
+def robust_deviation(residual: Array) -> float:
     """Return the standard deviation of normal residuals from their median absolute value, robust to outliers."""
     return float(np.median(np.abs(residual))) / 0.6745

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.

@@ -30,10 +30,11 @@ from pneudrive.simulation.start import ready
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
+    from pneudrive.arrays import Array
     from pneudrive.describe.base import Described
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.derived import Derived
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.progress import Watch
-
-    Array = NDArray[np.float64]
 
 
 # --- Numbers of a drive's circuit by their names in the drive file, and the gas of its tubes.

@@ -17,16 +17,15 @@ from pneudrive.simulation.start import start
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import Output, Reduction
     from pneudrive.free.parameters import Sensitivities
     from pneudrive.simulation.command import Commands
-
-    Array = NDArray[np.float64]
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
 #: Into how many parts the time between two samples is cut where a result lies between them.

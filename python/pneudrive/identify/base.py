@@ -25,12 +25,10 @@ from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, Sh
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
     from typing_extensions import Self
 
+    from pneudrive.arrays import Array
     from pneudrive.identify.export import Exported, SlidingCurve
-
-    Array = NDArray[np.float64]
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"

@@ -34,12 +34,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Ints
     from pneudrive.identify.static.model import Observations
     from pneudrive.progress import Flag
-
-    Array = NDArray[np.float64]
 
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.
@@ -242,9 +240,7 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
     return (None,) if not any(varied) else PRESSURE_FORMS if all(varied) else PRESSURE_FORMS[:3]
 
 
-def _folds(
-    friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None
-) -> tuple[str, NDArray[np.int64]]:
+def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None) -> tuple[str, Ints]:
     """Return the kind of held-out conditions, and for each value the number of the group that is held out together."""
     if wanted is None:
         wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
@@ -271,7 +267,7 @@ def _compared(
     name: str,
     form: str | None,
     data: Observations,
-    folds: NDArray[np.int64],
+    folds: Ints,
     loss: str,
     probability: float,
 ) -> Compared | str:

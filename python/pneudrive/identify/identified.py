@@ -13,8 +13,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files import toml
@@ -33,12 +31,9 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.figures import Axis, Mark
-
-    Array = NDArray[np.float64]
 
 
 # --- Sentences of fits, from sentences.toml.
@@ -411,7 +406,7 @@ def joined(names: tuple[str, ...]) -> str:
 
 
 def correlations_of(
-    keys: Mapping[str, str], free: Sequence[str], covariance: NDArray[np.float64], systematic: Mapping[str, float]
+    keys: Mapping[str, str], free: Sequence[str], covariance: Array, systematic: Mapping[str, float]
 ) -> dict[str, dict[str, float]]:
     """Return the correlations of values by their names in the drive file.
 

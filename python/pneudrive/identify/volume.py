@@ -46,12 +46,9 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
-
-    Array = NDArray[np.float64]
 
 
 # --- Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.

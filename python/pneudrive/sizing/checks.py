@@ -22,9 +22,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Bools
     from pneudrive.sizing.choices import DriveChoice, PartChoice
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
@@ -138,7 +136,7 @@ def interval(values: Array) -> tuple[float, float]:
     return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
 
 
-def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
+def is_met(found: list[LimitMargin]) -> Bools:
     """Return which samples keep all limits."""
     return np.all([one.margins >= 0.0 for one in found], axis=0)
 

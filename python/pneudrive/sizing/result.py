@@ -28,10 +28,9 @@ from pneudrive.views import Finding, ShownValue, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    import numpy as np
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
     from pneudrive.sizing.strokes import DriveStrokes
@@ -480,7 +479,7 @@ class Saving(NamedTuple):
         return f"{self.change}: saves {100.0 * self.share:.3g} % of the air"
 
 
-def savings(best: DriveStrokes, sized_best: SizedDrive, draws: NDArray[np.float64]) -> Iterator[Saving]:
+def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterator[Saving]:
     """Try changes of the best drive; each is tuned and simulated over samples of the spreads."""
     task, half = best.task, best.task.tube_length_m * TUBE_SHARE
     shorter = task.model_copy(update={"tube_length_m": half})

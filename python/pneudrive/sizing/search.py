@@ -14,8 +14,6 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
@@ -30,8 +28,7 @@ from pneudrive.sizing.tune import tune_all
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.progress import Flag
     from pneudrive.sizing.checks import Provisional, SizedDrive
     from pneudrive.sizing.result import Saving
@@ -177,7 +174,7 @@ class Search:
         self.savings: list[Saving] = []
 
     @cached_property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Array:
         """Samples of all choices."""
         return points(max(self.draws))
 

@@ -28,8 +28,8 @@ from pneudrive.views import ShownFigure, ShownTable
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Section
@@ -62,7 +62,7 @@ def measure_friction(folder: Path) -> FrictionFit:
     return fit_friction(characterise(campaign), law="stribeck")
 
 
-def answer(axis: Circuit) -> NDArray[np.float64]:
+def answer(axis: Circuit) -> Array:
     """Return position and pressures under the steps of the command."""
     test = _TABLES["test"]
     steps = [tuple(step) for step in test["steps"]]
@@ -70,11 +70,11 @@ def answer(axis: Circuit) -> NDArray[np.float64]:
     return np.array([found[name].values for name in CHANNELS])
 
 
-def identify_valve(axis: Circuit, measured: NDArray[np.float64]) -> tuple[Circuit, dict[str, float]]:
+def identify_valve(axis: Circuit, measured: Array) -> tuple[Circuit, dict[str, float]]:
     """Find the numbers of the valve from the error of the simulated response. The search starts at the datasheet."""
     from scipy.optimize import least_squares
 
-    def with_valve(shares: NDArray[np.float64]) -> tuple[Circuit, dict[str, float]]:
+    def with_valve(shares: Array) -> tuple[Circuit, dict[str, float]]:
         values = {k: float(share * own["start"]) for (k, own), share in zip(SOUGHT.items(), shares, strict=True)}
         written = {k: f"{value!r} {unit}" if (unit := SOUGHT[k]["unit"]) else value for k, value in values.items()}
         return axis.replace({f"{VALVE}.{key}": value for key, value in written.items()}), values

@@ -26,13 +26,10 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
     from pneudrive._core import Shooting
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
-
-    Array = NDArray[np.float64]
 
 
 # --- Metrics of the residual between measurement and model, and tests whether it is noise.
@@ -293,7 +290,7 @@ class Signals:
         return np.where(self.moving, np.sign(self.velocity_m_s), 0.0)
 
     @cached_property
-    def moving(self) -> NDArray[np.bool_]:
+    def moving(self) -> Bools:
         """Mask of samples with a speed beyond its noise."""
         return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
 
@@ -493,7 +490,7 @@ class Scene:
         return force - x, a - y, b - z
 
     @cached_property
-    def used(self) -> tuple[NDArray[np.bool_], ...]:
+    def used(self) -> tuple[Bools, ...]:
         """Valid samples of each balance at `time_s`.
 
         The force balance is valid in sliding after presliding, away from end stops, and pressure rates except at
@@ -580,19 +577,19 @@ def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
     return value, first, second / (0.5 * width**2 * (s * s @ second))
 
 
-def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
+def near_stops(drive: Drive, signals: Signals) -> Bools:
     """Return a mask of samples at which the piston may touch an end stop, widened by the window of derivatives."""
     margin = STOP_MARGIN_M + MARGIN_NOISE * noise_level(signals.position_m)
     x = signals.position_m
     return _widened((x < margin) | (x > drive.cylinder.stroke_m - margin), signals.half)
 
 
-def _widened(mask: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
+def _widened(mask: Bools, by: int) -> Bools:
     """Return a mask widened by a number of samples before and after."""
     return np.convolve(mask.astype(float), np.ones(2 * by + 1), "same") > 0.5
 
 
-def _sliding(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
+def _sliding(drive: Drive, signals: Signals) -> Bools:
     """Return a mask of samples at which the piston has slid beyond the deflection of bristles since a reversal."""
     v, x, bending = signals.velocity_m_s, signals.position_m, bending_m(drive)
     sign = signals.direction
@@ -638,7 +635,7 @@ class ModelRun:
     """
 
     columns: dict[str, Array]
-    restarts: NDArray[np.int64]
+    restarts: Ints
     failures: tuple[str, ...]
 
     def __getitem__(self, column: str) -> Array:
@@ -671,7 +668,7 @@ class RecordedBreakaway:
         return (self.model_n - self.measured_n) / abs(self.measured_n)
 
 
-def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None = None) -> ModelRun:
+def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> ModelRun:
     """Simulate the recorded command with resets to the measured state at the given samples; None: only at the first.
 
     A reset sets position, velocity and pressures; temperatures and inner states of friction continue. At the start,
@@ -696,9 +693,7 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     return ModelRun(even, at, tuple(failures))
 
 
-def _run_as_circuit(
-    drive: Drive, signals: Signals, at: NDArray[np.int64], states: Array, steps: tuple[Array, Array]
-) -> ModelRun:
+def _run_as_circuit(drive: Drive, signals: Signals, at: Ints, states: Array, steps: tuple[Array, Array]) -> ModelRun:
     """Simulate the segments one after the other; the gas in tubes and joints continues from segment to segment.
 
     Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.

@@ -32,13 +32,10 @@ from pneudrive.validate.causes import Cause, causes
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Flag
     from pneudrive.validate.balance import Signals, Values
-
-    Array = NDArray[np.float64]
 
 BLOCK_S = 0.25
 #: Normalised residual below which a balance closes: sensor noise and irrelevant errors.

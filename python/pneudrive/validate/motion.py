@@ -33,16 +33,13 @@ from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Bools
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.identify.volume import RegulatorFit
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.pressure_delay import PressureDelay
-
-    Array = NDArray[np.float64]
 
 
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
@@ -357,7 +354,7 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
 class _Sliding(NamedTuple):
     """Samples in sliding, the columns of friction with their names, and the signed speed."""
 
-    use: NDArray[np.bool_]
+    use: Bools
     base: Array
     names: list[str]
     speed: Array

@@ -30,8 +30,7 @@ from pneudrive.views import Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
@@ -41,8 +40,6 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
     from pneudrive.validate.diagnosis import Diagnosis
     from pneudrive.views import View
-
-    Array = NDArray[np.float64]
 
 SCHEMA = 1  # version of the format of validation.toml
 HEAD = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."

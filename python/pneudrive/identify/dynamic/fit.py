@@ -49,8 +49,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Bools
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
@@ -59,8 +58,6 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
     from pneudrive.signals.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 # --- Identification of a drive from recordings by output error with exact sensitivities.
@@ -371,7 +368,7 @@ def noise_of(channel: Channel, record: DriveRecording | VolumeRecording, rtol: f
 def solve(
     problem: FitProblem,
     point: Iterate,
-    stated: list[NDArray[np.bool_]],
+    stated: list[Bools],
     options: search.SearchOptions,
     watcher: search.Watcher,
 ) -> search.Attempt:
@@ -438,7 +435,7 @@ def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
     return Iterate(point.eta, states)
 
 
-def _renew_noise(problem: FitProblem, at: search.Joined, stated: list[NDArray[np.bool_]], rtol: float) -> bool:
+def _renew_noise(problem: FitProblem, at: search.Joined, stated: list[Bools], rtol: float) -> bool:
     """Estimate unstated noise from the residuals; return whether it changed."""
     changed = False
     for experiment, residual, known in zip(problem.experiments, at.residuals, stated, strict=True):

@@ -16,18 +16,15 @@ from pneudrive.progress import UNWATCHED
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.estimate.profile import Transforms
     from pneudrive.free.parameters import DriveFamily, Parameter
     from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ class Shooter:
 
     recording: DriveRecording | VolumeRecording
     outputs: Sequence[str]
-    starts: NDArray[np.int64]
+    starts: Ints
     family: DriveFamily
     rtol: float
     threads: int
@@ -102,7 +99,7 @@ class Shooter:
         initial: Array,
         *,
         derivatives: bool = True,
-        by_start: NDArray[np.int64] | None = None,
+        by_start: Ints | None = None,
         delay_s: float | None = None,
     ) -> Shot:
         """Run all segments.
@@ -164,7 +161,7 @@ class Shooter:
         delay_s: float | None,
         *,
         derivatives: bool = False,
-        by_start: NDArray[np.int64] | None = None,
+        by_start: Ints | None = None,
     ) -> CoreShot:
         times, commands = delayed(*self.recording.steps, self.delay_s if delay_s is None else delay_s)
         asked: Shooting = {
@@ -197,7 +194,7 @@ def _chained(derivatives: Array, by_free: Array) -> Array:
     return np.concatenate([derivatives[..., :paths] @ by_free, derivatives[..., paths:]], axis=-1)
 
 
-def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int) -> Array:
+def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
     """Expand derivatives by some columns of the starts to all columns."""
     out = np.zeros((*derivatives.shape[:-1], p + states))
     out[..., :p] = derivatives[..., :p]
@@ -205,7 +202,7 @@ def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int)
     return out
 
 
-def segment_starts(time_s: Array, length_s: float | None) -> NDArray[np.int64]:
+def segment_starts(time_s: Array, length_s: float | None) -> Ints:
     """Return the first samples of segments of about a length; None: one segment.
 
     All segments have at least two samples, and none is shorter than half of another.
@@ -283,7 +280,7 @@ class FitProblem:
         self.held = np.zeros(self.size, dtype=bool)
 
     @property
-    def offsets(self) -> NDArray[np.bool_]:
+    def offsets(self) -> Bools:
         """Mask of coordinates that are offsets of sensors."""
         return np.array([False] * self.drive_size + [s.kind == "offset" for s in self.sensors])
 
@@ -473,7 +470,7 @@ class SegmentStarts:
     state: Array
     belief: Array
     size: Array
-    measured: NDArray[np.bool_]
+    measured: Bools
     limits: tuple[Array, Array]
 
 
@@ -481,7 +478,7 @@ def measured_starts(
     recording: DriveRecording,
     channels: list[Channel],
     noise: Array,
-    starts: NDArray[np.int64],
+    starts: Ints,
     drive: Drive,
     inner: list[str],
     watch: Watch,
@@ -568,9 +565,7 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
     return SegmentStarts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)
 
 
-def _smoothed(
-    time_s: Array, values: Array, at: NDArray[np.int64], noise: float, watch: Watch
-) -> tuple[Array, Array, float]:
+def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> tuple[Array, Array, float]:
     """Return value and slope of a parabola through the samples around each of some samples.
 
     The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
@@ -596,8 +591,8 @@ def _smoothed(
 
 
 def _parabolas(
-    time_s: Array, values: Array, good: NDArray[np.bool_], at: NDArray[np.int64], half: int, most: float
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+    time_s: Array, values: Array, good: Bools, at: Ints, half: int, most: float
+) -> tuple[Array, Array, Bools]:
     """Return value and slope of the parabola around each sample, and a mask of samples with a small residual.
 
     In a gap of the signal, with fewer than four samples in a window, the nearest value is used.

@@ -42,13 +42,10 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.identify.dynamic.problem import FitProblem
     from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher
     from pneudrive.signals.drive_recording import DriveRecording
-
-    Array = NDArray[np.float64]
 
 #: Start of the note.
 KEPT = "apply keeps the start value of "

@@ -20,11 +20,8 @@ from pneudrive.simulation.trajectory import meaning
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.signals.drive_recording import DriveRecording
-
-    Array = NDArray[np.float64]
 
 #: Channel -> column of a recording and of the core.
 CHANNELS = {

@@ -49,13 +49,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     import jinja2
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.files.provenance import GivenNumber
     from pneudrive.describe.tables.friction import Friction
-
-    Array = NDArray[np.float64]
 
 
 # --- Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain.

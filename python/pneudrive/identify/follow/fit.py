@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
 
-    Array = NDArray[np.float64]
-
 BEYOND = 0.03  # of the stroke: largest excess of a position
 LEAST_TRAVEL = 0.1  # of the stroke: less travel than this is probably another unit
 LEAST_LEVEL = 0.3  # of the ambient pressure: a closed chamber below it is read with another unit, or as gauge

@@ -17,11 +17,8 @@ from pneudrive.numbers import plain
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.identify.static.model import FrictionModel, Observations
-
-    Array = NDArray[np.float64]
 
 Ends = dict[str, tuple[float, float]]
 

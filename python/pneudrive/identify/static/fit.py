@@ -40,14 +40,12 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
     from pneudrive.identify.static.robust import RobustEstimate
-
-    Array = NDArray[np.float64]
 
 LAWS = ("coulomb", "stribeck")
 

@@ -32,9 +32,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.tables.friction import Friction
-
-    Array = NDArray[np.float64]
 
 
 #: Slopes over the gauge pressures of the chambers, in the order of a fit.
@@ -90,12 +89,12 @@ class Observations:
     gauge_a_pa: Array
     gauge_b_pa: Array
     u_systematic_n: Array
-    group: NDArray[np.int64]
+    group: Ints
 
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
 
-    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Observations:
+    def take(self, rows: Bools | Ints) -> Observations:
         """Return some of the rows."""
         return Observations(*(getattr(self, field.name)[rows] for field in fields(self)))
 
@@ -477,7 +476,7 @@ class AnyLaw(StaticLaw):
         return law, values | self.held, {key: value for key, value in tables.items() if value is not None}
 
     @cached_property
-    def positive(self) -> NDArray[np.bool_]:
+    def positive(self) -> Bools:
         """Mask of parameters whose coordinate is their logarithm, shape (p,)."""
         lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
         return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
@@ -653,7 +652,7 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
 
 def _usable(
     column: dict[str, NDArray], direction: int | None, exclude_flags: Collection[str]
-) -> tuple[NDArray[np.bool_], list[str]]:
+) -> tuple[Bools, list[str]]:
     notes = []
     value = column["friction_n"] if direction is None else column["balance_n"]
     finite = np.isfinite(value) & np.isfinite(column["velocity_m_s"]) & (column["velocity_m_s"] != 0.0)
@@ -670,7 +669,7 @@ def _usable(
     return keep, notes
 
 
-def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
     """Return pairs of rows with one value, shape (m, 2): same recording, identical friction, opposite directions.
 
     A single row forms a pair with itself.
@@ -688,9 +687,7 @@ def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.in
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _standard_errors(
-    column: dict[str, NDArray], pairs: NDArray[np.int64], friction: Array, speed: Array
-) -> tuple[Array, list[str]]:
+def _standard_errors(column: dict[str, NDArray], pairs: Ints, friction: Array, speed: Array) -> tuple[Array, list[str]]:
     """Return the standard error of each value; both rows of a pair state the same error."""
     with np.errstate(invalid="ignore"):
         stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))

@@ -34,12 +34,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.static.model import Observations, StaticLaw
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

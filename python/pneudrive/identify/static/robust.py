@@ -28,11 +28,8 @@ from pneudrive.identify.static.model import EXPONENT_BOUNDS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Bools
     from pneudrive.identify.static.model import FrictionModel, Observations, StaticLaw
-
-    Array = NDArray[np.float64]
 
 #: Floor of the scale, as a share of the largest friction: smaller residuals are rounding.
 SCALE_FLOOR = 1e-10
@@ -84,7 +81,7 @@ class RobustEstimate:
     weight: Array
     pseudo: Array
     variance: float
-    active: NDArray[np.bool_]
+    active: Bools
     cost: float
     starts: int = 1
     agreeing: int = 1

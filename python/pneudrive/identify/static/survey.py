@@ -39,10 +39,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
+    from pneudrive.arrays import Array, Ints
     from pneudrive.identify.static.model import Observations
     from pneudrive.identify.static.result import FrictionFit
-
-    Array = NDArray[np.float64]
 
 #: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
@@ -403,7 +402,7 @@ def survey(
     return survey_values(*grouped(friction_map, seals, runs, selected), law)
 
 
-def pressure_levels(data: Observations) -> NDArray[np.int64]:
+def pressure_levels(data: Observations) -> Ints:
     """Return the index of the pressure level of each value. A level spans 10 %, or 0.1 bar, above its first value."""
     levels: list[tuple[float, float]] = []
     out = np.empty(len(data), dtype=np.int64)

@@ -18,8 +18,7 @@ from pneudrive.rig.interface import Move
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope, Identity, Motion
     from pneudrive.rig.interface import Step
@@ -230,7 +229,7 @@ class PaperFigure:
     claims: tuple[Claim, ...]
     measured: str
     quantities: dict[str, float]
-    columns: dict[str, NDArray[np.float64]] = field(repr=False)
+    columns: dict[str, Array] = field(repr=False)
     assumed: str = ""
     rig: tuple[Identity, Envelope] | None = field(default=None, repr=False)
     synthetic: bool = True
@@ -241,7 +240,7 @@ class PaperFigure:
         number: int,
         verdicts: Mapping[str, str],
         quantities: dict[str, float],
-        columns: dict[str, NDArray[np.float64]],
+        columns: dict[str, Array],
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:

@@ -13,15 +13,12 @@ from pneudrive.friction.strokes import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.friction.campaign.result import AirShare
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
     from pneudrive.studies.bracha.figure import Experiment
-
-    Array = NDArray[np.float64]
 
 #: Travel after the turn within which the peak must lie, share of the stroke.
 PEAK_WITHIN = 0.02
