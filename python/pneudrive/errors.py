@@ -286,3 +286,18 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     close = get_close_matches(name, known, n=1, cutoff=0.5)
     guess = f"Did you mean '{close[0]}'? " if close else ""
     return f"{guess}Known: {', '.join(known)}."
+
+
+@contextmanager
+def naming(name: str, caught: type[PneudriveError] = DescriptionError) -> Iterator[None]:
+    """Put a name in front of the errors of a block.
+
+    Raises
+    ------
+    CommandError
+        Replaces an error of the kind `caught`.
+    """
+    try:
+        yield
+    except caught as error:
+        raise CommandError(f"{name}: {error.what}", where=error.where, rule=error.rule, remedy=error.remedy) from None

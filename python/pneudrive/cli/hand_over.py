@@ -10,8 +10,8 @@ import typer
 
 import pneudrive as pn
 from pneudrive.cli import terminal
-from pneudrive.cli.options import check_used, option
-from pneudrive.errors import CommandError
+from pneudrive.cli.options import check_used
+from pneudrive.errors import CommandError, naming
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -90,7 +90,7 @@ def export(
     if to in _WHOLE:
         _export_whole(source, to, out, fmi, actuator=actuator, initial=initial)
         return
-    with option("--speeds"):
+    with naming("--speeds"):
         between = None if speeds is None else units.parse_range(speeds, "m/s")
     pressures = _gauge(pressure_a, "--pressure-a"), _gauge(pressure_b, "--pressure-b")
     content = files.read_source(source)
@@ -109,7 +109,7 @@ def export(
 def _gauge(text: str | None, name: str) -> float | None:
     if text is None:
         return None
-    with option(name):
+    with naming(name):
         pressure = units.parse_pressure(text)
     if not pressure.gauge:
         what = f'{name} "{text}" is an absolute pressure'

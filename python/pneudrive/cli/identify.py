@@ -13,9 +13,9 @@ import typer
 
 import pneudrive as pn
 from pneudrive.cli import terminal
-from pneudrive.cli.options import Count, Switch, names_in, one_of, option, quantity, sensor_options
+from pneudrive.cli.options import Count, Switch, names_in, one_of, quantity, sensor_options
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, nearest
+from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, naming, nearest
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -199,7 +199,7 @@ def _averaged(curves: xr.Dataset, by: str) -> Iterator[str]:
 def _ambient(curves: xr.Dataset, text: str) -> float:
     """Return the ambient pressure from the option or the map, otherwise the standard value with a note."""
     if text:
-        with option("--ambient"):
+        with naming("--ambient"):
             return units.parse_pressure(text if "abs" in text else f"{text} abs").value_pa
     if "ambient_pressure_pa" in curves.attrs:
         return float(curves.attrs["ambient_pressure_pa"])
@@ -549,7 +549,7 @@ def _limits(fit: static_fits.FrictionFit, identity: Identity, envelope: Envelope
     limits = next_points.limits_of(fit, identity, envelope, strokes)
     if not speeds:
         return limits
-    with option("--speeds"):
+    with naming("--speeds"):
         slowest, fastest = units.parse_range(speeds, "m/s")
     if fastest > limits.speed_m_s[1]:
         raise CommandError(

@@ -28,13 +28,13 @@ report : FOLDER
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 import pneudrive as pn
-from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -42,7 +42,7 @@ with used_later(__name__):
     from pneudrive.describe.files import load
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
 
@@ -145,23 +145,8 @@ def quantity(name: str, text: str, si_unit: str) -> float:
     CommandError
         The text is not a quantity of this kind.
     """
-    with option(name):
+    with naming(name):
         return units.parse(text, si_unit)
-
-
-@contextmanager
-def option(name: str) -> Iterator[None]:
-    """Add the name of an option to errors in the text of the option.
-
-    Raises
-    ------
-    CommandError
-        Replaces the DescriptionError of the text.
-    """
-    try:
-        yield
-    except DescriptionError as error:
-        raise CommandError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
 def pairs_in(option: str, texts: Iterable[str], example: str) -> dict[str, str]:

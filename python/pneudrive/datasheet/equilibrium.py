@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive, refused
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError
+from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming
 from pneudrive.units import parse_pressure
 from pneudrive.views import ShownValue, View, Viewed
 
@@ -142,10 +142,8 @@ def number_of(given: str | float, unit: str, what: str) -> float:
     CommandError
         It cannot be read, or is not finite.
     """
-    try:
+    with naming(what):
         value = units.parse(given, unit) if isinstance(given, str) else float(given)
-    except DescriptionError as error:
-        raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
     if not math.isfinite(value):
         raise CommandError(f"{what} = {given} is not finite")
     return value
@@ -415,13 +413,8 @@ def moving_gas(plant: HeldDrive, position: float) -> Array:
 
 
 def _pressure(given: str | float, plant: HeldDrive) -> float:
-    if not isinstance(given, str):
-        value = float(given)
-    else:
-        try:
-            value = parse_pressure(given).absolute_pa(plant.ambient[0])
-        except PneudriveError as error:
-            raise CommandError(f"pressures: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    with naming("pressures", PneudriveError):
+        value = parse_pressure(given).absolute_pa(plant.ambient[0]) if isinstance(given, str) else float(given)
     if not (math.isfinite(value) and value > 0.0):
         raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
     return value

@@ -7,7 +7,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
@@ -18,7 +17,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.describe.files.toml import message
 from pneudrive.describe.tables.starts import start_table
-from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.errors import CommandError, DescriptionError, naming, nearest
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.trajectory import meaning
@@ -158,7 +157,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
             ((own, _),) = commands.plans({name: 0.0}, commandable)
             if own in rows:
                 raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
-            with _naming(own):
+            with naming(own, CommandError):
                 rows[own] = read_rows(given, commandable[own])
     elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
         each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
@@ -214,20 +213,10 @@ def _is_pair(given: object) -> bool:
 
 
 def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
-    with _naming(f"member {place}"):
+    with naming(f"member {place}", CommandError):
         if callable(given[0]):
             raise CommandError("the command is a function", remedy="Give its steps, (time, command).")
         return read(*given)
-
-
-@contextmanager
-def _naming(whom: str) -> Iterator[None]:
-    """Add the member to an error in a command."""
-    try:
-        yield
-    except CommandError as error:
-        what = f"{whom}: {error.what}"
-        raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
 
 
 def _durations(given: Any) -> Array:  # noqa: ANN401

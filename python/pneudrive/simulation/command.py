@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
 from pneudrive.describe.tables.signal import Positions
-from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
@@ -128,11 +128,8 @@ def plans(
         own = _one_of(name, commandable)
         if own in out:
             raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
-        try:
+        with naming(own, CommandError):
             out[own] = steps(command, times, commandable[own])
-        except CommandError as error:
-            what = f"{own}: {error.what}"
-            raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
     return list(out.items())
 
 
@@ -255,10 +252,8 @@ def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places:
 
 
 def _time(text: str) -> float:
-    try:
+    with naming("a time of the command"):
         return units.parse(text, "s")
-    except DescriptionError as error:
-        raise CommandError(f"a time of the command: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
 def _opening(given: object, signal: CommandInput) -> float:

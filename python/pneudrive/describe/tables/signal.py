@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from pneudrive import units
 from pneudrive.describe.keys import WrongValueError
 from pneudrive.describe.marks import Quantity
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, naming
 
 # SI unit -> preferred unit
 _WRITTEN = {"V": "V", "A": "mA"}
@@ -42,10 +42,8 @@ class Signal(NamedTuple):
         >>> Signal(0.0, 10.0, "V").opening("7.5 V")
         0.5
         """
-        try:
+        with naming("command"):
             value = units.parse(text, self.si_unit)
-        except DescriptionError as error:
-            raise CommandError(f"command: {error.what}", rule=error.rule, remedy=error.remedy) from None
         if not self.low <= value <= self.high:
             raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
         return (2.0 * value - self.low - self.high) / (self.high - self.low)
