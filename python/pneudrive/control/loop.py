@@ -256,7 +256,7 @@ def run_axes(
     rtol: float,
     watch: Watch,
     own: RunningLaw | None = None,
-) -> tuple[list[dict[str, Array]], Array, float]:
+) -> tuple[list[dict[str, Any]], Array, float]:
     """Run axes of one circuit under control; return columns of each axis, outputs, and mass of the drawn air, kg.
 
     Parameters
@@ -277,7 +277,7 @@ def run_axes(
         return _core.control_run(
             compiled(core_json),
             start,
-            [tuple(map(json.dumps, axis)) for axis in axes],
+            [(json.dumps(law), json.dumps(motion), json.dumps(setup)) for law, motion, setup in axes],
             outputs,
             seconds,
             rtol,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.plant import HeldDrive, refused
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming
 from pneudrive.units import parse_pressure
 from pneudrive.views import ShownValue, View, Viewed
@@ -237,7 +237,7 @@ class _SteadySearch:
             if self.free and self.toward * z[-1] < SLOWEST:
                 z[-1] = self.toward * SLOWEST
                 found = self._rates(z)
-        raise refused("no_state", SimulationError, command=self.command, velocity=float(z[-1]))
+        raise SimulationError.of("datasheet.no_state", command=self.command, velocity=float(z[-1]))
 
     def _check_held(self, z: Array, found: Array) -> None:
         """Raise an error if a pressure has no effect on any rate and is therefore undetermined."""
@@ -245,7 +245,7 @@ class _SteadySearch:
             beside = z.copy()
             beside[k] += HELD
             if np.max(np.abs(self._rates(beside)[: found.size] - found)) < SETTLED:
-                raise refused("any_pressure", SimulationError, node=node, command=self.command)
+                raise SimulationError.of("datasheet.any_pressure", node=node, command=self.command)
 
     def _damped(self, z: Array, step: Array, found: Array, own: int) -> tuple[float, Array]:
         """Return the fraction of a step to take, and the rates after it.
@@ -343,7 +343,7 @@ def linearise(
         raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
     whole = HeldDrive(drive)
     if whole.actuation.is_switched:
-        raise refused("not_linear", name=whole.name, valves=" and ".join(whole.actuation.held))
+        raise CommandError.of("datasheet.not_linear", name=whole.name, valves=" and ".join(whole.actuation.held))
     plant = whole.static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     v = number_of(velocity, "m/s", "velocity")
@@ -372,7 +372,7 @@ def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
     """
     edge, is_smooth = plant.edge(command or side)
     if 0.0 < abs(command) <= edge:
-        raise refused("shut", command=command, edge=edge, open=math.copysign(edge + SMALL, command))
+        raise CommandError.of("datasheet.shut", command=command, edge=edge, open=math.copysign(edge + SMALL, command))
     return command or side * (edge + (SMALL if is_smooth else SIDE))
 
 

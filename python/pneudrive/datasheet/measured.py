@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.characteristics.air import drawn_mass
-from pneudrive.datasheet.plant import HeldDrive, refused
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, litres_anr, moving_mass, stroke_numbers
 from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
 from pneudrive.friction.characterisation import characterise_recordings
@@ -95,14 +95,14 @@ def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
 def _label(recording: VolumeRecording, key: str, unit: str) -> float:
     where, example = str(recording.source or recording.name), f'[labels] {key} = "{LABELS[key]}" in the layout'
     if key not in recording.labels:
-        raise refused("no_label", RecordingError, where, name=key.replace("_", " "), example=example)
+        raise RecordingError.of("datasheet.no_label", where=where, name=key.replace("_", " "), example=example)
     text = recording.labels[key]
     try:
         value = units.parse(text, unit) if unit else float(text)
     except (PneudriveError, ValueError):
         value = np.nan
     if not 0.0 < value < np.inf:
-        raise refused("label", RecordingError, where, name=key, text=text, example=example)
+        raise RecordingError.of("datasheet.label", where=where, name=key, text=text, example=example)
     return value
 
 
@@ -115,7 +115,7 @@ def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
         moved = abs(float(part[:half].mean() - part[half:].mean())) / float(part.mean())
         if moved > STILL:
             shares = {"moved": 100.0 * moved, "still": 100.0 * STILL, "resting": 100.0 * RESTING}
-            raise refused("not_at_rest", RecordingError, where, which=which, **shares)
+            raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
         found.append(float(part.mean()))
     if found[1] >= found[0]:
         raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive empties the tank")
@@ -247,7 +247,7 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
         return _with_air(drive, recordings, of_tank, layout, watch)
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
-            raise refused("together", CampaignError)
+            raise CampaignError.of("datasheet.together")
         found = validate_friction(drive, recordings[0])
         return MeasuredBeside(None, (), (), found, found.synthetic, names)
     try:

@@ -6,16 +6,15 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.files import toml
 from pneudrive.describe.system import compiled
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError
+from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.export import steady_force
 from pneudrive.simulation.session import Session
 
@@ -25,14 +24,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Linear
-
-
-_Kind = TypeVar("_Kind", bound=PneudriveError)
-
-
-def refused(key: str, /, kind: type[_Kind] = CommandError, where: str | None = None, **values: object) -> _Kind:
-    """Return the error of a request that a drive or a recording cannot meet, with these values."""
-    return kind(where=where, **toml.message(__file__, key, **values))
 
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
@@ -82,7 +73,7 @@ class Actuation:
         if self.is_switched and u == 0.0:
             return {}
         if self.is_switched and abs(u) != 1.0:
-            raise refused("command", u=u, valves=" and ".join(self.held))
+            raise CommandError.of("datasheet.command", u=u, valves=" and ".join(self.held))
         full = self.out if u >= 0.0 else self.back
         return {name: abs(u) * value for name, value in full.items()}
 
@@ -240,7 +231,9 @@ class HeldDrive:
         pistons = [name for name, one in self.circuit.components.items() if one.entry["kind"].startswith("cylinder/")]
         self.valves = list(self.circuit.commandable)
         if len(pistons) != 1 or not self.valves:
-            raise refused("pistons", name=self.circuit.name, pistons=len(pistons), valves=len(self.valves))
+            raise CommandError.of(
+                "datasheet.pistons", name=self.circuit.name, pistons=len(pistons), valves=len(self.valves)
+            )
         self.piston, self.valve = pistons[0], self.valves[0]
         if actuation is None and isinstance(described, Drive) and not described.valve.is_switching:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
@@ -272,7 +265,7 @@ class HeldDrive:
         held = {f"{node}.mass_kg" for node in plant.nodes}
         loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
         if loose:
-            raise refused("loose", name=self.name, state=loose[0])
+            raise CommandError.of("datasheet.loose", name=self.name, state=loose[0])
         return plant
 
     @cached_property
@@ -344,7 +337,7 @@ class HeldDrive:
                 break
             passed.append((port.component, others[0].name, port.name))
             at = wiring.at[others[0]]
-        raise refused("line", name=self.name, side=side)
+        raise CommandError.of("datasheet.line", name=self.name, side=side)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -622,7 +615,7 @@ def _search(circuit: Circuit) -> Actuation:
         forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
     least, most = (_strongest(forces, sign) for sign in (-1.0, 1.0))
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
-        raise refused("still", name=circuit.name, valves=", ".join(kinds))
+        raise CommandError.of("datasheet.still", name=circuit.name, valves=", ".join(kinds))
     return Actuation(most[1], least[1], bool(held), not held, held)
 
 

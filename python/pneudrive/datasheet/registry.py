@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.datasheet.characteristic import characteristics_in
 from pneudrive.datasheet.equilibrium import number_of
-from pneudrive.datasheet.plant import HeldDrive, refused
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
@@ -132,7 +132,9 @@ class UncertainDrive:
         """Return a characteristic of one variant, without intervals."""
         plant = self._plants[id(drive)] = self._plants.get(id(drive)) or HeldDrive(drive)
         if plant.actuation.is_switched and kind.needs_shares:
-            raise refused("no_shares", name=plant.name, valves=" and ".join(plant.actuation.held), what=kind.name)
+            raise CommandError.of(
+                "datasheet.no_shares", name=plant.name, valves=" and ".join(plant.actuation.held), what=kind.name
+            )
         return kind.of(plant.static if kind.held else plant, **settings)
 
 

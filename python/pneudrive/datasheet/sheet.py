@@ -12,12 +12,12 @@ import numpy as np
 from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.datasheet.characteristics.air import FULL_S
 from pneudrive.datasheet.measured import MeasuredBeside, beside
-from pneudrive.datasheet.plant import HeldDrive, refused
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import UncertainDrive, characteristics
 from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import HAZARD, Cancelled, PneudriveError
+from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.views import Finding, Viewed
@@ -235,7 +235,7 @@ def build(
         The watch requests a stop.
     """
     if recordings and not isinstance(drive, Drive):
-        raise refused("circuit", name=drive.name)
+        raise CommandError.of("datasheet.circuit", name=drive.name)
     plant = HeldDrive(drive)
     measured = beside(drive, recordings, layout, watch) if isinstance(drive, Drive) and recordings else None
     results: dict[str, xr.Dataset] = {}

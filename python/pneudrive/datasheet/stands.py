@@ -11,7 +11,7 @@ from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity, gas_at
-from pneudrive.datasheet.plant import HeldDrive, path_of, refused
+from pneudrive.datasheet.plant import HeldDrive, path_of
 from pneudrive.describe import Ambient
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
@@ -47,7 +47,7 @@ def _stand(plant: HeldDrive, side: str, inward: bool, before: float, behind: flo
     valve = circuit.components[port.partition(".")[0]].plain()
     edge = path_of(valve, exhaust=not inward)
     if "flow_table" in valve or not edge:
-        raise refused("no_single_flow", valve=port.partition(".")[0])
+        raise CommandError.of("datasheet.no_single_flow", valve=port.partition(".")[0])
     kelvin = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
     parts: dict[str, Any] = {
         "upstream": {"kind": "reservoir", "pressure": f"{before!r} Pa abs", "temperature": kelvin},

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from pneudrive.describe.files.toml import message
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
@@ -144,7 +143,7 @@ class Normal(Distribution):
     def _read(self, read: QuantityReader) -> Self:
         mean = read.value(self.mean)
         if "%" in str(self.sd) and _FROM_ELSEWHERE.search(str(self.mean)):
-            raise CommandError(**message(__file__, "share", distribution=self, mean=self.mean))
+            raise CommandError.of("ensemble.share", distribution=self, mean=self.mean)
         return replace(self, mean=mean, sd=read.width(self.sd, mean))
 
     def _rules(self) -> dict[str, bool]:
@@ -233,7 +232,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
         except ValueError:
             count = 0
         if not count >= 2:
-            raise CommandError(**message(__file__, "grid", text=values[0]))
+            raise CommandError.of("ensemble.grid", text=values[0])
         return GridAxis((low.strip(), high.strip()), count)
     if not values:
         raise CommandError("a grid has no value", remedy='Write grid("20 mm", "25 mm") or grid("20 mm .. 32 mm", 7).')
@@ -718,7 +717,7 @@ def design_of(
             raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
         return vary
     if not isinstance(vary, Mapping) or not vary:
-        raise CommandError(**message(__file__, "vary", kind=type(vary).__name__ if vary else "empty"))
+        raise CommandError.of("ensemble.vary", kind=type(vary).__name__ if vary else "empty")
     each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
     for name, one in each.items():
         if not isinstance(one, Distribution | GridAxis) and not np.ndim(one):
@@ -728,7 +727,7 @@ def design_of(
         for one in each.values()
     }
     if len(kinds) > 1:
-        raise CommandError(**message(__file__, "mixed", kinds=" and ".join(sorted(kinds))))
+        raise CommandError.of("ensemble.mixed", kinds=" and ".join(sorted(kinds)))
     (kind,) = kinds
     if kind == "distributions":
         return EnsembleDesign(method, each, n, seed or 0)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.describe.files.toml import message
 from pneudrive.errors import CommandError, SimulationError
 
 if TYPE_CHECKING:
@@ -144,7 +143,7 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
     try:
         return _core.Ensemble(system.json, list(paths), system.names)
     except ValueError as error:
-        raise CommandError(**message(__file__, "held", error=error)) from None
+        raise CommandError.of("ensemble.held", error=error) from None
 
 
 def _output(one: Reduction) -> CoreOutput:

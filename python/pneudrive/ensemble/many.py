@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.describe.files.toml import message
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
@@ -181,7 +180,7 @@ class EnsembleStudy:
             out[done] = np.broadcast_to(np.asarray(made, dtype=np.float64), (int(done.sum()),))
         except Exception as error:
             failure = {"name": output.name, "kind": type(error).__name__, "error": error}
-            raise SimulationError(**message(__file__, "own", **failure)) from error
+            raise SimulationError.of("ensemble.own", **failure) from error
         return out
 
 
@@ -343,7 +342,7 @@ class DaskExecutor:
                     future = next(iter(done))
                     result = future.result(timeout=LOOK_S)
                 except KilledWorker as error:
-                    raise SimulationError(**message(__file__, "workers", error=error)) from None
+                    raise SimulationError.of("ensemble.workers", error=error) from None
                 except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated
                     seen = self._still_there(seen)
                     continue
@@ -401,7 +400,7 @@ class ChunkStore:
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
             differ = _different(begun.get("about", {}), about["about"])
-            raise CommandError(where=str(path), **message(__file__, "other_study", folder=folder, differ=differ))
+            raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=differ)
         self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
 
     def _begun(self, path: Path) -> dict[str, Any] | None:
@@ -409,7 +408,7 @@ class ChunkStore:
             begun = json.loads(path.read_text("utf-8"))
         except FileNotFoundError:
             if self.folder.is_dir() and any(self.folder.iterdir()):
-                raise CommandError(**message(__file__, "not_empty", folder=self.folder)) from None
+                raise CommandError.of("ensemble.not_empty", folder=self.folder) from None
             return None
         except (OSError, ValueError) as error:
             raise CommandError(f"{path} cannot be read: {error}") from None

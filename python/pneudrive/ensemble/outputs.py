@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.describe.files.toml import message
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, DescriptionError, naming, nearest
 from pneudrive.simulation import command as commands
@@ -97,7 +96,7 @@ class MemberPlans:
         found = {f"the command of {of[name]}" if of[name] else "the command": len(x) for name, x in self.steps.items()}
         for what, length in {**found, "duration": len(self.durations)}.items():
             if length not in (1, size):
-                raise CommandError(**message(__file__, "rows", what=what, length=length, size=size))
+                raise CommandError.of("ensemble.rows", what=what, length=length, size=size)
 
     def part(self, first: int, last: int) -> MemberPlans:
         """Return the commands and durations of the members from `first` to before `last`."""
@@ -511,7 +510,7 @@ def _reduction(output: Output, signals: SignalNames) -> Reduction:
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
     found = _CONDITION.fullmatch(condition)
     if found is None:
-        raise CommandError(**message(__file__, "condition", text=condition))
+        raise CommandError.of("ensemble.condition", text=condition)
     signal, sign, text = found.groups()
     column = signals.column(signal)
     name, unit, long_name = meaning(column)
@@ -523,7 +522,7 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
 
 def _stroke_time(signals: SignalNames) -> Reduction:
     if signals.towards_b is None:
-        raise CommandError(**message(__file__, "stroke_time"))
+        raise CommandError.of("ensemble.stroke_time")
     end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
     about = f"time from the start until the piston first touches the end of chamber {end}"
     column = signals.column("end_stop_force")

@@ -15,7 +15,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import export, middle_of
-from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined, refused
+from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
@@ -215,7 +215,7 @@ class FitFile(_Table):
             rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
             if line := toml.line_of(text, name):
                 where = f"{where}:{line}"
-            raise refused("incomplete", where, title=title, what=f"{name} {rule}") from None
+            raise FitError.of("identify.incomplete", where=where, title=title, what=f"{name} {rule}") from None
 
 
 _MISSING = object()
@@ -385,9 +385,9 @@ class Fit(Viewed):
             if name not in self.free:
                 raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
         if self.profiler is None:
-            raise refused("without_data", title=self.TITLE)
+            raise FitError.of("identify.without_data", title=self.TITLE)
         if not self.converged:
-            raise refused("not_converged")
+            raise FitError.of("identify.not_converged")
         return {name: self.profiler(name) for name in names}
 
     @property
@@ -580,9 +580,9 @@ class Fit(Viewed):
         content, text = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
         kind = content.get("kind", "friction map")
         if kind != cls.KIND:
-            raise refused("other_kind", where, kind=kind, needed=cls.KIND, title=cls.TITLE)
+            raise FitError.of("identify.other_kind", where=where, kind=kind, needed=cls.KIND, title=cls.TITLE)
         if content.get("schema", SCHEMA) != SCHEMA:
-            raise refused("other_schema", where, value=content["schema"], schema=SCHEMA)
+            raise FitError.of("identify.other_schema", where=where, value=content["schema"], schema=SCHEMA)
         try:
             file = FitFile.read(cls._present(content), cls.TITLE, cls.GROUPS, where, text)
             fields = cls._fields(file)

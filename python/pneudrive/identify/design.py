@@ -12,7 +12,7 @@ from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
-from pneudrive.identify.identified import refused, sentence
+from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
 from pneudrive.identify.static.fit import assembled, fit_values
 from pneudrive.identify.static.model import (
@@ -259,7 +259,7 @@ def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[
         names = np.unique(recordings)
         folds = np.unique([of_recording[names[g]] for g in data.group], return_inverse=True)[1]
     if folds.max() < 2:
-        raise refused("few_conditions", name=name, count=int(folds.max()) + 1)
+        raise FitError.of("identify.few_conditions", name=name, count=int(folds.max()) + 1)
     return name, np.asarray(folds, dtype=np.int64)
 
 
@@ -285,7 +285,9 @@ def _compared(
         try:
             without = _without(fit.model, form, data.take(~left), loss)
         except FitError as problem:
-            raise refused("needs_condition", name=name, at=_condition(at), reason=problem.what) from problem
+            raise FitError.of(
+                "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
+            ) from problem
         band = without.predict(
             at.speed_m_s, at.gauge_a_pa, at.gauge_b_pa, stderr_n=at.stderr_n, probability=probability
         )
@@ -641,7 +643,7 @@ def _check(limits: Limits, criterion: str, points: int | None, seconds: float | 
     if points is not None and (points < 1 or seconds is not None):
         raise FitError("points is at least 1, and cannot be combined with seconds", value=f"points = {points}")
     if not np.isfinite(noise) or noise <= 0.0:
-        raise refused("no_noise", noise=noise)
+        raise FitError.of("identify.no_noise", noise=noise)
 
 
 def _noise(source: FrictionFit | Prior) -> float:

@@ -59,11 +59,6 @@ def sentence(topic: str, key: str, /, **values: object) -> str:
     return sentences(topic)[key].format(**values)
 
 
-def refused(key: str, /, where: str | None = None, **values: object) -> FitError:
-    """Return the error of a request that cannot be met, with these values."""
-    return FitError(where=where, **stated("refused", key, **values))  # type: ignore[arg-type]
-
-
 _ANY = "record motion that depends on it, or fix it"
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.describe.files.toml import message
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
 from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
@@ -84,7 +83,7 @@ class SizingFolder:
             if take(self._file):
                 return
             self.release()
-            raise CommandError(**message(__file__, "locked", folder=self.folder))
+            raise CommandError.of("sizing.locked", folder=self.folder)
 
     def release(self) -> None:
         """Release the folder for other processes."""
@@ -106,7 +105,7 @@ class SizingFolder:
         differ = [key for key in about if begun.get(key) != about[key]]
         if differ:
             told = {"folder": self.folder, "differ": ", ".join(differ)}
-            raise CommandError(where=str(path), **message(__file__, "other_task", **told))
+            raise CommandError.of("sizing.other_task", where=str(path), **told)
         self._stages = read_stages(self.folder / LINES)
         if self._stages:
             write_whole(self.folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))

@@ -12,7 +12,6 @@ import numpy as np
 
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
-from pneudrive.datasheet.plant import refused
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
 from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
@@ -430,7 +429,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     """  # noqa: D401 - a title
     table = plant.circuit.components[plant.valve].plain()
     if "time_on" not in table:
-        raise refused("no_times", valve=plant.valve, kind_of_valve=table["kind"])
+        raise CommandError.of("datasheet.no_times", valve=plant.valve, kind_of_valve=table["kind"])
     time, pressure = _run(plant, table, volume)
     on, off = time < REST_S, time >= REST_S
     rise, fall = pressure[on], pressure[off]

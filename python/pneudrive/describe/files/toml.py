@@ -171,12 +171,6 @@ def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int,
     return line or 0, out
 
 
-def message(module: str, key: str, /, **values: object) -> dict[str, str]:
-    """Return what, value, rule and remedy of a message in messages.toml beside a module, with these values."""
-    texts: dict[str, str] = read(Path(module).with_name("messages.toml"))[0][key]
-    return {part: text.format(**values) for part, text in texts.items()}
-
-
 def line_of(text: str, key: str) -> int | None:
     r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
 

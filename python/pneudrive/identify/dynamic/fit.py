@@ -40,7 +40,7 @@ from pneudrive.identify.dynamic.sensors import (
 )
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import identify_motion
-from pneudrive.identify.identified import FittedData, apply_identified, refused
+from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.simulation.bench_circuit import Dragged
@@ -543,7 +543,7 @@ def identify_presliding(
     slopes = [slope for reversal in found if (slope := _slope(reversal, step)) is not None]
     if not slopes:
         limits = {"samples": LEAST_SAMPLES, "share": 100 * SWING_SHARE}
-        raise refused("no_bristles", count=len(found), step=1e6 * step, **limits)
+        raise FitError.of("identify.no_bristles", count=len(found), step=1e6 * step, **limits)
     stiffness, damping = np.array(slopes).T
     level = 0.5 * float(np.median([_swing(reversal) for reversal in found]))
     top = float(np.median([speed.max() for _, _, speed in found]))

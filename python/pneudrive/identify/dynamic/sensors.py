@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pneudrive.errors import DescriptionError, FitError, RecordingError, nearest
-from pneudrive.identify.identified import refused
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -172,7 +171,7 @@ def command_delay(sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> D
     """
     said = (sensors or {}).get("command", {})
     if isinstance(said, Sensor) or set(said) - {"delay"}:
-        raise refused("command_sensor")
+        raise FitError.of("identify.command_sensor")
     given = said.get("delay", 0.0)
     return Delay(free=True) if given == "free" else Delay(_si(given, "s", "command.delay", -np.inf))
 
@@ -195,7 +194,7 @@ def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, An
     said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
     if unknown:
-        raise refused("no_channel", name=unknown[0], known=", ".join(names))
+        raise FitError.of("identify.no_channel", name=unknown[0], known=", ".join(names))
     made = {name: _made(name, given) for name, given in said.items()}
     return [channel(name, made.get(name, Sensor())) for name in names]
 

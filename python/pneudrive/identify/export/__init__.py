@@ -41,7 +41,7 @@ from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.csv_tables import spreadsheet_text
-from pneudrive.identify.identified import refused, sentences
+from pneudrive.identify.identified import sentences
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
 
@@ -117,10 +117,10 @@ def speeds_over(between: object, source: str) -> Array:
         The limits are missing, or not ascending above zero.
     """
     if not isinstance(between, (list, tuple)):
-        raise refused("no_speeds", source=source)
+        raise FitError.of("identify.no_speeds", source=source)
     low, high = (float(end) for end in between)
     if not 0.0 < low < high:
-        raise refused("speeds", low=low, high=high)
+        raise FitError.of("identify.speeds", low=low, high=high)
     return np.geomspace(low, high, POINTS)
 
 
@@ -463,7 +463,7 @@ def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
         before, worst = worst, float(np.abs(friction / curve.friction_n - 1.0).max())
         if max(worst, before / FALL if intervals == last else 0.0) < ACCURACY:
             return spline.c[::-1].T.copy(), friction
-    raise refused("kink", deviation=before / FALL, accuracy=ACCURACY)
+    raise FitError.of("identify.kink", deviation=before / FALL, accuracy=ACCURACY)
 
 
 def _structured_text(curve: SlidingCurve) -> Exported:
@@ -534,5 +534,5 @@ def export(curve: SlidingCurve, to: str) -> Exported:
     check_tool(to)
     if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
         worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
-        raise refused("not_positive", worst=worst)
+        raise FitError.of("identify.not_positive", worst=worst)
     return TOOLS[to](curve)

@@ -16,7 +16,6 @@ from scipy.stats import t as student
 
 from pneudrive.errors import FitError
 from pneudrive.identify.follow.driven import SIDES
-from pneudrive.identify.identified import refused
 from pneudrive.progress import UNWATCHED
 
 if TYPE_CHECKING:
@@ -349,7 +348,7 @@ def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
     own = diagonal[: len(problem.numbers)]
     idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
     if idle:
-        raise refused("no_effect", name=idle[0], recordings=", ".join(r.name for r in problem.records))
+        raise FitError.of("identify.no_effect", name=idle[0], recordings=", ".join(r.name for r in problem.records))
 
 
 def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.identify.base import Undetermined
-from pneudrive.identify.identified import refused, stated
+from pneudrive.identify.identified import stated
 from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter
 from pneudrive.numbers import plain
 
@@ -93,7 +94,7 @@ def choose_model(
         lost += _lost(["viscous"], what, levels=_listed(levels), values=len(data))
         model = replace(model, viscous=False)
     if len(data) < len(model.names):
-        raise refused("few_values", values=len(data), count=len(model.names), names=", ".join(model.names))
+        raise FitError.of("identify.few_values", values=len(data), count=len(model.names), names=", ".join(model.names))
     return model, lost
 
 

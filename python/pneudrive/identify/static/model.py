@@ -24,7 +24,6 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
 from pneudrive.identify.base import SIMULATED
-from pneudrive.identify.identified import refused
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -600,7 +599,7 @@ def observations(
     notes += note
     pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
     if not pairs.size:
-        raise refused("no_row", notes="; ".join(notes) or "the map is empty")
+        raise FitError.of("identify.no_row", notes="; ".join(notes) or "the map is empty")
     friction = column["friction_n"] if direction is None else direction * column["balance_n"]
     mean = {name: column[name][pairs].mean(axis=1) for name in _AVERAGED}
     speed = np.abs(column["velocity_m_s"][pairs]).mean(axis=1)
@@ -630,7 +629,9 @@ _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
 def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
     missing = [name for name in REQUIRED if name not in friction_map]
     if missing:
-        raise refused("columns", "friction map", missing=", ".join(missing), required=", ".join(REQUIRED))
+        raise FitError.of(
+            "identify.columns", where="friction map", missing=", ".join(missing), required=", ".join(REQUIRED)
+        )
     rows = friction_map["friction_n"].shape
     if len(rows) != 1:
         raise FitError("the friction map must have one dimension, row", value=f"shape {rows}", where="friction map")
@@ -643,10 +644,14 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
         column[name] = column[name].astype(float)
     bad = np.flatnonzero(~np.isin(column["direction"], (-1.0, 1.0)))
     if bad.size:
-        raise refused("direction", f"friction map, row {bad[0]}", direction=column["direction"][bad[0]])
+        raise FitError.of(
+            "identify.direction", where=f"friction map, row {bad[0]}", direction=column["direction"][bad[0]]
+        )
     negative = np.flatnonzero(column["stderr_n"] < 0.0)
     if negative.size:
-        raise refused("stderr", f"friction map, row {negative[0]}", stderr=column["stderr_n"][negative[0]])
+        raise FitError.of(
+            "identify.stderr", where=f"friction map, row {negative[0]}", stderr=column["stderr_n"][negative[0]]
+        )
     return column
 
 
@@ -733,7 +738,7 @@ def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> f
     value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:
-            raise refused("no_ambient")
+            raise FitError.of("identify.no_ambient")
         return 0.0
     if not np.isfinite(value) or value <= 0.0:
         raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {value}")

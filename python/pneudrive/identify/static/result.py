@@ -20,7 +20,6 @@ from pneudrive.identify.identified import (
     FittedData,
     Identified,
     apply_identified,
-    refused,
     sentence,
     sentences,
     stated,
@@ -190,7 +189,7 @@ class FrictionFit(SlidingFit):
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
         flat = np.abs(speed).ravel()
         if not np.isfinite(flat).all() or (flat <= 0.0).any():
-            raise refused("standing", speed=np.asarray(speed_m_s))
+            raise FitError.of("identify.standing", speed=np.asarray(speed_m_s))
         q = self.coordinates
         value, jac = self.model.value_and_jacobian(q, sliding.at_conditions(flat, a.ravel(), b.ravel()))
         # derivatives by the natural parameters of the covariance

@@ -26,7 +26,7 @@ import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
-from pneudrive.identify.identified import refused, sentence
+from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
 from pneudrive.identify.static.model import FrictionModel, ambient_of, at_conditions, observations, recordings_of
@@ -207,7 +207,7 @@ class Survey(Shown):
         ]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
-            raise refused("one_pressure", name=one.name, least=LEAST_FREEDOM)
+            raise FitError.of("identify.one_pressure", name=one.name, least=LEAST_FREEDOM)
         ratio = np.log(others)
         value = one.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
         between = ratio.var(axis=0, ddof=1) * (1.0 + 1.0 / len(others))
@@ -258,7 +258,7 @@ def survey_values(
             unused[name] = "as many parameters as recordings: the seal does not contribute to the scatter"
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
-        raise refused("few_recordings", freedom=freedom, seals=len(seals), least=LEAST_FREEDOM)
+        raise FitError.of("identify.few_recordings", freedom=freedom, seals=len(seals), least=LEAST_FREEDOM)
     span = max(max(float(np.ptp(s.data.gauge_a_pa)), float(np.ptp(s.data.gauge_b_pa))) for s in seals.values())
     span = span if span > 0.0 else 1e5
     logs = {name: _restricted(one, span) for name, one in seals.items()}
