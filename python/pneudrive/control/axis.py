@@ -47,9 +47,8 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
         found = _chambers(form["joints"], f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
-            rule = "port 4 leads to chamber a and port 2 to chamber b: then a command above 0 moves the piston in +x"
-            remedy = f'Connect "{valves[0]}.4 -> {cylinder}.a" and "{valves[0]}.2 -> {cylinder}.b".'
-            raise DescriptionError(f"{valves[0]}.{port} leads to {to}", where=belief.name, rule=rule, remedy=remedy)
+            ports = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
+            raise DescriptionError.of("control.crossed", where=belief.name, **ports)
 
 
 def check_valves(belief: Circuit) -> None:
@@ -66,9 +65,7 @@ def check_valves(belief: Circuit) -> None:
     """
     for one in json.loads(belief.core_json())["components"]:
         if one["kind"].startswith("valve/") and one.get("points"):
-            rule = "laws have a model of valves of one conductance"
-            remedy = "Describe it by conductance, overlap and leakage in place of the table."
-            raise DescriptionError(f"{one['name']} has a flow_table", where=belief.name, rule=rule, remedy=remedy)
+            raise DescriptionError.of("control.flow_table", where=belief.name, valve=one["name"])
 
 
 def unknown_numbers(belief: Circuit) -> list[str]:

@@ -136,9 +136,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
         return OwnLaw(kind.__name__, uuid.uuid4().hex, _python(kind.__name__, given))
     module, _ = own_code.split(given) or (given, "")
     if module.endswith((".so", ".dylib", ".dll")):
-        raise CommandError(
-            f"{given} is a compiled library", rule=_RULE, remedy="Write a Python class whose step calls it with ctypes."
-        )
+        raise CommandError.of("control.library", given=given, rule=_RULE)
     if found_in:
         law = own_code.load_allowed(given, allow_code, found_in, "--law", CommandError)
     else:
@@ -151,10 +149,8 @@ def _inputs(name: str, law: object) -> list[str]:
         name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
     )
     if inputs is None or not callable(step):
-        remedy = f"The names of inputs: {', '.join(signals())}."
-        raise CommandError(
-            f"{name} has no {'step' if inputs is not None else 'inputs'}: it is no law", rule=_RULE, remedy=remedy
-        )
+        lacks = {"lacks": "step" if inputs is not None else "inputs", "names": ", ".join(signals())}
+        raise CommandError.of("control.no_law", name=name, rule=_RULE, **lacks)
     found = check_inputs(name, inputs)
     with suppress(ValueError):  # code without a readable signature
         try:

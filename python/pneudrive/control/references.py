@@ -195,10 +195,7 @@ def _move_of(entry: str, text: str, si_unit: str) -> ReferenceMove:
     begin, colon, rest = entry.partition(":")
     to, within, duration = rest.rpartition(" in ")  # the last one: "12 in in 0.3 s"
     if not colon or not within:
-        rule = "TIME: POSITION in DURATION for each move"
-        raise CommandError(
-            f'reference: "{entry}" is not a move', rule=rule, remedy='For instance "1 s: 280 mm in 0.3 s".'
-        )
+        raise CommandError.of("control.move", entry=entry)
     times = (_quantity(one.strip(), "s", text) for one in (begin, duration))
     begin_s, duration_s = times
     return ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text))
@@ -294,19 +291,13 @@ def _check_span(made: Reference, time: Any, position: Any) -> None:  # noqa: ANN
     gap = int(np.argmax(np.diff(time)))
     end = reach.lowest_m if low - reach.lowest_m > reach.highest_m - high else reach.highest_m
     to = f"leads to {1e3 * end:.4g} mm" if np.isfinite(end) else "is not determined"
-    raise CommandError(
-        f"the record {made.text}: the curve through its samples {to} where they say nothing",
-        value=f"no sample from {time[gap]:g} s to {time[gap + 1]:g} s, a gap of {time[gap + 1] - time[gap]:.4g} s",
-        rule=f"the curve stays by its samples, here {1e3 * low:.4g} mm to {1e3 * high:.4g} mm",
-        remedy="Fill the gap with samples, or cut the record there.",
-    )
+    span = {"begin": time[gap], "end": time[gap + 1], "gap": time[gap + 1] - time[gap]}
+    raise CommandError.of("control.beyond_record", record=made.text, to=to, low=1e3 * low, high=1e3 * high, **span)
 
 
 def _after(free_s: float, begin_s: float, text: str) -> None:
     if not free_s <= begin_s <= LONGEST_S:
-        what = f"reference: a move begins at {begin_s:g} s"
-        rule = f"after the one before it has ended, here from {free_s:g} s to {LONGEST_S:g} s"
-        raise CommandError(what, value=text, rule=rule)
+        raise CommandError.of("control.order", value=text, begin=begin_s, free=free_s, longest=LONGEST_S)
 
 
 def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int = 7) -> Reference:

@@ -221,16 +221,11 @@ def score(run: xr.Dataset) -> Score:
     said, names = attributes(run) if hasattr(run, "attrs") else {}, tuple(SCORED)
     motion = said.get("motion")
     if not isinstance(motion, dict) or not all(name in run for name in names):
-        raise CommandError(
-            "this dataset is no run under control", remedy="Pass a dataset that pn.control.run returned."
-        )
+        raise CommandError.of("control.no_run")
     named, time = {name: run[name].to_numpy() for name in names}, run["time"].to_numpy()
     samples = said.get("samples", len(time))
     if len(time) != samples:
-        what = f"this dataset has {len(time)} of the {samples} samples of a run"
-        raise CommandError(
-            what, rule="a score is that of a whole run", remedy="Pass all of it, or run it for less time."
-        )
+        raise CommandError.of("control.part_of_run", count=len(time), samples=samples)
     return score_of(time, named, motion, said.get("air"))
 
 

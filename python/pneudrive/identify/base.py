@@ -353,9 +353,7 @@ class Fit(Viewed):
             The value was not free, or the data do not determine it.
         """
         if name not in self.free:
-            raise FitError(
-                f"{name} is not a free parameter of this fit", rule="free parameters: " + ", ".join(self.free)
-            )
+            raise FitError.of("identify.not_free", name=name, free=", ".join(self.free))
         if name not in self.intervals:
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))

@@ -59,16 +59,11 @@ def channels_in(recording: DriveRecording, wanted: Sequence[str] | None) -> list
         if name not in CHANNELS:
             raise RecordingError(f"{name} is not a channel", where=where, remedy=nearest(name, CHANNELS))
         if CHANNELS[name] not in recording:
-            raise RecordingError(
-                f"the recording has no column {CHANNELS[name]}",
-                where=where,
-                value=f"columns: {', '.join(recording.columns)}",
-            )
+            known = ", ".join(recording.columns)
+            raise RecordingError.of("identify.no_column", where=where, column=CHANNELS[name], known=known)
     found = [c for c in USUAL if CHANNELS[c] in recording] if wanted is None else list(wanted)
     if not found:
-        raise RecordingError(
-            "the recording has no channel to compare", where=where, rule=f"some of {', '.join(CHANNELS)}"
-        )
+        raise RecordingError.of("identify.nothing_to_compare", where=where, known=", ".join(CHANNELS))
     for name in found:
         if np.isfinite(recording[CHANNELS[name]]).sum() < LEAST_VALUES:
             raise RecordingError(f"{name} has fewer than {LEAST_VALUES} values", where=where)

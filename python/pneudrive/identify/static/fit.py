@@ -134,9 +134,7 @@ def fit_friction(
     if direction not in (None, 1, -1):
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
     if law == "coulomb" and stribeck_shape is not None:
-        raise FitError(
-            "law 'coulomb' has no Stribeck curve", value=f"stribeck_shape = {stribeck_shape!r}", remedy="law='stribeck'"
-        )
+        raise FitError.of("identify.no_curve", shape=stribeck_shape)
     fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
     ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
     data, notes = sliding.observations(
@@ -323,9 +321,7 @@ def fit_any_law(
     known = tuple(friction.parameters)
     unknown = [n for n in free or () if n not in known]
     if unknown:
-        raise FitError(
-            f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="parameters of the law: " + ", ".join(known)
-        )
+        raise FitError.of("identify.no_parameter", law=friction.law, name=unknown[0], known=", ".join(known))
     seen = _seen(_with_sizes(sliding.AnyLaw(friction, known), data), data)
     model = _with_sizes(sliding.AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
     if not model.names:
