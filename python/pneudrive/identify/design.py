@@ -31,7 +31,7 @@ from pneudrive.units import readable
 from pneudrive.views import ShownTable, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     import xarray as xr
 
@@ -412,52 +412,6 @@ class Prior(Shown):
         points = _physical(fit.model, np.vstack([centre, centre + spread[1:]]))
         values = int(fit.statistics["values"])
         return cls(fit.model, points, np.broadcast_to(known, (draws, *known.shape)).copy(), values)
-
-    @classmethod
-    def of_law(
-        cls,
-        law: str,
-        values: Mapping[str, float],
-        deviations: Mapping[str, float] | None = None,
-        *,
-        chambers: tuple[str, ...] = (),
-        draws: int = DRAWS,
-        seed: int = 1,
-    ) -> Prior:
-        """Return the prior from guesses of the parameters, without measurements.
-
-        Parameters
-        ----------
-        law : str
-            Name as in :func:`select_friction_law`.
-        values : mapping
-            Parameter -> guess, SI.
-        deviations : mapping, optional
-            Parameter -> relative standard deviation of the guess (log-normal). Missing parameters have defaults.
-        chambers : tuple of str
-            Chambers whose gauge pressure acts on the forces, such as ``("a", "b")``.
-        draws : int
-            Draws of the guesses over which a design is averaged.
-        seed : int
-            Seed of the draws.
-        """
-        if law not in CANDIDATES:
-            raise FitError(f"there is no law {law!r} to design for", remedy=nearest(law, CANDIDATES))
-        base = CANDIDATES[law]
-        model = FrictionModel(base.law, base.exponent, chambers, lorentzian=base.lorentzian)
-        missing = [n for n in model.names if n not in values]
-        if missing:
-            raise FitError("the prior lacks " + ", ".join(missing), rule="a guess of each free parameter, SI")
-        centre = np.array([float(values[n]) for n in model.names])
-        relative = np.array([float((deviations or {}).get(n, 0.0)) for n in model.names])
-        count = draws if relative.any() else 1
-        noise = np.random.default_rng(seed).standard_normal((count, centre.size))
-        noise[0] = 0.0
-        theta = centre * np.exp(relative * noise)
-        if model.stribeck:
-            theta[:, 1] = np.maximum(theta[:, 1], 1.001 * theta[:, 0])
-        points = np.array([model.internal(one) for one in theta])
-        return cls(model, points, np.zeros((count, centre.size, centre.size)))
 
 
 def _physical(model: FrictionModel, points: Array) -> Array:
