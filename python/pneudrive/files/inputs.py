@@ -11,6 +11,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive import __version__
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -29,6 +31,11 @@ def inputs_of(described: Any, recordings: Iterable[Any] = ()) -> list[dict[str, 
     file, digest = (getattr(described, name, "") for name in ("source_file", "description_hash"))
     read = [stored_input("recording", one.name, one.source, one.sha256) for one in recordings]
     return [stored_input("drive", described.name, file, digest), *read]
+
+
+def origin(described: Any, read: Iterable[Any] = (), /, **about: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
+    """Return the provenance of a result: version, further entries, and its inputs."""
+    return {"version": __version__, **about, INPUTS: inputs_of(described, read)}
 
 
 def stored_beside(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:

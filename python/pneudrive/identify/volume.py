@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student_t
 
-from pneudrive import __version__, units
+from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -28,7 +28,7 @@ from pneudrive.describe.tank import Tank
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.profile import Transforms
-from pneudrive.files.inputs import INPUTS, inputs_of
+from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic import search
@@ -416,13 +416,13 @@ def _result(
         },
         converged=attempt.converged,
         starts_pa={r.name: float(state[0, 0]) for r, state in zip(records, solved.point.states, strict=True)},
-        provenance={
-            "version": __version__,
-            "method": "output error, profile likelihood",
-            "tank": tank.name,
-            "recordings": recording_tables(records),
-            INPUTS: inputs_of(tank, records),
-        },
+        provenance=origin(
+            tank,
+            records,
+            method="output error, profile likelihood",
+            tank=tank.name,
+            recordings=recording_tables(records),
+        ),
         start=tank,
         fitted=fitted,
         profiler=intervals.__getitem__,
@@ -687,11 +687,7 @@ def identify_regulator(
         intervals=intervals,
         undetermined=tuple(lost),
         statistics=statistics,
-        provenance={
-            "version": __version__,
-            "recordings": [{"name": r.name, "sha256": r.sha256} for r in records],
-            INPUTS: inputs_of(described, records),
-        },
+        provenance=origin(described, records, recordings=[{"name": r.name, "sha256": r.sha256} for r in records]),
         runs=runs,
         details={name: {"run_to_run": value} for name, value in spread.items()},
         fitted={

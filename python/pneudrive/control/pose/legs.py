@@ -291,8 +291,6 @@ def leg_tunings(
 
 # --- A platform under control along a path of its pose: one controller for each leg, one run, one score.
 
-#: Draws of one leg of one seed of a spread.
-LEGS = 64
 #: Columns of each leg that are kept, and their names behind that of the leg.
 KEPT = ("position_m", "velocity_m_s", "reference_m", "disturbance_n", "holds")
 

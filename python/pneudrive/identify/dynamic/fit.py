@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 import numpy as np
 
-from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation, student
 from pneudrive.estimate.profile import Transforms
-from pneudrive.files.inputs import INPUTS, inputs_of
+from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined
 from pneudrive.identify.dynamic import search
@@ -560,13 +559,12 @@ def identify_presliding(
         undetermined=_lost(step, level, values, ends),
         notes=(SIMULATED,) if any(getattr(loop, "synthetic", False) for loop in every) else (),
         statistics={"reversals": float(count), "breakaway_n": level, "slope_factor": factor},
-        provenance={
-            "version": __version__,
-            "drive": drive.name,
-            "description_hash": drive.description_hash,
-            "recordings": [str(getattr(loop, "name", f"loop {i}")) for i, loop in enumerate(every, 1)],
-            INPUTS: inputs_of(drive),
-        },
+        provenance=origin(
+            drive,
+            drive=drive.name,
+            description_hash=drive.description_hash,
+            recordings=[str(getattr(loop, "name", f"loop {i}")) for i, loop in enumerate(every, 1)],
+        ),
         profiler=ends.__getitem__,
         fitted={
             name: FittedData("reversal", column, np.arange(1.0, count + 1.0), own, 0.0 * own + own.mean())

@@ -12,7 +12,7 @@ from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
-from pneudrive.files.inputs import INPUTS, inputs_of
+from pneudrive.files.inputs import INPUTS, inputs_of, origin
 from pneudrive.identify.base import Fit, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
@@ -446,11 +446,9 @@ def _result(
         intervals=stated,
         undetermined=lost,
         statistics={"recordings": float(len(records))},
-        provenance={
-            "version": __version__,
-            "recordings": [vars(record) for record in records],
-            INPUTS: inputs_of(described, [record.recording for record in problem.records]),
-        },
+        provenance=origin(
+            described, [record.recording for record in problem.records], recordings=[vars(record) for record in records]
+        ),
         fitted=fitted_pressures(solution),
         records=records,
         rivals=beside,
