@@ -51,9 +51,7 @@ from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 #: Column -> kind of a table that has it.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
