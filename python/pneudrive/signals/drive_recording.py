@@ -410,25 +410,20 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
     if step > COARSEST_S:
         raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
     stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
-    margin = BEYOND_STROKE * stroke
-    _column_within(recording, "position_m", -margin, stroke + margin, f"from 0 to the stroke of {stroke:g} m",
-            "check the unit and the zero of the position, or cylinder.stroke", where)  # fmt: skip
-    for column in ("pressure_a_pa", "pressure_b_pa"):
-        _column_within(recording, column, LOWEST * ambient, HIGHEST * supply,
-                f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa",
-                "check the unit, and whether it is gauge pressure; a layout states both", where)  # fmt: skip
-
-
-def _column_within(
-    recording: DriveRecording, column: str, lower: float, upper: float, rule: str, remedy: str, where: str
-) -> None:
-    if column not in recording or not np.isfinite(recording[column]).any():
-        return
-    low, high = np.nanquantile(recording[column], QUANTILES)
-    if low < lower or high > upper:
-        raise RecordingError.of(
-            "signals.impossible-range", where=where, rule=rule, remedy=remedy, column=column, low=low, high=high
-        )
+    margin, pressures = BEYOND_STROKE * stroke, (LOWEST * ambient, HIGHEST * supply)
+    travel = f"from 0 to the stroke of {stroke:g} m", "check the unit and the zero of the position, or cylinder.stroke"
+    between = (
+        f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa",
+        "check the unit, and whether it is gauge pressure; a layout states both",
+    )
+    limits = {"position_m": (-margin, stroke + margin, *travel)}
+    limits |= dict.fromkeys(("pressure_a_pa", "pressure_b_pa"), (*pressures, *between))
+    for column, (lower, upper, rule, remedy) in limits.items():
+        if column in recording and np.isfinite(recording[column]).any():
+            low, high = np.nanquantile(recording[column], QUANTILES)
+            if low < lower or high > upper:
+                about = {"where": where, "rule": rule, "remedy": remedy}
+                raise RecordingError.of("signals.impossible-range", column=column, low=low, high=high, **about)
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
