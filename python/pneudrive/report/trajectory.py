@@ -31,7 +31,7 @@ from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.fit import write_fit_report
-from pneudrive.report.page import Topic, plural, view_report
+from pneudrive.report.page import Section, Topic, inline, plural, svg_text, view_report, view_section
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns, write_whole
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.identify.follow.problem import FollowSolution
-    from pneudrive.report.page import Section
     from pneudrive.validate.motion import Closure, MotionValidation
 
 
@@ -159,7 +158,6 @@ def _write_page(
 ) -> None:
     """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
-    from pneudrive.report.page import Section, inline, svg_text, view_report, view_section
     from pneudrive.report.platform import platform_run_view
 
     about, view = attributes(run), view_of_run(run, circuit)

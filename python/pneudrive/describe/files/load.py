@@ -28,13 +28,8 @@ def load_described(source: str) -> Drive | Circuit:
     DescriptionError
         The description is not valid.
     """
-    if any(toml.has(source, key) for key in OF_A_CIRCUIT):
-        from pneudrive.describe.circuit import Circuit
-
-        return Circuit.load(source)
-    from pneudrive.describe.drive import Drive
-
-    return Drive.load(source)
+    kind = Circuit if any(toml.has(source, key) for key in OF_A_CIRCUIT) else Drive
+    return kind.load(source)
 
 
 def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object] = lambda _: None) -> Drive | Circuit:
@@ -55,13 +50,8 @@ def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object
     """
     tables = toml.parse(text, str(path))
     allow(tables)
-    if any(key in tables for key in OF_A_CIRCUIT):
-        from pneudrive.describe.circuit import Circuit
-
-        return Circuit.from_tables(tables, text, path)
-    from pneudrive.describe.drive import Drive
-
-    return Drive.from_tables(tables, text, path)
+    kind = Circuit if any(key in tables for key in OF_A_CIRCUIT) else Drive
+    return kind.from_tables(tables, text, path)
 
 
 # --- JSON schemas of the drive file and of the circuit file.
