@@ -1,7 +1,6 @@
 """The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
 
 from collections.abc import Callable, Mapping, Sequence
-from os import PathLike
 from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only
 
 from numpy import bool_, float64, int64, uint8
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Circuit",
-    "Column",
     "ControlReference",
     "ControlSensors",
     "Ensemble",
@@ -42,7 +40,6 @@ __all__ = [
     "steady_friction_sensitivity",
     "turning_points",
     "valve_openings",
-    "write_parquet",
 ]
 
 @type_check_only
@@ -356,7 +353,6 @@ class Circuit:
         ledger: bool = False,
         budget: int | None = None,
         look: Callable[[float], object] | None = None,
-        arrays: bool = True,
     ) -> SimulationResult: ...
 
 @final
@@ -383,20 +379,6 @@ class Members:
     def __len__(self) -> int: ...
     def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
 
-@final
-class Column:
-    def __len__(self) -> int: ...
-    def __getitem__(self, index: int, /) -> float: ...
-    def min(self) -> float: ...
-    def argmin(self) -> int: ...
-    def argmax(self) -> int: ...
-    def max(self) -> float: ...
-
-def write_parquet(
-    path: str | PathLike[str],
-    columns: Sequence[tuple[str, Column | NDArray[float64]]],
-    texts: Sequence[tuple[str, str]],
-) -> None: ...
 def flow_ratio(pressure_ratio: float, critical_pressure_ratio: float, subsonic_index: float) -> float: ...
 def choked_flow_factor(heat_capacity_ratio: float) -> float: ...
 def constants() -> dict[str, float]: ...

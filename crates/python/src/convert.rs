@@ -1,6 +1,5 @@
 //! Results and errors of all classes: errors, runs, tables.
 
-use crate::table::PyColumn;
 use circuit::specification::FromJson;
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
@@ -116,20 +115,11 @@ fn impact<'py>(py: Python<'py>, impact: &Impact) -> PyResult<Bound<'py, PyDict>>
     Ok(out)
 }
 
-/// Returns a run as a dict. Its columns are arrays, or `Column`s, which do not need NumPy.
-pub fn run_to_dict<'py>(
-    py: Python<'py>,
-    names: &[String],
-    run: Run,
-    arrays: bool,
-) -> PyResult<Bound<'py, PyDict>> {
+/// Returns a run as a dict.
+pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
     for (name, column) in names.iter().zip(run.columns) {
-        if arrays {
-            columns.set_item(name, PyArray1::from_vec(py, column))?;
-        } else {
-            columns.set_item(name, PyColumn(column))?;
-        }
+        columns.set_item(name, PyArray1::from_vec(py, column))?;
     }
     let out = PyDict::new(py);
     out.set_item("columns", columns)?;

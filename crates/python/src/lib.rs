@@ -6,12 +6,10 @@ mod ensemble;
 mod friction;
 mod kinds;
 mod network;
-mod parquet;
 mod platform;
 mod session;
 mod shooting;
 mod signals;
-mod table;
 
 use convert::Table;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -66,8 +64,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<network::PyMembers>()?;
     m.add_class::<platform::PyPlatform>()?;
     m.add_class::<session::PySession>()?;
-    m.add_class::<table::PyColumn>()?;
-    m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
     m.add_function(wrap_pyfunction!(session::close_step, m)?)?;
     m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
     m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;

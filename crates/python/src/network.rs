@@ -315,7 +315,7 @@ impl PyCircuit {
     }
 
     /// Runs from a start under plans: an input, times and the values from each of them on.
-    #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None, arrays=true))]
+    #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn simulate<'py>(
         &self,
@@ -328,7 +328,6 @@ impl PyCircuit {
         ledger: bool,
         budget: Option<u64>,
         look: Teller<'py>,
-        arrays: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let network = if ledger { self.accounted().map_err(to_python)? } else { &self.network };
         let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
@@ -340,7 +339,7 @@ impl PyCircuit {
         warnings.extend(network.impact_warnings(&run.impacts));
         let cylinders: Vec<Option<String>> =
             run.impacts.iter().map(|impact| network.cylinder(impact.axis).map(Into::into)).collect();
-        let out = run_to_dict(py, network.assembly().columns(), run, arrays)?;
+        let out = run_to_dict(py, network.assembly().columns(), run)?;
         let impacts = out.get_item("impacts")?.expect("impacts of a run").cast_into::<PyList>()?;
         for (impact, cylinder) in impacts.iter().zip(cylinders) {
             if cylinder.as_ref() != Some(&self.names.of) {

@@ -120,7 +120,7 @@ impl PySession {
         let run = watched(py, look, |interrupted| {
             session.record(until, times, &places, &mut Look::new(interrupted))
         })?;
-        run_to_dict(py, &columns, run, true)
+        run_to_dict(py, &columns, run)
     }
 
     /// Returns the present values of the states.

@@ -111,7 +111,6 @@ def simulate(
         watch=terminal.watch(),
         rtol=rtol,
         budget=budget,
-        arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
     view = run_view.run_view(result.columns, result.provenance)
     terminal.show_view(replace(view, findings=()))  # warnings are on stderr

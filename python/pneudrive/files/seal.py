@@ -37,15 +37,6 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
     return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
 
 
-def put_seal(path: Path) -> None:
-    """Put the checksum into a Parquet file that was written with a placeholder."""
-    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as parquet:
-        footer = _footer(parquet)
-        at = None if footer is None else _seal_at(parquet, footer)
-        assert at is not None, "the file was written without a placeholder for the checksum"
-        parquet[at : at + len(BLANK)] = hashlib.sha256(parquet).hexdigest().encode()
-
-
 def damage(parquet: Bytes) -> str | None:
     """Return a description of the damage in the bytes of a Parquet file, before a library parses them.
 

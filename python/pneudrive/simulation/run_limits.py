@@ -1,6 +1,6 @@
 """Warnings for a run: outside the stated range of the model, with water in its gas, or with ice in its silencer.
 
-They do not change the simulation. Columns are arrays, or `pneudrive._core.Column`.
+They do not change the simulation.
 """
 
 from __future__ import annotations
@@ -366,7 +366,7 @@ def exhaust_air(columns: Mapping[str, Any], ambient_pa: float) -> ExhaustAir | N
     import numpy as np
 
     mass, heat, coldest, exhausts = 0.0, 0.0, math.inf, 0
-    time = _array(columns["time_s"])
+    time = columns["time_s"]
     for pressure, temperature, flow in _chambers(columns):
         leaving = np.maximum(-flow, 0.0)
         own = np.trapezoid(leaving, time)
@@ -403,12 +403,4 @@ def _chambers(columns: Mapping[str, Any]) -> Iterator[tuple[Array, Array, Array]
     for place in gas_volumes(columns):
         flow = columns.get(place.column.replace("pressure", "mass_flow").removesuffix("_pa") + "_kg_s")
         if flow is not None and place.column.count(".") in (0, 2):
-            yield _array(place.pressure_pa), _array(place.temperature_k), _array(flow)
-
-
-def _array(column: Any) -> Array:  # noqa: ANN401 - array or column of the core
-    import numpy as np
-
-    if isinstance(column, np.ndarray):
-        return column
-    return np.fromiter((column[k] for k in range(len(column))), dtype=np.float64, count=len(column))
+            yield place.pressure_pa, place.temperature_k, flow

@@ -1,11 +1,10 @@
-"""Values of a simulated run: strokes, impacts, gas, peak pressures, positions. Columns of the core need no NumPy."""
+"""Values of a simulated run: strokes, impacts, gas, peak pressures, positions."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Any
 
-from pneudrive._core import Column
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
 from pneudrive.simulation.trajectory import meaning
@@ -14,6 +13,7 @@ from pneudrive.views import Finding, LeadingValue, ShownValue, View
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from pneudrive.arrays import Array
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
@@ -31,7 +31,7 @@ def run_view(
     Parameters
     ----------
     columns : mapping
-        Name of a column in a file -> array or `pneudrive._core.Column`, SI.
+        Name of a column in a file -> array, SI.
     provenance : mapping
         Attributes of the run; a run from a CSV file has none.
     described : Drive or Circuit, optional
@@ -104,11 +104,8 @@ def _peaks(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
             yield ShownValue(f"{name}.peak", name, "peak pressure, absolute", float(values.max()), "Pa")
 
 
-def _gained(time: Any, flow: Any) -> float:  # noqa: ANN401 - array or column
+def _gained(time: Array, flow: Array) -> float:
     """Return the integral of the positive part of a flow."""
-    if not isinstance(flow, Column):
-        import numpy as np
+    import numpy as np
 
-        return float(np.trapezoid(np.maximum(flow, 0.0), time))
-    inward = [max(flow[k], 0.0) for k in range(len(flow))]
-    return sum(0.5 * (inward[k] + inward[k + 1]) * (time[k + 1] - time[k]) for k in range(len(flow) - 1))
+    return float(np.trapezoid(np.maximum(flow, 0.0), time))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import SimulationResult
+    from pneudrive.arrays import Array
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
     from pneudrive.free.parameters import Sensitivities
@@ -47,7 +48,7 @@ UNDIFFERENTIATED = ("time_s", "command")
 class Run(Shown):
     """Trajectory in the form of the core: columns of a file (SI, absolute pressure) and provenance."""
 
-    columns: dict[str, Any]  # arrays, or what the core holds (`pneudrive._core.Column`)
+    columns: dict[str, Array]
     provenance: dict[str, Any]
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
     sensitivities: Sensitivities | None = None
@@ -205,12 +206,10 @@ def run(
     sensitivities: Sequence[str] = (),
     budget: int | None = None,
     watch: Watch = UNWATCHED,
-    arrays: bool = True,
 ) -> Run:
     """Simulate and return unlabelled columns, without importing xarray.
 
-    Arguments and errors are those of `simulate`. Without `arrays`, columns keep the core's form, which can be written
-    to a file without NumPy. Only a gas with a dew point needs NumPy.
+    Arguments and errors are those of `simulate`.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     seconds = positive(duration, "s", "duration")
@@ -241,7 +240,6 @@ def run(
                 budget,
             ),
             lambda t: watch.tell(t, seconds, "seconds simulated"),
-            **({} if arrays or drive.gas.dew_point_k is not None else {"arrays": False}),
         )
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import CommandError, RecordingError, nearest, tomllib, warn
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.inputs import INPUTS, stored_beside
-from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
+from pneudrive.files.seal import sealed_parquet
 from pneudrive.units import without_unit
 
 if TYPE_CHECKING:
@@ -26,14 +26,12 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive._core import Column
     from pneudrive.files.tables import Table
 
-#: Names, units and meanings of columns.
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+_TABLE = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 #: Column of a file -> variable, unit, long name.
-MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
-_UNITS = tuple(TABLE["units"])
+MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in _TABLE["columns"].items()}
+_UNITS = tuple(_TABLE["units"])
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
@@ -129,13 +127,6 @@ def whole(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_whole(target: Path, text: str, encoding: str = "utf-8") -> Path:
-    """Write a text file by `whole`, and return its path."""
-    with whole(target) as temporary:
-        temporary.write_text(text, encoding=encoding)
-    return target
-
-
 def save(run: xr.Dataset, path: str | Path) -> Path:
     """Write a trajectory as Parquet, CSV or netCDF, by the suffix of `path`.
 
@@ -178,29 +169,14 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     return save_columns(columns(run), run.attrs, target)
 
 
-def save_columns(table: Mapping[str, np.ndarray | Column], provenance: Mapping[str, Any], path: str | Path) -> Path:
+def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any], path: str | Path) -> Path:
     """Write columns, whose names carry their units, as Parquet or CSV."""
-    from pneudrive._core import write_parquet
+    import polars as pl
 
     target = check_target(path, (".parquet", ".csv"))
     metadata = {"pneudrive": json.dumps(stored_beside(provenance, target.parent), default=str)}
-    if target.suffix.lower() == ".parquet" and _are_numbers(table):
-        with whole(target) as temporary:
-            write_parquet(temporary, list(table.items()), list((metadata | {SEAL: BLANK}).items()))
-            put_seal(temporary)
-        return target
-    import polars as pl
-
     write_frame(pl.DataFrame(dict(table)), target, metadata)
     return target
-
-
-def _are_numbers(table: Mapping[str, Any]) -> bool:
-    """Whether all columns are 64-bit floats, of one length; NumPy is not imported to ask."""
-    from pneudrive._core import Column
-
-    of_one_kind = all(isinstance(one, Column) or getattr(one, "dtype", None) == "float64" for one in table.values())
-    return of_one_kind and len({getattr(one, "shape", None) or (len(one),) for one in table.values()}) == 1
 
 
 def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | None = None) -> None:
