@@ -73,10 +73,10 @@ def test_a_server_of_others_may_admit_the_certificate_of_a_user(files):
     from asyncua import Server
     from asyncua.crypto.permission_rules import User, UserRole
 
-    from pneudrive.rig.opcua.access import der, opcua, protect
+    from pneudrive.rig.opcua.access import der, protect, ua
     from pneudrive.rig.opcua.link import Link, LoopThread
 
-    ua, nobody = opcua("asyncua.ua"), {"user": None, "password_file": None}
+    nobody = {"user": None, "password_file": None}
     users = []
 
     class Admit:

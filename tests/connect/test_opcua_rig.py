@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
 import threading
 import time
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -226,12 +228,9 @@ def test_the_rig_file_of_the_guide_is_one(tmp_path):
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch):
-    from pneudrive.rig.opcua import access
-
-    def absent(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(access, "import_module", absent)
-    for use in (lambda: load_rig("opc.tcp://127.0.0.1:1"), lambda: RigServer(load_rig("default"), load_map())):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    for name in [name for name in sys.modules if name.startswith("pneudrive.rig.opcua")]:
+        monkeypatch.delitem(sys.modules, name)
+    for use in (lambda: load_rig("opc.tcp://127.0.0.1:1"), lambda: import_module("pneudrive.rig.opcua.server")):
         with pytest.raises(RigError, match=r"(?s)needs the optional library asyncua.*pneudrive\[rig\]"):
             use()

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, StrictBool, StrictInt
 
+from pneudrive.describe.files import toml
 from pneudrive.errors import CampaignError, nearest
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Number, Positive, Sampling, Texts, WrittenStep, holds, plain, present, read_table
 
+WORDS: dict[str, dict[str, Any]] = toml.tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
 #: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
-KINDS = {
-    "sweep": "out and back at one speed",
-    "stop": "a stop in the middle of a move, after preconditioning strokes",
-    "sentinel": "the reference speed, repeated to show drift",
-    "warm-up": "strokes that bring rig and seal to a steady state",
-    "tare": "standing, force released: the zero of the force sensor",
-    "blank": "a slow stroke before a block, to be compared with the slow stroke after it",
-    "leak": "standing under pressure, supply shut: the fall of pressure",
-    "weight": "at rest under a known weight: gives the gain of the force sensor",
-    "operator": "a change by hand (mounting, seal, drive) and its confirmation",
-}
+KINDS: dict[str, str] = WORDS["kinds"]
 
 
 @dataclass(frozen=True)

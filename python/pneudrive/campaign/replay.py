@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import ABOUT, CYCLES, Campaign
+from pneudrive.campaign.storage.folder import ABOUT, Campaign
 from pneudrive.describe.marks import Bounds, Percent, Quantity
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
@@ -208,15 +208,10 @@ class ReplayRig:
             return sum(self._apart_pa(file.head.cycle)) / self.tolerance.pressure_pa + min(apart, default=9)
 
         near = sorted(self.files, key=distance)[:SHOWN]
-        return RigError(
-            f"no recording matches the cycle: {len(moves)} moves at {1e3 * wanted:.4g} mm/s, "
-            f"longest stop {stop:.4g} s, chambers at {_bar(self._state)}",
-            where=self._key or None,
-            value="nearest: " + "; ".join(map(_described, near)),
-            rule=f"the same steps, speeds within {100 * self.tolerance.speed:g} %, "
-            f"pressures within {self.tolerance.pressure_pa / 100:g} mbar",
-            remedy="Ask for a recorded cycle, or allow more in the rig file (speed_tolerance, pressure_tolerance)",
-        )
+        asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
+        asked |= {"percent": 100 * self.tolerance.speed, "mbar": self.tolerance.pressure_pa / 100}
+        nearest = "; ".join(map(_described, near))
+        return RigError.of("campaign.no-recording", where=self._key or None, nearest=nearest, **asked)
 
     def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
         if not len(samples):
@@ -282,8 +277,7 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
         tolerance = Tolerance(speed=file.speed_tolerance, pressure_pa=file.pressure_tolerance_pa)
         identity, limits = file.described()
     if not (folder / ABOUT).is_file():
-        remedy = "Run a campaign on a rig. Recordings of another program are characterised without a campaign."
-        raise RigError(f"{folder} is not a campaign folder", rule=f"it has {ABOUT} and {CYCLES}/", remedy=remedy)
+        raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)
     files = [file for file in campaign.cycles() if file.head.cycle.kind != "operator"]
     if not files:

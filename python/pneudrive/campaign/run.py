@@ -103,27 +103,26 @@ def run_campaign(
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder = Path(into)
-    audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+    audience: dict[str, Any] = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
     if (folder / ABOUT).exists():
-        _refuse_another(Campaign.open(folder), asked)
+        there = Campaign.open(folder)
+        if asked.text.strip() != there.protocol.strip():
+            names = {"there": there.about.get("name", ""), "name": asked.name, "folder": folder}
+            raise CampaignError.of("campaign.other-protocol", where=str(folder), **names)
         return resume_campaign(folder, rig, options=options, pace=pace, **audience)
     with _bench(rig, asked.seed, pace) as (bench, source):
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
-        options = _with_operator(options, asked.operator)
         make_folder(folder)
         with FolderLock(folder) as lock:
             if (folder / ABOUT).exists():  # another process was faster
-                raise CampaignError(
-                    "another process has begun a campaign in this folder",
-                    where=str(folder),
-                    remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
-                )
-            about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
+                raise CampaignError.of("campaign.begun", where=str(folder), folder=folder)
+            operator = (options and options.operator) or asked.operator
+            about = _about(plan, operator, {**asked.labels, **(labels or {})}, source)
             inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []
             about |= stored_beside({INPUTS: inputs}, folder)
             campaign = create(folder, asked.text, plan.identity, about)
-            return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
+            return _run(campaign, plan, bench, options, lock, audience)
 
 
 def resume_campaign(
@@ -163,9 +162,8 @@ def resume_campaign(
         _check_rig(campaign, bench.identity(), source)
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
-        options = _with_operator(options, str(campaign.about.get("operator", "")))
         audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
-        return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
+        return _run(campaign, plan, bench, options, lock, audience)
 
 
 def can_be_resumed(error: BaseException) -> bool:
@@ -173,21 +171,15 @@ def can_be_resumed(error: BaseException) -> bool:
     return getattr(error, "while_running", False)
 
 
-def _refuse_another(campaign: Campaign, protocol: Protocol) -> None:
-    """Refuse to run a protocol in the folder of a campaign of another one."""
-    if protocol.text.strip() != campaign.protocol.strip():
-        raise CampaignError(
-            "this folder holds a campaign of another protocol",
-            where=str(campaign.path),
-            value=f"the folder has {campaign.about.get('name', '')!r}; requested: {protocol.name!r}",
-            remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {campaign.path}",
-        )
-
-
-def _result(run: CampaignRun) -> Result:
-    """Run a campaign to its end."""
+def _run(
+    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, audience: dict[str, Any]
+) -> Result:
+    """Run a campaign to its end. Its operator is that of the folder, unless the options name one."""
+    options = options or Options()
+    operator = options.operator or str(campaign.about.get("operator", ""))
+    run = CampaignRun(campaign, plan, bench, replace(options, operator=operator), lock, **audience)
     ended = run.run()
-    return Result(run.campaign, len(run.finished), run.total, ended)
+    return Result(campaign, len(run.finished), run.total, ended)
 
 
 def _rig_again(
@@ -201,13 +193,8 @@ def _rig_again(
     if not given or not isinstance(given, str):
         raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
     if allow_code is not None and made_with != allow_code.strip().lower():
-        raise CampaignError(
-            "the folder was made with other code than allowed",
-            where=where,
-            value=f"SHA-256 {made_with or 'not stated'}",
-            rule=f"--allow-code {allow_code}",
-            remedy=f"Check the code, then name it: --rig {given}",
-        )
+        names = {"made_with": made_with or "not stated", "allowed": allow_code, "rig": given}
+        raise CampaignError.of("campaign.other-code", where=where, **names)
     return _bench(given, seed, pace, found_in=where, allow_code=allow_code)
 
 
@@ -234,14 +221,14 @@ def _full_name(source: str) -> str:
     return f"{Path(file).resolve()}:{name}" if file and Path(file).is_file() else source
 
 
-def _about(plan: Plan, options: Options, labels: dict[str, str], source: str) -> dict[str, Any]:
+def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> dict[str, Any]:
     from pneudrive import __version__
 
     protocol = plan.protocol
     return {
         "name": protocol.name,
         "seed": protocol.seed,
-        "operator": options.operator,
+        "operator": operator,
         "labels": labels,
         "synthetic": plan.identity.synthetic,
         "created": now(),
@@ -270,18 +257,7 @@ def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
     if not other and identity.synthetic and before and _digest(source) not in ("", before):
         other = [f"the file {source}"]
     if other:
-        raise CampaignError(
-            "this rig differs from the rig of the finished cycles",
-            where=str(campaign.path),
-            value=f"different: {', '.join(other)}",
-            rule="one campaign, one rig, one calibration",
-            remedy="Set the rig up as rig.json says, or run into another folder.",
-        )
-
-
-def _with_operator(options: Options | None, operator: str) -> Options:
-    options = options or Options()
-    return options if options.operator else replace(options, operator=operator)
+        raise CampaignError.of("campaign.other-rig", where=str(campaign.path), names=", ".join(other))
 
 
 __all__ = ["DONE", "ENDED", "Options", "Result", "can_be_resumed", "resume_campaign", "run_campaign"]

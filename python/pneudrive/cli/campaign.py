@@ -193,12 +193,7 @@ def abort(folder: Path) -> None:
     control.ask(folder, control.ABORT, control.user())
     after = control.wait_for(folder, (), 90.0)
     if after is not None:
-        raise CampaignError(
-            "the campaign has not ended yet",
-            value=str(after),
-            where=str(folder),
-            remedy=f"Check the rig, then end process {after.pid} by hand: finished cycles are kept.",
-        )
+        raise CampaignError.of("campaign.not-ended", where=str(folder), value=str(after), pid=after.pid)
     typer.echo("The campaign has ended. Finished cycles are kept.")
 
 

@@ -12,6 +12,7 @@ import inspect
 import sys
 from functools import wraps
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin
 
 import typer
@@ -24,6 +25,9 @@ from pneudrive.errors import CommandError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+#: Parameters that name a description, whose commands also take folders of the catalogue.
+_DESCRIBED = {"drive", "circuit", "task"}
+_CATALOGUE = inspect.Parameter("catalogue", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=list[Path] | None)
 _EXAMPLES = "\n\nExamples\n--------\n"
 
 
@@ -48,10 +52,12 @@ def command_from(function: Callable[..., Any], name: str, *, hidden: bool = Fals
 
     @wraps(function)
     def called(**values: Any) -> Any:  # noqa: ANN401
-        with options.opened_catalogue(values.get("catalogue")):
+        with options.opened_catalogue(values.pop("catalogue", None)):
             return function(**values)
 
     parameters = [_declared(each) for each in inspect.signature(function, eval_str=True).parameters.values()]
+    if name == "catalogue" or not _DESCRIBED.isdisjoint(each.name for each in parameters):
+        parameters.append(_declared(_CATALOGUE))
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {each.name: each.annotation for each in parameters}
     text, own = parts_of(function, "Options")

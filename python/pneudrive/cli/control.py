@@ -47,14 +47,7 @@ control = group(
 )
 
 
-def tune(
-    drive: str,
-    *,
-    law: str = "nmpc",
-    setup: str = "real",
-    out: Path | None = None,
-    catalogue: list[Path] | None = None,
-) -> None:
+def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None = None) -> None:
     """Tune a controller from the description of a drive.
 
     Print the rule and limits of each gain, and a simulated result.
@@ -112,7 +105,6 @@ def run(
     out: Path | None = None,
     plot: Path | None = None,
     allow_code: str | None = None,
-    catalogue: list[Path] | None = None,
 ) -> None:
     r"""Run a drive or a platform under control along a reference, and score it.
 
@@ -149,8 +141,7 @@ def run(
     described = load.load_described(drive)
     if platforms.is_platform(described.circuit):
         if initial is not None or allow_code:
-            what = "a platform starts on its path and runs no custom code: --initial and --allow-code have no effect"
-            raise CommandError(what, remedy="Leave them out.")
+            raise CommandError.of("cli.platform")
         options |= {"law": law, "seed": seed, "dynamics": dynamics}
         _run_platform(described.circuit, reference, payload, out, plot, options)
         return
@@ -201,7 +192,6 @@ def benchmark(
     members: int | None = None,
     threads: int | None = None,
     keep_runs: Annotated[bool | None, typer.Option("--keep-runs/--scores-only")] = None,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Compare controllers along references, with several seeds or a spread of drives.
 
@@ -248,13 +238,7 @@ def benchmark(
     terminal.show_paths(out / benchmarks.SCORES, control_page.write_control_report(found, out))
 
 
-def reference(
-    along: str,
-    *,
-    drive: str,
-    plot: Path | None = None,
-    catalogue: list[Path] | None = None,
-) -> None:
+def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
     """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
 
     Options
@@ -287,7 +271,6 @@ def export(
     fmi: str = "2.0",
     drive: str | None = None,
     setup: str = "real",
-    catalogue: list[Path] | None = None,
 ) -> None:
     r"""Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
 

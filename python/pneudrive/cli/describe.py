@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 def catalogue(
     name: str | None = None,
     *,
-    catalogue: list[Path] | None = None,
     out: Path | None = None,
     kind: str | None = None,
     bore: str | None = None,
@@ -173,7 +172,7 @@ def _flags(port: Mapping[str, Any]) -> str:
     return "may stay unconnected" if port["optional"] else ""
 
 
-def check(drive: str, *, catalogue: list[Path] | None = None) -> None:
+def check(drive: str) -> None:
     """Check a drive or a circuit, and list the sources of its values.
 
     Examples
@@ -205,7 +204,7 @@ def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
             yield (line.replace("the joint of", "each joint of") if len(of) > 1 else line).format(each)
 
 
-def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] | None = None) -> None:
+def draw(drive: str, *, out: Path = Path("circuit.svg")) -> None:
     """Draw a drive or a circuit with symbols after ISO 1219.
 
     Options

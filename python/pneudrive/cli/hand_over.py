@@ -112,8 +112,7 @@ def _gauge(text: str | None, name: str) -> float | None:
     with naming(name):
         pressure = units.parse_pressure(text)
     if not pressure.gauge:
-        what = f'{name} "{text}" is an absolute pressure'
-        raise CommandError(what, rule="a gauge pressure", remedy='Write "... gauge".')
+        raise CommandError.of("cli.gauge", name=name, text=text)
     return pressure.value_pa
 
 
@@ -151,11 +150,7 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
         measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     recordings = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
     if not recordings:
-        raise CommandError(
-            f"there are no recordings in {measurements}",
-            rule="friction/*.csv or repeatability/*.csv",
-            remedy="Leave out --measurements, or name a folder with recordings.",
-        )
+        raise CommandError.of("cli.no-recordings", folder=measurements)
     found = characterisation.characterise_recordings(recordings)
     for name in ("map.parquet", "map.csv"):
         friction_map.write_map(found.friction_map, folder / name)

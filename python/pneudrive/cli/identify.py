@@ -144,11 +144,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
         raise CommandError(f"there is no {missing}", rule="a friction map, recordings, or the folder of a campaign")
     finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
     if finished and len(finished) < len(source):
-        raise CommandError(
-            "recordings cannot be fitted together with campaigns or friction maps",
-            value=" ".join(map(str, source)),
-            remedy="First make a map of the recordings: pneudrive characterise.",
-        )
+        raise CommandError.of("cli.not-together", value=" ".join(map(str, source)))
     if finished:
         campaigns = [pn.campaign_friction(path) if path.is_dir() else None for path in finished]
         pairs = list(zip(finished, campaigns, strict=True))
@@ -280,7 +276,6 @@ def identify(
     report: Path | None = None,
     layout: Path | None = None,
     out: Path | None = None,
-    catalogue: list[Path] | None = None,
 ) -> None:
     r"""Identify the numbers of a drive from recordings of its motion.
 
@@ -325,8 +320,7 @@ def identify(
     elif pn.Tank.is_file(drive):
         for name, value in (("sensor", sensor), ("robust", robust)):
             if value:
-                rule = "options for a tank: --free, --layout, --out, --profile, --report"
-                raise CommandError(f"--{name} is not an option for a tank", where=drive, rule=rule)
+                raise CommandError.of("cli.tank", where=drive, name=name)
         tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
         terminal.show_fit(tank_fit, out, report, profile=profile)
     else:
@@ -349,13 +343,7 @@ def _show_step(progress: Progress) -> None:
     sys.stderr.write(f"step {progress.step} ({progress.phase}): rms residual {', '.join(rms)}\n")
 
 
-def apply(
-    fit: Path,
-    drive: str | None = None,
-    *,
-    out: Path | None = None,
-    catalogue: list[Path] | None = None,
-) -> None:
+def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> None:
     """Put the determined values of a fit into a drive or a tank.
 
     Each value keeps its interval and its recordings.
@@ -385,8 +373,7 @@ def apply(
     elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
         described = found.apply()
     else:
-        remedy = "Add the drive file to the command: pneudrive apply FIT DRIVE."
-        raise CommandError("this fit of friction names no drive", remedy=remedy)
+        raise CommandError.of("cli.no-drive")
     terminal.write_text(described.to_toml(), out)
 
 
@@ -398,7 +385,6 @@ def validate(
     sensor: list[str] | None = None,
     window: str = "0.5 s",
     out: Path = Path("validation"),
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Compare a drive with recordings, and diagnose differences.
 
@@ -429,8 +415,7 @@ def validate(
         described = drive_fits.DriveFit.from_toml(drive) if drive_fits.DriveFit.is_file(drive) else pn.Drive.load(drive)
         if any(friction_check.is_friction(path) for path in recordings):
             if len(recordings) > 1:
-                what = "a friction map or a campaign cannot be validated together with other files"
-                raise CommandError(what, remedy="Name one of them.")
+                raise CommandError.of("cli.one-map")
             law = described.apply() if isinstance(described, drive_fits.DriveFit) else described
             found = friction_check.validate_friction(law, recordings[0])
         else:
@@ -498,8 +483,7 @@ def design(
     pneudrive design fit.toml --rig my-rig.toml --out next.toml
     """
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
-        rule = "a new FILE.toml in a folder that exists"
-        raise CommandError(f"--out {out}: a protocol cannot be written there", rule=rule)
+        raise CommandError.of("cli.protocol", out=out)
     if points and time:
         raise CommandError("--points and --time cannot be given together")
     found, machine = static_fits.FrictionFit.from_toml(fit), rig_file.load_rig(rig)
@@ -552,10 +536,7 @@ def _limits(fit: static_fits.FrictionFit, identity: Identity, envelope: Envelope
     with naming("--speeds"):
         slowest, fastest = units.parse_range(speeds, "m/s")
     if fastest > limits.speed_m_s[1]:
-        raise CommandError(
-            f"--speeds {speeds!r} exceeds the speed that the rig can hold over half of its stroke",
-            rule=f"at most {1e3 * limits.speed_m_s[1]:.3g} mm/s",
-        )
+        raise CommandError.of("cli.too-fast", speeds=speeds, most=1e3 * limits.speed_m_s[1])
     return replace(limits, speed_m_s=(slowest, fastest))
 
 

@@ -150,12 +150,8 @@ def _characterise_campaign(
 ) -> None:
     """Characterise one campaign folder."""
     if len(recordings) > 1 or layout is not None:
-        raise CommandError(
-            "a campaign cannot be characterised together with other files",
-            value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
-            rule="one folder, no recordings and no layout",
-            remedy="To compare two campaigns: pneudrive compare A B.",
-        )
+        names = " ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else "")
+        raise CommandError.of("cli.one-campaign", value=names)
     with _output(out) as folder:
         found = characteristics.campaign_friction(recordings[0], choice, progress=terminal.watch().tell)
         written = files.write_characteristics(found, folder)

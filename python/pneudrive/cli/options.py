@@ -128,8 +128,7 @@ def check_used(context: typer.Context, to: str, used: Mapping[str, tuple[Sequenc
         source = context.get_parameter_source(name)
         if to not in targets and source is not None and source.name == "COMMANDLINE":
             flag = f"--{name.replace('_', '-')}"
-            rule = f"{flag} is for --to {', '.join(targets)}"
-            raise CommandError(f"{flag} has no effect with --to {to}", rule=rule, remedy=remedy)
+            raise CommandError.of("cli.no-effect", flag=flag, to=to, targets=", ".join(targets), remedy=remedy)
 
 
 def names_in(text: str) -> list[str]:

@@ -72,11 +72,7 @@ def serve(
     """
     protection = access.Protection.of(certificate, key, trust, user_file)
     if bind not in LOOPBACK and certificate is None and not unprotected:
-        raise CommandError(
-            f"--bind {bind} needs --certificate",
-            rule="anyone who reaches this address could move the axis",
-            remedy="Give certificates (pneudrive rig certificate), or add --unprotected.",
-        )
+        raise CommandError.of("cli.bind", address=bind)
     if speed < 0.0 or 0.0 < speed < 1.0:
         raise CommandError(f"--speed {speed:g} is out of bounds", rule="0, or at least 1")
     heartbeat_s = quantity("--heartbeat", heartbeat, "s") if heartbeat else None

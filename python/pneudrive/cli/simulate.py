@@ -59,7 +59,6 @@ def simulate(
     out: Path | None = None,
     plot: Path | None = None,
     energy: bool = False,
-    catalogue: list[Path] | None = None,
 ) -> None:
     r"""Simulate a drive or a circuit, and write or plot the run.
 
@@ -144,7 +143,6 @@ def sweep(
     initial: str | None = None,
     rtol: float = 1e-6,
     chunk: int | None = None,
-    catalogue: list[Path] | None = None,
 ) -> None:
     r"""Simulate many variants and write a table of results.
 
@@ -198,9 +196,7 @@ def sweep(
         raise CommandError("a CSV file has no place for samples", remedy="Write .parquet or .nc.")
     fits_memory = study.rows.size <= many.IN_MEMORY
     if is_file and not fits_memory:
-        raise CommandError(
-            f"{study.rows.size} members are too many for one file", remedy="Give a folder: --out results"
-        )
+        raise CommandError.of("cli.too-many", members=study.rows.size)
     chunks = many.ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
@@ -256,26 +252,20 @@ def _pair(text: str) -> tuple[tuple[str, str], float]:
             return (first, second), float(value)
     except ValueError:
         pass
-    remedy = 'For instance "cylinder.bore, friction.coulomb = 0.6".'
-    raise CommandError(f'--correlation "{text}" is not A, B = R', remedy=remedy)
+    raise CommandError.of("cli.correlation", text=text)
 
 
 def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     """Read a table of members: names of numbers, with or without the unit, are its columns."""
     if path.suffix not in (".csv", ".parquet"):
-        raise CommandError(
-            f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
-        )
+        raise CommandError.of("cli.no-table", path=path)
     known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
     is_csv = path.suffix == ".csv"
     columns = csv_tables.csv_names(path, RecordingError) if is_csv else tables.open_table(path, "parquet").names
     for column in columns:
         if column not in known and column not in known.values():
-            raise CommandError(
-                f"vary: {column} is not a number of this {drive.file_kind}",
-                where=str(path),
-                remedy=nearest(column, known),
-            )
+            about = {"column": column, "kind": drive.file_kind, "remedy": nearest(column, known)}
+            raise CommandError.of("cli.no-number", where=str(path), **about)
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 
@@ -286,7 +276,6 @@ def lines(
     diameter: str = "4 mm, 6 mm, 8 mm",
     out: Path | None = None,
     plot: Path | None = None,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Show speed and stroke time over length and bore of the tubes.
 
@@ -331,7 +320,6 @@ def platform(
     run: Path | None = None,
     out: Path | None = None,
     dark: bool = False,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run.
 

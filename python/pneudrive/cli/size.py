@@ -38,7 +38,6 @@ def size(
     min_candidates: int = 10,
     max_candidates: int = 160,
     samples: int = 256,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Find the drives of the catalogue that do a task.
 
@@ -90,7 +89,6 @@ def datasheet(
     layout: Path | None = None,
     out: Path = Path("datasheet.html"),
     intervals: bool = True,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Write a data sheet of a drive, with standards and sources.
 
@@ -122,7 +120,6 @@ def characteristic(
     out: Path | None = None,
     plot: Path | None = None,
     intervals: bool = True,
-    catalogue: list[Path] | None = None,
 ) -> None:
     """Show a characteristic of a drive, with definition and standard.
 

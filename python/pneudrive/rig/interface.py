@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -29,6 +30,7 @@ from pydantic import (
 )
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest
 from pneudrive.signals.force_calibration import ForceCalibration, of_json
 from pneudrive.units import LARGEST
@@ -75,6 +77,7 @@ Texts = Annotated[
     BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
 ]
 
+WORDS: dict[str, dict[str, Any]] = toml.tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
 ONLY_KNOWN = ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
 SHARED = (
@@ -210,11 +213,7 @@ class Samples:
             raise RigError("the rig did not return samples", value=str(error), rule="see Samples") from None
         lengths = {name: values.shape for name, values in (channels | {"step": step}).items()}
         if len(set(lengths.values())) != 1 or step.ndim != 1:
-            raise RigError(
-                "the rig returned channels of different lengths",
-                value=str(lengths),
-                rule="all channels have the same length",
-            )
+            raise RigError.of("rig.lengths", value=str(lengths))
         return cls(**channels, step=step)
 
     def rows(self, chosen: slice | NDArray[Any]) -> Samples:
@@ -490,27 +489,15 @@ def read_table(
     except ValidationError as error:
         first = error.errors()[0]
     key, why = path + ".".join(str(part) for part in first["loc"] if part not in TAGS), first["type"]
-    if why in _FAULTS:
+    if why in WORDS["faults"]:
         rule = (
             "a step has to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else f"keys: {', '.join(names)}"
         )
-        raise kind(f"{key} {_FAULTS[why]}", where=where, rule=rule)
-    words = str(first.get("ctx", {}).get("error", "")) or f"the value is {_RULES.get(why, 'of another type')}"
+        raise kind(f"{key} {WORDS['faults'][why]}", where=where, rule=rule)
+    words = str(first.get("ctx", {}).get("error", "")) or f"the value is {WORDS['rules'].get(why, 'of another type')}"
     raise kind(f"{key} = {first['input']!r:.80}", where=where, rule=words)
 
 
-#: Errors of pydantic -> the fault of a key; and the rule of its value.
-_FAULTS = {"missing": "is missing", "unexpected_keyword_argument": "is not a known key"}
-_RULES = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "string_type": "text",
-    "bool_type": "true or false",
-    "dict_type": "a table",
-    "dataclass_type": "a table",
-    "tuple_type": "a list",
-    "too_long": "a list of two numbers",
-}
 _adapter = cache(TypeAdapter)
 
 

@@ -128,10 +128,7 @@ def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) 
     c = d.tables.chambers
     kind, ratio, heat = c.kind, c.critical_pressure_ratio, c.heat_transfer
     if kind == "common" and pressures_pa[0] != pressures_pa[1]:
-        raise SimulationError(
-            f"one regulator cannot set both {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
-            rule="chambers on a common manifold have the same pressure",
-        )
+        raise SimulationError.of("rig.common-manifold", a=pressures_pa[0], b=pressures_pa[1])
 
     def regulator(volume: str, pressure: float) -> None:
         source = f"source_{volume}"
@@ -223,11 +220,7 @@ class Past:
                 return _PAST.validate_json(json.dumps(data, allow_nan=False, default=plain))
         except (TypeError, ValueError):
             pass
-        raise RigError(
-            "this is not the saved state of a simulated rig",
-            value=data,
-            rule="finite numbers, a key and levels that are texts",
-        )
+        raise RigError.of("rig.no-memory", value=data)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
         """Advance the time, with this power of friction heating the seal."""
@@ -406,11 +399,8 @@ class Machine:
             reached = [columns[f"pressure_{side}_pa"][-1] / p for side, p in (("a", a_pa), ("b", b_pa))]
             if all(abs(share - 1.0) < SETTLED for share in reached):
                 return
-        raise RigError(
-            f"the chambers do not reach {a_pa:g} and {b_pa:g} Pa within {LONGEST_S:g} s",
-            value=f"{columns['pressure_a_pa'][-1]:g} and {columns['pressure_b_pa'][-1]:g} Pa",
-            remedy="Check for a leak, and the conductance of the regulator.",
-        )
+        ends = {f"reached_{side}": columns[f"pressure_{side}_pa"][-1] for side in "ab"}
+        raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, **ends)
 
     def _stays(self, friction: dict[str, Any]) -> None:
         """Check that pressure and weight would not move a released piston away."""
@@ -421,11 +411,7 @@ class Machine:
         push -= d.tables.cylinder.moving_mass * STANDARD_GRAVITY_M_S2 * np.sin(d.tables.cylinder.incline)
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
-            raise RigError(
-                "the pressure would move a released axis away",
-                value=f"force {push:.3g} N, friction {holds:.3g} N",
-                remedy="Release only with equal pressures, or hold the axis.",
-            )
+            raise RigError.of("rig.moves-away", push=push, holds=holds)
 
     def _core(
         self,

@@ -235,12 +235,8 @@ def cycles(
     ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
     if not 0.0 < speed_m_s < np.inf or ramps > distance:
         top = 1e3 * limits.top_speed_m_s(distance)
-        raise CommandError(
-            f"speed = {1e3 * speed_m_s:g} mm/s is not reached within {1e3 * distance:g} mm: "
-            f"starting and stopping take {1e3 * ramps:.4g} mm",
-            rule=f"at most {top:.4g} mm/s with {limits.acceleration_m_s2:g} m/s2 and {limits.jerk_m_s3:g} m/s3",
-            remedy="Reduce the speed, lengthen the stroke, or increase the acceleration of the servo.",
-        )
+        sizes = {"speed": 1e3 * speed_m_s, "distance": 1e3 * distance, "ramps": 1e3 * ramps, "top": top}
+        raise CommandError.of("rig.speed", limits=limits, **sizes)
     out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)
     both = out.then(dwell(dwell_s)).then(back).then(dwell(dwell_s)) if dwell_s > 0.0 else out.then(back)
     return Motion(np.tile(both.durations_s, count), np.tile(both.jerks_m_s3, count), low_m)
@@ -320,10 +316,7 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
         return []
     rate = sampling.samples_per_stroke / duration_s if moving else sampling.hold_rate_hz
     if not (math.isfinite(rate) and rate > 0.0):
-        raise CommandError(
-            f"a step of {duration_s:g} s cannot be sampled at {rate} Hz",
-            rule="samples_per_stroke and hold_rate_hz are positive",
-        )
+        raise CommandError.of("rig.rate", seconds=duration_s, rate=rate)
     spans = [(0.0, duration_s, rate)]
     if sampling.burst_rate_hz > rate:
         after = min(sampling.burst_after_s, duration_s)

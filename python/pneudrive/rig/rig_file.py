@@ -26,7 +26,7 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, nearest
-from pneudrive.rig.interface import Envelope, Identity, Rig, closed_after, has_verbs
+from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, closed_after, has_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
 if TYPE_CHECKING:
@@ -37,13 +37,7 @@ if TYPE_CHECKING:
 
 
 #: Channel as a user writes it -> name and SI unit of the channel of an `Identity`.
-CHANNELS = {
-    "position": ("position_m", "m"),
-    "force": ("force_n", "N"),
-    "pressure_a": ("pressure_a_pa", "Pa"),
-    "pressure_b": ("pressure_b_pa", "Pa"),
-    "temperature": ("temperature_k", "K"),
-}
+CHANNELS: dict[str, tuple[str, str]] = WORDS["channels"]
 POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 
 
@@ -268,12 +262,7 @@ def load_rig(
             return _own_rig(name, own_code.load(name, RigError))
         return _own_rig(name, own_code.load_allowed(name, allow_code, found_in, "--rig", RigError))
     if found_in is not None and kind not in ONLY_DATA:
-        raise RigError(
-            f"only a file names the rig {text}, not this run",
-            where=found_in,
-            rule="only the user decides which axis moves and where to log in",
-            remedy=f"If this is your rig, name it: --rig {text}",
-        )
+        raise RigError.of("rig.only-a-file", where=found_in, rig=text)
     if kind not in LOADERS:
         raise RigError(f"rigs of kind {kind!r} are not known", where=text, remedy=nearest(kind, LOADERS))
     module, _, function = LOADERS[kind].partition(":")
@@ -285,8 +274,7 @@ def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
     rig: Rig = own_code.guarded(source, RigError, make)
     if not has_verbs(rig, Rig):
         missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
-        what = f"{source} returns {type(rig).__name__}, not a rig"
-        raise RigError(what, value=f"it lacks {', '.join(missing)}", rule="the verbs of pneudrive.rig.Rig")
+        raise RigError.of("rig.returned", source=source, type=type(rig).__name__, missing=", ".join(missing))
     return rig
 
 
@@ -316,9 +304,7 @@ def _kind(text: str) -> tuple[str, str]:
         return _said(path), str(path)
     if own_code.split(text) is not None:
         return CODE, text
-    raise RigError(
-        f"{text!r} is not a rig", rule="a name, a TOML file, a folder or an address", remedy=nearest(text, known)
-    )
+    raise RigError.of("rig.no-rig", rig=text, remedy=nearest(text, known))
 
 
 def _said(path: Path) -> str:

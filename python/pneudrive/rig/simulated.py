@@ -14,7 +14,7 @@ import numpy as np
 from pneudrive.errors import CommandError, RigError, SimulationError, nearest
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, RigDescription, read_description
-from pneudrive.rig.interface import CHANNELS, SHARED, Envelope, Hold, Identity, Move, RigState, Samples, Step
+from pneudrive.rig.interface import CHANNELS, SHARED, WORDS, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import (
     CREEP_M_S,
     RTOL,
@@ -107,7 +107,7 @@ class SimulatedRig:
             "pressure_b_pa": (d.pressure_sensor, d.tables.pressure_sensor.accuracy),
             "temperature_k": (d.thermometer, d.tables.temperature_sensor.accuracy),
         }
-        area_a, area_b = d.areas_m2
+        (area_a, area_b), errors = d.areas_m2, WORDS["calibration"]
         return Identity(
             name=d.name,
             area_a_m2=area_a,
@@ -121,7 +121,7 @@ class SimulatedRig:
             limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
             resolution={name: sensor.step for name, (sensor, _) in channels.items()}
             | {"position_m": d.encoder.resolution_m},
-            calibration=dict.fromkeys(channels, ERROR_MODEL) | {"force_n": FORCE_ERROR_MODEL},
+            calibration={name: errors["force" if name == "force_n" else "sensor"] for name in channels},
             labels={"rig": d.name},
             chambers=d.tables.chambers.kind,
             pressure_measured_at=d.tables.pressure_sensor.at,
@@ -267,10 +267,7 @@ class SimulatedRig:
         pair = gauge_pa if isinstance(gauge_pa, tuple) else (gauge_pa, gauge_pa)
         absolute = tuple(float(p) + self.description.ambient_pressure_pa for p in pair)
         if len(absolute) != 2 or not all(np.isfinite(p) and p > 0.0 for p in absolute):
-            raise CommandError(
-                f"the chambers cannot be held at {pair} Pa gauge",
-                rule="one gauge pressure for both chambers or a pair, above vacuum",
-            )
+            raise CommandError.of("rig.vacuum", pair=pair)
         return absolute[0], absolute[1]
 
 
@@ -315,13 +312,6 @@ def load_session(source: str, seed: int, pace: float | None) -> RigSession:
 
 #: Share of a force sensor's accuracy that changes sign with the force, as in the uncertainty budget.
 HYSTERESIS_SHARE = 1.0 / 3.0
-
-#: Calibration texts of a simulated rig; force_calibration and bandwidth_hz are missing, as nothing was calibrated.
-ERROR_MODEL = "assumed: drawn by the simulated rig within its accuracy (zero, gain); white noise, converter, no lag"
-FORCE_ERROR_MODEL = (
-    "assumed: drawn by the simulated rig within its accuracy (gain, and a third of it that turns with the force); zero "
-    "and its drift as the rig file says; white noise, steps of the converter, no lag, no creep"
-)
 
 
 class Instruments:
@@ -514,14 +504,9 @@ class RigSession:
         low, high = limits.pressure_pa
         for name, value in (("a", a_pa), ("b", b_pa)):
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
-                raise RigError(
-                    f"chamber {name} cannot be brought to {value:g} Pa", rule=f"{low:g} to {high:g} Pa absolute"
-                )
+                raise RigError.of("rig.pressure", chamber=name, pressure=value, low=low, high=high)
         if a_pa != b_pa and not limits.separate_pressures:
-            raise RigError(
-                f"the chambers cannot have {a_pa:g} and {b_pa:g} Pa",
-                rule="one regulator sets the pressure of both chambers",
-            )
+            raise RigError.of("rig.one-regulator", a=a_pa, b=b_pa)
         self._idle()
         with self._lock:
             began = self.past.clock_s
@@ -606,10 +591,8 @@ class RigSession:
                 if not 0.0 <= step.duration_s < np.inf:
                     raise RigError(f"a hold of {step.duration_s} s is not possible", rule="0 s <= duration")
             elif not (low - 1e-6 <= step.to_m <= high + 1e-6 and 0.0 < step.speed_m_s <= limits.speed_m_s):
-                raise RigError(
-                    f"a move to {1e3 * step.to_m:g} mm at {1e3 * step.speed_m_s:g} mm/s is out of reach",
-                    rule=f"{1e3 * low:g} to {1e3 * high:g} mm, up to {1e3 * limits.speed_m_s:g} mm/s",
-                )
+                sizes = {"to": step.to_m, "speed": step.speed_m_s, "low": low, "high": high, "most": limits.speed_m_s}
+                raise RigError.of("rig.out-of-reach", **{name: 1e3 * size for name, size in sizes.items()})
 
     def _quietly(self, step: Step) -> None:
         """Run one step without samples and without drawing noise."""

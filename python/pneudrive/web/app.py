@@ -16,20 +16,21 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import create_model
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
+from pneudrive.describe.files import toml
 from pneudrive.errors import PneudriveError
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
 from pneudrive.web.jobs import READY, PageJobs
 from pneudrive.web.live import live
-from pneudrive.web.messages import fault_of, plain, problems_of
+from pneudrive.web.messages import PageRequest, fault_of, plain, problems_of, wrong_request
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.requests import wrong_request
 from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
 
 if TYPE_CHECKING:
@@ -39,74 +40,18 @@ if TYPE_CHECKING:
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
-#: Method and address -> function that answers. Its parameters name the values that it gets: ``workspace``, ``given``
-#: (the whole table of the request), ``control``, ``build``, or the texts of the request.
-ANSWERS = {
-    "GET /api/studies": "app:studies",
-    "GET /api/file": "drive.description:shown_file",
-    "PUT /api/file": "drive.description:written_file",
-    "GET /api/lineage": "lineage:shown_lineage",
-    "GET /api/stale": "lineage:stale_results",
-    "GET /api/headlines": "results:headlines",
-    "GET /api/report": "reports:report_address",
-    "POST /api/rename": "drop:rename",
-    "POST /api/own-layout": "drop:with_own_layout",
-    "POST /api/example": "drop:add_example",
-    "POST /api/check": "drive.description:checked",
-    "POST /api/edit": "drive.description:edited_as_asked",
-    "POST /api/parts": "drive.description:fitting_parts",
-    "POST /api/part": "drive.description:with_part",
-    "GET /api/view": "results:sent_view",
-    "GET /api/forms": "signatures:forms",
-    "POST /api/work": "signatures:copied_job",
-    "POST /api/jobs": "signatures:started_job",
-    "GET /api/jobs": "jobs:listed_jobs",
-    "POST /api/cancel": "jobs:cancelled_job",
-    "POST /api/campaigns": "jobs:started_campaign",
-    "POST /api/comparisons": "drive.control:started_comparison",
-    "GET /api/kinds": "drive.structure:kinds",
-    "POST /api/structure": "drive.structure:restructured",
-    "POST /api/drawing": "drive.description:drawing",
-    "POST /api/copy": "drive.beside:copied",
-    "GET /api/recording": "measured.recordings:shown_recording",
-    "GET /api/spectrum": "measured.recordings:shown_spectrum",
-    "GET /api/samples": "measured.recordings:shown_samples",
-    "GET /api/strokes": "measured.recordings:shown_strokes",
-    "POST /api/measure": "measured.recordings:measured",
-    "GET /api/propose": "measured.recordings:proposed",
-    "GET /api/validation": "measured.validation:shown_validation",
-    "POST /api/compare": "measured.validation:compared",
-    "POST /api/task": "drive.sizing:checked_or_first",
-    "GET /api/platform": "drive.description:first_platform",
-    "GET /api/sizing": "drive.sizing:shown_sizing",
-    "GET /api/map": "measured.friction:shown_map",
-    "GET /api/slice": "measured.friction:map_slice",
-    "GET /api/map-difference": "measured.friction:map_difference",
-    "GET /api/behind": "measured.friction:behind_fit",
-    "GET /api/next": "measured.friction:next_points",
-    "POST /api/plan": "measured.campaigns:planned",
-    "GET /api/campaign": "measured.campaigns:shown_campaign",
-    "GET /api/cycle": "measured.campaigns:running_cycle",
-    "POST /api/campaign": "measured.campaigns:ask_campaign",
-    "GET /api/control": "drive.control:choices",
-    "POST /api/law": "drive.control:tried_law",
-    "GET /api/comparison": "drive.control:shown_card",
-    "GET /api/tracks": "drive.control:shown_tracks",
-    "GET /api/bytes": "drive.description:fmu_bytes",
-    "GET /api/fmu": "drive.description:shown_fmu",
+#: Method and address -> function that answers. Its parameters are the model of the request: ``workspace``, ``control``
+#: and ``build`` are those of the server, ``given`` is the whole table, and any other is checked by its annotation.
+ANSWERS: dict[str, str] = {
+    route: f"{module}:{function}"
+    for module, routes in toml.read(Path(__file__).with_name("routes.toml"))[0].items()
+    for route, function in routes.items()
 }
 #: Modules that are imported at their first use.
 BEHIND = tuple(dict.fromkeys(f"pneudrive.web.{name.partition(':')[0]}" for name in ANSWERS.values()))
 
 
-def make_app(
-    workspace: Workspace,
-    port: int,
-    token: str,
-    built: Path = BUILT,
-    *,
-    control: bool = False,
-) -> Guard:
+def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *, control: bool = False) -> Guard:
     """Return the application behind its guard.
 
     Parameters
@@ -190,20 +135,28 @@ def _route(name: str, function: str, known: Mapping[str, Any]) -> Route:
 
 
 def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Mapping[str, Any]) -> Any:  # noqa: ANN401 - plain data, or a frame
-    """Call a function of `ANSWERS` with the values that its parameters name."""
-    function, names = _function(name)
-    texts = [key for key in names if key not in known and key != "given"]
-    table = {**query, **_table(body)} if body is not None else {**dict.fromkeys(texts, ""), **query}
-    if not all(isinstance(table.get(key), str) for key in texts):
-        raise wrong_request()
-    return function(**{key: table if key == "given" else known[key] if key in known else table[key] for key in names})
+    """Call a function of `ANSWERS` with the values of a request. A text that a GET request leaves out is empty."""
+    function, names, fields, models = _door(name)
+    texts = [key for key, each in fields.model_fields.items() if each.is_required()]
+    table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **_table(body)}
+    values = {**known, "given": table, **vars(fields.of(table)), **{key: of.of(table) for key, of in models.items()}}
+    return function(**{key: values[key] for key in names})
 
 
 @cache
-def _function(name: str) -> tuple[Callable[..., Any], tuple[str, ...]]:
+def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], dict[str, type[PageRequest]]]:
+    """Return a function of `ANSWERS`, its parameters, the model of its values, and its parameters that are models."""
     module, _, function = name.partition(":")
     found = getattr(import_module(f"pneudrive.web.{module}"), function)
-    return found, tuple(signature(found).parameters)
+    parameters = signature(found, eval_str=True).parameters
+    asked = {key: each for key, each in parameters.items() if key not in ("workspace", "control", "build", "given")}
+    models = {key: each.annotation for key, each in asked.items() if hasattr(each.annotation, "model_fields")}
+    fields: dict[str, Any] = {
+        key: (each.annotation, ... if each.default is each.empty else each.default)
+        for key, each in asked.items()
+        if key not in models
+    }
+    return found, list(parameters), create_model(function, __base__=PageRequest, **fields), models
 
 
 def _table(body: bytes) -> dict[str, Any]:

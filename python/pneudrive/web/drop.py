@@ -60,9 +60,7 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
                     _check_room(folder, name, 0)
                     looked = size
         if expected is not None and size != expected:
-            raise CommandError(
-                f"{name} arrived incomplete", value=f"{size} of {expected} bytes", remedy="Drop it again."
-            )
+            raise CommandError.of("web.cut-off", name=name, size=size, expected=expected)
         _place(part, target)
     except OSError as error:
         raise CommandError(f"{name} cannot be written: {error.strerror}") from None
@@ -145,9 +143,7 @@ def add_example(workspace: Workspace) -> dict[str, str]:
 def _check_room(folder: Path, name: str, size: int) -> None:
     free = shutil.disk_usage(folder).free
     if size > free - RESERVE:
-        raise CommandError(
-            f"the disk has too little room for {name}", value=f"{free / 1e9:.3g} GB free", rule="1.07 GB stay free"
-        )
+        raise CommandError.of("web.disk", name=name, free=free / 1e9)
 
 
 def _place(part: Path, target: Path) -> None:

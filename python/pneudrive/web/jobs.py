@@ -12,15 +12,16 @@ import subprocess
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import StrictFloat
 
 from pneudrive.errors import CommandError
 from pneudrive.files import child
-from pneudrive.web.requests import words
+from pneudrive.web.messages import bounded, words
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
 RESULTS, CAMPAIGNS = "results", "campaigns"
@@ -63,7 +64,13 @@ class JobRequest:
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
-def started_campaign(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def started_campaign(
+    workspace: Workspace,
+    pace: Annotated[StrictFloat | None, bounded(1.0, FASTEST, f"1 to {FASTEST:.0e}, or none")] = None,
+    resume: str | None = None,
+    protocol: object = None,
+    name: object = None,
+) -> dict[str, Any]:
     """Run a protocol on the simulated rig into a new folder, or continue in a folder.
 
     Raises
@@ -71,16 +78,13 @@ def started_campaign(workspace: Workspace, given: Mapping[str, Any]) -> dict[str
     CommandError
         The protocol or the folder is not in the workspace, or the speed is not a number.
     """
-    folder, pace = given.get("resume"), given.get("pace")
-    if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
-        raise CommandError(f"pace = {pace} is out of bounds", rule=f"1 to {FASTEST:.0e}, or none")
     speed = None if pace is None else f"{pace:g}"
-    if isinstance(folder, str):
-        existing_folder(workspace, folder)
-        job = JobRequest(words("campaign resume", folder, yes=True, speed=speed), folder, is_new=False)
+    if resume is not None:
+        existing_folder(workspace, resume)
+        job = JobRequest(words("campaign resume", resume, yes=True, speed=speed), resume, is_new=False)
     else:
-        protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
-        job = JobRequest(words("campaign run", protocol, rig=RIG, out=out, yes=True, speed=speed), out)
+        source, out = protocol_named(protocol, workspace), f"{CAMPAIGNS}/{folder_name(name)}"
+        job = JobRequest(words("campaign run", source, rig=RIG, out=out, yes=True, speed=speed), out)
     return workspace.state(PageJobs).start(job)
 
 
@@ -92,9 +96,8 @@ def existing_folder(workspace: Workspace, name: str, kind: str = "folder") -> Pa
     return folder
 
 
-def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
+def protocol_named(protocol: object, workspace: Workspace) -> str:
     """Return the named protocol: one of `READY`, or a file of the workspace."""
-    protocol = given.get("protocol")
     if not isinstance(protocol, str) or not (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file()):
         raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
     return protocol
@@ -103,19 +106,8 @@ def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
 def folder_name(given: object) -> str:
     """Check a folder name and return it."""
     if not isinstance(given, str) or not _NAME.fullmatch(given) or len(given.encode()) > MOST_BYTES:
-        rule = f"letters, digits, spaces, -, _ and .; at most 81 of them and {MOST_BYTES} bytes"
-        raise CommandError(f"{str(given)[:80]!r} is not a valid folder name", rule=rule)
+        raise CommandError.of("web.folder-name", name=str(given)[:80], bytes=MOST_BYTES)
     return given
-
-
-def design_python(fit: str, points: int | None) -> str:
-    """Return the lines of Python that propose the next points to measure for a fit."""
-    return (
-        "from pneudrive.campaign.planning.next_points import limits_of\n"
-        "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
-        f"fit, rig = FrictionFit.from_toml({fit!r}), load_rig({RIG!r})\n"
-        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)"
-    )
 
 
 @dataclass
@@ -200,10 +192,10 @@ class PageJobs:
             return self.all[-1].about()
 
 
-def cancelled_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def cancelled_job(workspace: Workspace, number: object = None) -> dict[str, Any]:
     """Cancel a job, like Ctrl-C. Finished parts are kept."""
     for job in workspace.state(PageJobs).all:
-        if job.number == given.get("number") and job.state == "running":
+        if job.number == number and job.state == "running":
             job.cancelled = True
             job.process.send_signal(signal.SIGINT)
     return listed_jobs(workspace)

@@ -140,16 +140,11 @@ class Lineage:
 
     def _digests(self, kind: str, path: str, of: str) -> frozenset[str]:
         """Return the hashes that a result may have of an input. Empty if the file cannot be read."""
-        match kind:
-            case "drive":
-                return self._read(_described_hashes, path)
-            case "fit":
-                return self._read(_fit_hashes, path)
-            case "friction map":
-                return _map_hashes(self._read(map_at, path), self._read(fit_at, of))
-            case "recording" if self.files[path].size > MOST_BYTES:
-                return frozenset()
-        return self._read(_recording_hashes if kind == "recording" else _file_hashes, path)
+        if kind == "friction map":
+            return _map_hashes(self._read(map_at, path), self._read(fit_at, of))
+        if kind == "recording" and self.files[path].size > MOST_BYTES:
+            return frozenset()
+        return self._read(_hashes, path, kind)
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
         """Return the file of the drive of a result, and the drive; "" and None if it is missing or has changed."""
@@ -242,22 +237,6 @@ def drive_at(workspace: Workspace, name: str, changed: float) -> Drive | None:
     return None
 
 
-@kept(2 * MOST_TRACED)
-def _described_hashes(workspace: Workspace, path: str, changed: float) -> frozenset[str]:
-    """Return the hashes of a drive and of its circuit, which controllers refer to, or of a circuit."""
-    with suppress(PneudriveError):
-        described = drive_at(workspace, path, changed) or described_at(workspace, path)
-        return frozenset([described.description_hash, described.circuit.description_hash])
-    return frozenset()
-
-
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _fit_hashes(workspace: Workspace, path: str, changed: float) -> frozenset[str]:
-    """Return the hash of a fit in the form that identified values carry."""
-    fit = fit_at(workspace, path, changed)
-    return frozenset() if fit is None else frozenset([fit.identified_as({}).fit])
-
-
 @lru_cache(maxsize=64)
 def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
     """Return a friction map, or None for another file."""
@@ -275,26 +254,33 @@ def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
     return frozenset()
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _recording_hashes(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
-    """Return the hashes of the file of a recording, for friction maps, and of its samples, for other results."""
+@kept(2 * MOST_TRACED)
+def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> frozenset[str]:
+    """Return the hashes that results carry of a file: of its values, its samples, or its bytes.
+
+    Controllers refer to the circuit of a drive, friction maps to the file of a recording, and other results to its
+    samples.
+    """
     digests = frozenset[str]()
-    with suppress(PneudriveError):
-        place = workspace.path(path)
-        digests |= hashes_of(place)
-        layout = layout_in(workspace, place)
-        if layout is not None and layout.kind == "fixed-volume":
-            return digests | {read_volume_recordings(place, layout)[0].sha256}
-        if layout is not None or needs_none(place):
-            return digests | {read_drive_recordings(place, layout, needed=NEEDED[:2], gaps=True)[0].sha256}
-    return digests
-
-
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _file_hashes(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
     with suppress(OSError, PneudriveError):
-        return frozenset([hashlib.sha256(workspace.path(path).read_bytes()).hexdigest()])
-    return frozenset()
+        match kind:
+            case "drive":
+                described = drive_at(workspace, path, changed) or described_at(workspace, path)
+                return frozenset([described.description_hash, described.circuit.description_hash])
+            case "fit":
+                fit = fit_at(workspace, path, changed)
+                return frozenset() if fit is None else frozenset([fit.identified_as({}).fit])
+            case "recording":
+                place = workspace.path(path)
+                digests |= hashes_of(place)
+                layout = layout_in(workspace, place)
+                if layout is not None and layout.kind == "fixed-volume":
+                    return digests | {read_volume_recordings(place, layout)[0].sha256}
+                if layout is not None or needs_none(place):
+                    return digests | {read_drive_recordings(place, layout, needed=NEEDED[:2], gaps=True)[0].sha256}
+            case _:
+                return frozenset([hashlib.sha256(workspace.path(path).read_bytes()).hexdigest()])
+    return digests
 
 
 @lru_cache(maxsize=2 * MOST_TRACED)

@@ -1,24 +1,42 @@
-"""Frames of a socket or a body: a head of JSON, then arrays that the page reads in place.
+"""Requests of the page as models, lines that repeat them elsewhere, and answers: problems, plain data and frames.
 
-Length of the head (4 bytes, little-endian), the head, then each array, each on a multiple of 8 bytes.
+A frame is a head of JSON, then arrays that the page reads in place: length of the head (4 bytes, little-endian), the
+head, then each array, each on a multiple of 8 bytes.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import shlex
 import struct
 import zlib
+from functools import cache
+from pathlib import Path
 from traceback import print_exception
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    FiniteFloat,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+    WrapValidator,
+)
 
+from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
+from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from typing_extensions import Self
 
 Array = NDArray[Any]
 ALIGNED = 8
@@ -117,24 +135,118 @@ def number(value: object) -> float | None:
 _OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
 
 
-def fault_of(fault: BaseException, path: str = "") -> CommandError:
+def fault_of(error: BaseException, path: str = "") -> CommandError:
     """Return the error for an unexpected exception.
 
     Parameters
     ----------
-    fault : BaseException
+    error : BaseException
         Panics of the core are not of the class `Exception`.
     path : str
         File that was read. Empty if the request names no file.
     """
-    text = f"{type(fault).__name__}: {fault}"
-    if path and isinstance(fault, _OF_CONTENT):
-        return CommandError(
-            f"{path[:LONGEST_NAME]} cannot be shown: it is incomplete or damaged",
-            value=f"{fault.args[0]} is missing" if isinstance(fault, KeyError) and fault.args else text,
-            remedy="Make it again. If the file is complete, report this error with the file.",
-        )
-    print_exception(fault)
-    return CommandError(
-        f"a fault of pneudrive: {text}", remedy="Report it with the files of this run; the terminal shows the details."
-    )
+    text = f"{type(error).__name__}: {error}"
+    if path and isinstance(error, _OF_CONTENT):
+        value = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else text
+        return CommandError.of("web.damaged", value=value, path=path[:LONGEST_NAME])
+    print_exception(error)
+    return CommandError.of("web.fault", text=text)
+
+
+# --- Requests, whose fields are checked once, and the lines that repeat them elsewhere.
+
+MOST_PIXELS, LEAST_PIXELS = 4000, 10
+#: Width of a drawing; one that is out of bounds is cut to them.
+Pixels = Annotated[StrictInt, AfterValidator(lambda width: max(LEAST_PIXELS, min(width, MOST_PIXELS)))]
+#: Text or number of a value that a field of the page changes; a truth is a number.
+Value = StrictStr | StrictInt | FiniteFloat
+
+
+def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
+    """Return the check of a number of a request; a text that is not a number is out of bounds, too."""
+
+    def check(given: Any, read: Any, info: Any) -> Any:  # noqa: ANN401 - signature of pydantic
+        try:
+            value = read(given)
+            if value is None or low <= value <= high:
+                return value
+        except ValidationError:
+            pass
+        what = f"{info.field_name} = {str(given)[:80]} is out of bounds"
+        raise CommandError(what, rule=rule or f"a whole number, {low} to {high}")
+
+    return WrapValidator(check)
+
+
+class PageRequest(BaseModel):
+    """A request of the page. Additional fields are ignored, because one message may contain several requests."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Read a request.
+
+        Raises
+        ------
+        CommandError
+            A part is missing or of another type.
+        """
+        try:
+            return cls.model_validate(given)
+        except ValidationError:
+            raise wrong_request() from None
+
+
+def wrong_request() -> CommandError:
+    """Return the error for a request that the page does not send."""
+    return CommandError("this page does not send such a request", remedy="Reload the page.")
+
+
+def python(name: str, **values: Any) -> str:  # noqa: ANN401 - any value
+    """Return lines of Python of ``python.toml``."""
+    return _python()[name].format(**values)
+
+
+@cache
+def _python() -> dict[str, str]:
+    return toml.read(Path(__file__).with_name("python.toml"))[0]
+
+
+def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: ANN401 - texts, numbers, lists of them
+    """Return the words of a command: its arguments, then its options without the empty ones.
+
+    Examples
+    --------
+    >>> words("fit", "-map.csv", laws="stribeck", ambient=None, profile=True, set=["a = 1", "b = 2"])
+    ['fit', './-map.csv', '--laws', 'stribeck', '--profile', '--set', 'a = 1', '--set', 'b = 2']
+    """
+    out = [*command.split(), *map(safe, names)]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            out.append(flag)
+        elif not _is_empty(value):
+            out += [word for text in (value if isinstance(value, list) else [value]) for word in (flag, str(text))]
+    return out
+
+
+def shell(command: str, /, *names: str, **options: Any) -> str:  # noqa: ANN401 - as for `words`
+    """Return a line of a shell. See `words`."""
+    return shlex.join(["pneudrive", *words(command, *names, **options)])
+
+
+def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: ANN401 - any value
+    """Return a call in Python: arguments as they are, then the options without the empty ones.
+
+    Examples
+    --------
+    >>> call("pn.simulate", "drive", "'0.5 s'", initial="", rtol=1e-4)
+    "pn.simulate(drive, '0.5 s', rtol=0.0001)"
+    """
+    named = [f"{name}={value!r}" for name, value in options.items() if not _is_empty(value)]
+    return f"{function}({', '.join([*positional, *named])})"
+
+
+def _is_empty(value: object) -> bool:
+    return value is None or value is False or value in ("", {}, [])

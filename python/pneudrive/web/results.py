@@ -58,9 +58,7 @@ def view_at(workspace: Workspace, path: str) -> View:
     except PneudriveError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise CommandError(
-            f"{path} is incomplete, or a part has another type", value=str(error), remedy="Make it again."
-        ) from None
+        raise CommandError.of("web.incomplete", value=str(error), path=path) from None
 
 
 def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -27,9 +27,9 @@ from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, design_python, existing_folder, folder_name
+from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, existing_folder, folder_name
 from pneudrive.web.measured.recordings import layout_in
-from pneudrive.web.requests import call, words, wrong_request
+from pneudrive.web.messages import call, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
@@ -125,8 +125,7 @@ class CommandInput:
             if name.partition(":")[2] not in entries():
                 raise CommandError(f"the catalogue has no drive {name[:80]}")
         elif not workspace.path(name, FILES[self.kind]).is_file():
-            what = f"there is no {self.label.lower()} {name[:200]}"
-            raise CommandError(what, remedy="Save it, or choose another one.")
+            raise CommandError.of("web.no-input", kind=self.label.lower(), name=name[:200])
 
 
 def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None:
@@ -141,11 +140,7 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
         if missing == [LAYOUT]:
             raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
         if missing:
-            raise CommandError(
-                f"{name} lacks {', '.join(missing)}",
-                rule="a drive is compared with command, position and both pressures",
-                remedy="Choose a recording of this drive, or name these channels in its layout.",
-            )
+            raise CommandError.of("web.channels", name=name, missing=", ".join(missing))
 
 
 def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
@@ -163,10 +158,11 @@ def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
 
 @dataclass(frozen=True)
 class CommandForm:
-    """A command that a page starts: text of its button, form of its result from the values, and its inputs."""
+    """A command that a page starts: text of its button, its result and its Python from the values, and its inputs."""
 
     title: str
     out: str
+    python: str
     inputs: tuple[CommandInput, ...]
 
     def job(self, kind: str, given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
@@ -189,42 +185,30 @@ class CommandForm:
                 options[name] = value
             elif value is not None:
                 names += value if isinstance(value, list) else [value]
-        python = f"import pneudrive as pn\n{_python(kind, values, out)}\n"
+        lines = self.python.format(**{**values, **_python(kind, values), "out": out})
         options.pop("out", None)  # the last word: a job that goes on replaces it
-        return JobRequest(words(kind, *names, **options, out=out), out, python=python)
+        return JobRequest(words(kind, *names, **options, out=out), out, python=lines)
 
 
-def _python(kind: str, values: Mapping[str, Any], out: str) -> str:
-    """Return lines of Python with the same numbers as a command."""
-    drive, fit, recordings = (values.get(key) for key in ("drive", "fit", "recordings"))
+def _python(kind: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return further names of the Python of a command, which gives the same numbers: options, without empty ones."""
+    found: dict[str, Any] = {}
     match kind:
-        case "characterise":
-            return f"\ncurves = pn.characterise({recordings!r})"
         case "fit":
             law, form = CANDIDATES[values["law"]], values["pressure"]
-            options = {"stribeck_exponent": law.exponent, "stribeck_shape": "lorentzian" if law.lorentzian else None}
-            options |= {} if form == "none" else {"pressure_dependence": True, "pressure": form}
-            done = call("pn.fit_friction", "curves", repr(law.law), **options, any_shape=True)
-            return f"\ncurves = pn.load({values['map']!r})\nfit = {done}"
-        case "design":
-            return design_python(str(fit), values["points"])
-        case "validate":
-            return f"\nfound = pn.validate(pn.load({drive!r}), {recordings!r})"
-        case "identify":
-            return f"\nfit = pn.identify(pn.load({drive!r}), {recordings!r}, {values['free'].split(', ')!r})"
-        case "apply":
-            return f"\nafter = pn.load({fit!r}).apply(pn.load({drive!r}))"
+            found = {"stribeck_exponent": law.exponent, "stribeck_shape": "lorentzian" if law.lorentzian else None}
+            found |= {} if form == "none" else {"pressure_dependence": True, "pressure": form}
+            return {"options": call("", repr(law.law), **found, any_shape=True)[1:-1]}
         case "size":
-            counts = {name: values[name] for name in ("least", "most", "draws")}
-            counts["draws_best"] = DRAWS_BEST_OF * values["draws"]
-            return f"\nfound = {call('pn.size', repr(values['task']), **counts)}"
+            found = {name: values[name] for name in ("least", "most", "draws")}
+            found["draws_best"] = DRAWS_BEST_OF * values["draws"]
         case "export":
-            options = {"version": values["fmi"], "actuator": values["actuator"], "initial": values["initial"]}
-            done = call(f"pn.export_{values['to']}", f"pn.load({drive!r})", repr(out), **options)
-            return f"\ndone = {done}"
-        case _:
-            build = "from pneudrive.datasheet.sheet import build\nfrom pneudrive.progress import Watch\n"
-            return f"{build}\nsheet = build(pn.load({drive!r}), [], None, Watch())"
+            found = {"version": values["fmi"], "actuator": values["actuator"], "initial": values["initial"]}
+        case "identify":
+            return {"names": values["free"].split(", ")}
+        case "design":
+            return {"plan": python("design", fit=values["fit"], rig=RIG, points=values["points"])}
+    return {"options": call("", "", **found)[1:-1]}
 
 
 #: Key of a choice -> values with their titles.
@@ -254,7 +238,8 @@ def _read() -> Iterator[tuple[str, CommandForm]]:
     tables, _ = toml.read(Path(__file__).with_name("forms.toml"), CommandError)
     shared = tables.pop("shared")
     for command, form in tables.items():
-        yield command, CommandForm(form["title"], form["out"], tuple(_inputs(command, form["inputs"], shared)))
+        inputs = tuple(_inputs(command, form.pop("inputs"), shared))
+        yield command, CommandForm(**form, inputs=inputs)
 
 
 SIGNATURES = dict(_read())
@@ -285,13 +270,13 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
     return paths
 
 
-def copied_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
+def copied_job(workspace: Workspace, given: dict[str, Any]) -> dict[str, str]:
     """Return a job as lines of a shell and as Python."""
     job = _job(given, workspace)
     return {"command": job.command, "python": job.python}
 
 
-def started_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def started_job(workspace: Workspace, given: dict[str, Any]) -> dict[str, Any]:
     """Start a job."""
     return workspace.state(PageJobs).start(_job(given, workspace))
 
@@ -311,8 +296,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     if kind == "characterise" and isinstance(campaign := given.get("campaign"), str):
         out = f"{RESULTS}/{folder_name(given.get('name'))}"
         existing_folder(workspace, campaign, "campaign")
-        python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
-        return JobRequest(words(kind, campaign, out=out), out, python=python)
+        return JobRequest(words(kind, campaign, out=out), out, python=python("campaign", folder=campaign))
     if kind == "size" and (folder := given.get("resume")) is not None:
         if is_held(workspace.folder(folder) / LOCK):
             raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")

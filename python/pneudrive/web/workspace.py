@@ -287,9 +287,7 @@ def safe(name: str) -> str:
 
 
 def _refused(name: object) -> CommandError:
-    return CommandError(
-        f"{str(name)[:80]!r} is not a file of this workspace", rule="a relative name, inside the folder"
-    )
+    return CommandError.of("web.refused", name=str(name)[:80])
 
 
 def _texts(value: object) -> Iterator[str]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from pneudrive.campaign.cycle import Head
+from pneudrive.campaign.cycle import WORDS, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
@@ -324,18 +324,7 @@ def _celsius(kelvin: float) -> str:
 
 
 #: Flags and what they count.
-FLAGS = {
-    "non_finite": "samples with a value that is not a number",
-    "duplicated": "samples that arrived twice, equal in every channel",
-    "repeated_time": "samples with the time of the previous sample, but other values",
-    "time_runs_back": "samples earlier than the previous sample: the clock jumped back",
-    "dropped": "samples that are missing between two others",
-    "saturated": "samples at an end of the sensor's range",
-    "stuck": "samples at which a reading did not change while the axis moved",
-    "too_few_samples": "samples missing in moves with less than a tenth of the requested samples",
-    "steps_missing": "moves and holds without a sample",
-    "target_missed": "moves that missed their target",
-}
+FLAGS = WORDS["flags"]
 #: Serious flags: they make a cycle unusable, and a campaign stops after some such cycles in a row.
 SERIOUS = frozenset(FLAGS) - {"duplicated", "dropped", "repeated_time"}
 

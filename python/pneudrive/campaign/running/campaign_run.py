@@ -14,6 +14,7 @@ import uuid
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.campaign.cycle import WORDS
 from pneudrive.campaign.running.attempt import (
     FAULT,
     NO_ANSWER,
@@ -332,24 +333,19 @@ class CampaignRun:
         request = self._requests.take()
         if request is None:
             return
-        self._leaving = request.leave
-        if request.word == control.PAUSE:
-            self._lock.tell(state="pausing", text="after the cycle")
-            action = "ending" if request.leave else "pausing"
-            self._tell(f"{action} after this cycle ({request.by}); Ctrl-C again stops the axis now")
-            self._pausing = control.PAUSE
-        elif request.word == control.STOP:
-            self._lock.tell(state="pausing", text="now")
-            self._tell(f"stopping now ({request.by})")
-            self._pausing = control.STOP
-            self._rest()
-        elif request.word == control.ABORT:
-            self._lock.tell(state="stopping", text="")
-            self._tell(f"ending now ({request.by}); finished cycles are kept")
-            self._rest()
-            raise EndedError(request.by)
-        elif request.word == control.RESUME:
+        self._leaving, word = request.leave, request.word
+        if word == control.RESUME:
             self._tell(f"{request.by} asked to continue, but nothing is paused")
+            return
+        about = WORDS["requests"][word]
+        self._lock.tell(state=about["state"], text=about["text"])
+        self._tell(about["line"].format(action="ending" if request.leave else "pausing", by=request.by))
+        if word != control.ABORT:
+            self._pausing = word
+        if word != control.PAUSE:
+            self._rest()
+        if word == control.ABORT:
+            raise EndedError(request.by)
 
     def _checkpoint(self) -> None:
         """Handle requests, and pause on request."""
@@ -469,12 +465,8 @@ class CampaignRun:
         if not lost and not self._trouble().startswith((FAULT, NO_ANSWER)):
             raise of_rig  # type: ignore[misc] - not None if the connection is not lost
         if failures >= self.options.attempts:
-            raise CampaignError(
-                f"cycle {cycle.key} was stopped {failures} times",
-                value=reason,
-                rule=f"a cycle is begun {self.options.attempts} times",
-                remedy="Check the rig, then resume: finished cycles are kept.",
-            ) from of_rig
+            counts = {"key": cycle.key, "times": failures, "most": self.options.attempts}
+            raise CampaignError.of("campaign.given-up", value=reason, **counts) from of_rig
 
     def _trouble(self) -> str:
         """Return the reason why measuring cannot continue. Empty if it can."""
@@ -505,11 +497,7 @@ class CampaignRun:
                 self._rest()
             last_wrong = wrong or last_wrong
             if waited >= options.patience_s:
-                raise CampaignError(
-                    f"the campaign has waited for {options.patience_s:g} s in vain",
-                    value=last_wrong,
-                    remedy="Correct this, then resume: finished cycles are kept.",
-                )
+                raise CampaignError.of("campaign.waited", value=last_wrong, seconds=options.patience_s)
             self._sleep(options.look_s)
             waited += options.look_s
         if last_wrong:
@@ -521,12 +509,8 @@ class CampaignRun:
         needed = self._samples[cycle.key] * SAMPLE_BYTES + CYCLE_BYTES
         free = shutil.disk_usage(self.campaign.path).free
         if free < needed:
-            raise CampaignError(
-                "the disk is full",
-                where=str(self.campaign.path),
-                value=f"{free / 1e6:.3g} MB are free, the next cycle may need {needed / 1e6:.3g} MB",
-                remedy=control.REMEDIES[errno.ENOSPC],
-            )
+            sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
+            raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
 
     # -- finished cycles ----------------------------------------------------------------------------------------
 
@@ -558,12 +542,7 @@ class CampaignRun:
         flags = next(reversed(self.finished.values()))
         self._bad = self._bad + 1 if serious(flags) else 0
         if self._bad >= self.options.bad_in_a_row:
-            raise CampaignError(
-                f"{self._bad} cycles in a row have unusable samples",
-                value=_counted(flags),
-                where=str(self._path),
-                remedy="Check the sensors, then resume. The cycles are kept, with their flags.",
-            )
+            raise CampaignError.of("campaign.bad-cycles", where=str(self._path), value=_counted(flags), count=self._bad)
 
 
 def mark(error: BaseException) -> None:

@@ -23,6 +23,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.campaign.cycle import WORDS
 from pneudrive.errors import CampaignError, CommandError
 from pneudrive.files.content import read_json
 from pneudrive.files.writing import is_held, open_to_append, take
@@ -41,16 +42,7 @@ PART = ".part"
 #: Errors of file systems that cannot flush a folder; they store names by themselves.
 NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
-REMEDIES = {
-    errno.ENOSPC: "Free some space, then run `pneudrive campaign resume` on the folder: finished cycles are kept.",
-    errno.EDQUOT: "The quota is used up. Free some space, then resume: finished cycles are kept.",
-    errno.EROFS: "The file system is read-only. Name a writable folder.",
-    errno.EACCES: "Get write permission there, or name another folder.",
-    errno.ENOENT: "The parent folder does not exist. Name a folder that can be created.",
-    errno.ENOTDIR: "A file is in the way. Name another folder.",
-    errno.EEXIST: "A file is in the way. Name another folder.",
-    errno.EPERM: "Get write permission there, or name another folder.",
-}
+REMEDIES = {getattr(errno, name): text for name, text in WORDS["remedies"].items()}
 
 
 @contextlib.contextmanager
@@ -130,13 +122,8 @@ def no_links(folder: Path) -> None:
     deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
     for entry in (*own, *deeper):
         if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
-            raise CampaignError(
-                "a campaign folder must contain ordinary files only",
-                where=entry.path,
-                value=f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device",
-                rule="a link could redirect writing to another place",
-                remedy="Replace the link by the file. The whole folder may be a link.",
-            )
+            kind = f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device"
+            raise CampaignError.of("campaign.link", where=entry.path, value=kind)
 
 
 def _entries(folder: str | Path | os.DirEntry[str]) -> list[os.DirEntry[str]]:
@@ -224,21 +211,11 @@ class FolderLock:
             taken = take(self._file)
         except OSError as error:
             os.close(self._file)
-            raise CampaignError(
-                "the campaign folder cannot be locked",
-                where=str(path),
-                value=error.strerror,
-                rule="two processes must not write to one campaign",
-                remedy="Use a folder on a file system that supports locks.",
-            ) from error
+            raise CampaignError.of("campaign.no-locks", where=str(path), value=error.strerror) from error
         if not taken:
             os.close(self._file)
-            raise CampaignError(
-                "another process works in this campaign folder",
-                where=str(folder),
-                value=str(_read(path) or "a process without a name"),
-                remedy=f"Wait for it, or end it: pneudrive campaign abort {folder}",
-            )
+            other = str(_read(path) or "a process without a name")
+            raise CampaignError.of("campaign.locked", where=str(folder), value=other, folder=folder)
         self._holder = Holder(os.getpid(), socket.gethostname(), user(), now())
         self.tell()
 
@@ -471,11 +448,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
     """
     running = holder(folder)
     if running is None:
-        raise CampaignError(
-            "no process works in this campaign folder",
-            where=str(folder),
-            remedy=f"Resume it: pneudrive campaign resume {folder}",
-        )
+        raise CampaignError.of("campaign.no-process", where=str(folder), folder=folder)
     no_links(folder)
     make_folder(folder / FOLDER)
     write_whole(

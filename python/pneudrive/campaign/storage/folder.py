@@ -299,11 +299,7 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
     if isinstance(found, PneudriveError):
         raise found
     if found.text is None:
-        raise CampaignError(
-            f'the file has no header: "{HEAD}" in its Parquet metadata',
-            where=str(path),
-            remedy="See docs/reference/campaign-folder.md.",
-        )
+        raise CampaignError.of("campaign.no-header", where=str(path), head=HEAD)
     number, _, key = path.stem.partition("-")
     index = int(number) if number.isdigit() else None
     head, notes = parse_head(found.text, str(path), index=index, key=key)
@@ -350,19 +346,9 @@ class Campaign(Shown):
         folder = Path(path)
         missing = [name for name in (RIG, ABOUT) if not exists(folder / name)]
         if missing:
-            raise CampaignError(
-                "this is not a campaign folder",
-                where=str(folder),
-                value=f"there is no {missing[0]}",
-                rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
-                remedy=f"Was a campaign killed before its start? pneudrive campaign run PROTOCOL --out {folder}",
-            )
+            raise CampaignError.of("campaign.no-campaign", where=str(folder), missing=missing[0], folder=folder)
         if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
-            raise CampaignError(
-                "a file has the name of the folder of the cycles",
-                where=str(folder / CYCLES),
-                remedy="Rename it; the cycles of the folder are lost unless there is a copy.",
-            )
+            raise CampaignError.of("campaign.no-cycles", where=str(folder / CYCLES))
         rig = read_json(folder / RIG, CampaignError)
         about = read_json(folder / ABOUT, CampaignError)
         if not isinstance(about, dict):
@@ -465,12 +451,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any
     own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, CONTROL}
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
-        raise CampaignError(
-            "the folder is not empty and is not a campaign",
-            where=str(folder),
-            value=", ".join(sorted(foreign)[:5]) or CYCLES,
-            remedy="Name another folder, or an empty one.",
-        )
+        raise CampaignError.of("campaign.not-empty", where=str(folder), value=", ".join(sorted(foreign)[:5]) or CYCLES)
     make_folder(folder / CYCLES)
     write_whole(folder / PROTOCOL, protocol.encode())
     write_whole(folder / RIG, json.dumps(identity.to_dict(), indent=2, default=plain).encode())
@@ -533,11 +514,7 @@ def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     """
     text, limits = campaign.protocol, campaign.about.get("envelope")
     if not text or not isinstance(limits, dict):
-        raise CampaignError(
-            "the folder holds no plan",
-            where=str(campaign.path),
-            rule="campaign.toml and campaign.json: envelope",
-        )
+        raise CampaignError.of("campaign.no-plan", where=str(campaign.path))
     from pneudrive.campaign.planning.plan import draft, lay_out
     from pneudrive.campaign.planning.protocol import parse_protocol
 

@@ -6,13 +6,22 @@ import base64
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import socket
 from dataclasses import dataclass, field, fields
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
+import asyncua.ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto import cert_gen
+from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from asyncua.crypto.uacrypto import CertProperties
+from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
 from pydantic import model_validator
 
 from pneudrive.describe.keys import WrongValueError, wrong
@@ -20,35 +29,15 @@ from pneudrive.describe.marks import Reads
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig.rig_file import RigFile
 
+ua: Any = asyncua.ua
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
+#: Line of a user file: name, and salted hash of the password.
+_USER = re.compile(r"(?P<name>[^:]+):scrypt:(?P<salt>[^:]*):[^:]+")
+#: Checked line of an unknown user, which takes the same time.
+_NOBODY = ":scrypt::"
 PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
 OTHERS_MAY_READ = 0o077
-
-
-def opcua(module: str = "asyncua") -> Any:  # noqa: ANN401 - a module
-    """Import an optional library, or name the extra that installs it.
-
-    Raises
-    ------
-    RigError
-        The library is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        what = f"OPC UA needs the optional library {module.partition('.')[0]}"
-        raise RigError(what, remedy="pip install 'pneudrive[rig]'") from None
-
-
-class _Types:
-    """Types of the library, which is imported at their first use."""
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a type of asyncua
-        return getattr(opcua("asyncua.ua"), name)
-
-
-ua: Any = _Types()
 
 
 @dataclass(frozen=True)
@@ -78,14 +67,12 @@ class Access:
         """
         if self.password_env is not None:
             if self.password_env not in os.environ:
-                what = f"the environment variable {self.password_env} is empty or not set"
-                raise RigError(what, remedy=f"export {self.password_env}=..., or name another password_env")
+                raise RigError.of("rig.variable", name=self.password_env)
             return os.environ[self.password_env]
         if self.password_file is None:
             return None
         if self.password_file.is_symlink():
-            rule = "a link could lead to a private file of yours, which the rig's server would receive"
-            raise RigError(f"the password file {self.password_file} is a link", rule=rule, remedy="Copy the file.")
+            raise RigError.of("rig.password-link", file=self.password_file)
         return secret(self.password_file).decode("utf-8").rstrip("\r\n")
 
 
@@ -155,15 +142,14 @@ class AccessFile(RigFile):
 async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua's client
     """Set the credentials of a client before it connects."""
     if access.certificate is not None:
-        policies = opcua("asyncua.crypto.security_policies")
         client.application_uri = application_uri(access.certificate)
         await client.set_security(
-            policies.SecurityPolicyBasic256Sha256,
+            SecurityPolicyBasic256Sha256,
             certificate=_properties(read(access.certificate)),
             private_key=_properties(secret(access.key or Path())),
             server_certificate=_properties(read(access.server_certificate or Path())),
         )
-        client.certificate_validator = _validator("PEER_SERVER")
+        client.certificate_validator = _validator(CertificateValidatorOptions.PEER_SERVER).validate
     if access.user is not None:
         client.set_user(access.user)
         client.set_password(access.password() or "")
@@ -184,7 +170,7 @@ class Protection:
     trusted : tuple of bytes
         Certificates of admitted clients, DER.
     users : dict
-        Name -> salted hash. With users, a client must log in as one of them.
+        Name -> line of the user file. With users, a client must log in as one of them.
     """
 
     certificate: Path | None = None
@@ -224,14 +210,21 @@ class Protection:
         username: str | None = None,
         password: str | None = None,
         certificate: bytes | None = None,
-    ) -> Any:  # noqa: ANN401 - asyncua's user, or None for a rejected login
+    ) -> User | None:
         """Return the user of a client, or None to reject it."""
-        rules = opcua("asyncua.crypto.permission_rules")
         if self.certificate is not None and certificate not in self.trusted:
             return None
-        if self.users and not is_password(self.users.get(username or "", ""), password or ""):
-            return None
-        return rules.User(role=rules.UserRole.User, name=username)
+        if self.users:
+            line = self.users.get(username or "", _NOBODY)
+            if not hmac.compare_digest(_user_line(username or "", password or "", line.split(":")[2]), line):
+                return None
+        return User(role=UserRole.User, name=username)
+
+    async def validate(self, certificate: x509.Certificate, application: Any) -> None:  # noqa: ANN401 - asyncua's
+        """Check trust, dates and application of the certificate of a client."""
+        if certificate.public_bytes(Encoding.DER) not in self.trusted:
+            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+        await _validator(CertificateValidatorOptions.PEER_CLIENT).validate(certificate, application)
 
 
 async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 - asyncua's server
@@ -247,7 +240,7 @@ async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 
     certificate, key = _properties(read(protection.certificate)), _properties(secret(protection.key))
     await server.load_certificate(certificate.path_or_content, certificate.extension)
     await server.load_private_key(key.path_or_content, format=key.extension)
-    server.set_certificate_validator(_validator("PEER_CLIENT", protection.trusted))
+    server.set_certificate_validator(protection.validate)
 
 
 def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
@@ -268,20 +261,18 @@ def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, da
     RigError
         A file of that name exists or cannot be written.
     """
-    generator = opcua("asyncua.crypto.cert_gen")
-    x509, serialization = opcua("cryptography.x509"), opcua("cryptography.hazmat.primitives.serialization")
     certificate_path, key_path = folder / f"{name}.pem", folder / f"{name}.key"
-    key = generator.generate_private_key()
-    hosts = hosts or [socket.gethostname()]
-    names = [x509.UniformResourceIdentifier(f"urn:pneudrive:{name}"), *(x509.DNSName(host) for host in hosts)]
-    use = x509.oid.ExtendedKeyUsageOID
-    made = generator.generate_self_signed_app_certificate(
-        key, name, {}, names, [use.CLIENT_AUTH, use.SERVER_AUTH], days=days
-    )
+    key, uses = cert_gen.generate_private_key(), x509.oid.ExtendedKeyUsageOID
+    names = [
+        x509.UniformResourceIdentifier(f"urn:pneudrive:{name}"),
+        *map(x509.DNSName, hosts or [socket.gethostname()]),
+    ]
+    both = [uses.CLIENT_AUTH, uses.SERVER_AUTH]
+    made = cert_gen.generate_self_signed_app_certificate(key, name, {}, names, both, days=days)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_secret(key_path, generator.dump_private_key_as_pem(key))
-        certificate_path.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+        write_secret(key_path, cert_gen.dump_private_key_as_pem(key))
+        certificate_path.write_bytes(made.public_bytes(Encoding.PEM))
     except FileExistsError:
         raise RigError(f"{key_path} already exists", remedy="Choose another name, or remove the file.") from None
     except OSError as error:
@@ -309,21 +300,18 @@ def add_user(path: Path, name: str, password: str) -> None:
     if not name or ":" in name or name != name.strip() or not password:
         raise CommandError(f"user {name!r} cannot be added", rule="a user needs a name without colon, and a password")
     users = read_users(path) if path.exists() else {}
-    salt = secrets.token_bytes(SALT_BYTES)
-    users[name] = f"scrypt:{_text(salt)}:{_text(_hash(password, salt))}"
+    users[name] = _user_line(name, password, base64.b64encode(secrets.token_bytes(SALT_BYTES)).decode())
     new = path.with_suffix(path.suffix + ".new")
     try:
         new.unlink(missing_ok=True)
-        write_secret(new, "".join(f"{user}:{kept}\n" for user, kept in users.items()).encode())
+        write_secret(new, "".join(f"{line}\n" for line in users.values()).encode())
         new.replace(path)
     except OSError as error:
-        raise RigError(
-            f"{path} cannot be written: {error.strerror}", remedy="Choose a file in one of your folders."
-        ) from None
+        raise RigError.of("rig.not-written", file=path, reason=error.strerror) from None
 
 
 def read_users(path: Path) -> dict[str, str]:
-    """Read a user file: name -> salted hash.
+    """Read a user file: name -> its line.
 
     Raises
     ------
@@ -332,14 +320,9 @@ def read_users(path: Path) -> dict[str, str]:
     """
     users = {}
     for number, line in enumerate(secret(path).decode("utf-8").splitlines(), start=1):
-        name, _, kept = line.partition(":")
-        if kept.count(":") != 2 or not kept.startswith("scrypt:"):
-            raise RigError(
-                "this line does not describe a user",
-                where=f"{path}:{number}",
-                remedy="pneudrive rig user NAME --user-file FILE",
-            )
-        users[name] = kept
+        if not (user := _USER.fullmatch(line)):
+            raise RigError.of("rig.no-user", where=f"{path}:{number}")
+        users[user["name"]] = line
     if not users:
         raise RigError("the file has no users", where=str(path), remedy="pneudrive rig user NAME --user-file FILE")
     return users
@@ -347,20 +330,16 @@ def read_users(path: Path) -> dict[str, str]:
 
 def application_uri(certificate: Path) -> str:
     """Return the application's URI from a certificate, which OPC UA compares with that of the application."""
-    x509 = opcua("cryptography.x509")
     try:
         names = _certificate(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         return names.get_values_for_type(x509.UniformResourceIdentifier)[0]
     except (x509.ExtensionNotFound, IndexError):
-        what = f"{certificate} is not a certificate of an OPC UA application"
-        raise RigError(
-            what, rule="the certificate contains its application's URI", remedy="pneudrive rig certificate"
-        ) from None
+        raise RigError.of("rig.no-application", file=certificate) from None
 
 
 def der(path: Path) -> bytes:
     """Return a certificate's bytes in DER."""
-    return _certificate(path).public_bytes(opcua("cryptography.hazmat.primitives.serialization").Encoding.DER)
+    return _certificate(path).public_bytes(Encoding.DER)
 
 
 def read(path: Path) -> bytes:
@@ -379,49 +358,24 @@ def secret(path: Path) -> bytes:
     return content
 
 
-def _certificate(path: Path) -> Any:  # noqa: ANN401 - a certificate
-    x509 = opcua("cryptography.x509")
+def _certificate(path: Path) -> x509.Certificate:
     content = read(path)
     try:
-        if b"-----BEGIN" in content:
-            return x509.load_pem_x509_certificate(content)
-        return x509.load_der_x509_certificate(content)
+        load = x509.load_pem_x509_certificate if b"-----BEGIN" in content else x509.load_der_x509_certificate
+        return load(content)
     except ValueError:
         raise RigError(f"{path} is not a certificate", rule="PEM or DER") from None
 
 
-def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a file's content
-    kind = "pem" if b"-----BEGIN" in content else "der"
-    return opcua("asyncua.crypto.uacrypto").CertProperties(content, kind)
+def _properties(content: bytes) -> CertProperties:
+    return CertProperties(content, "pem" if b"-----BEGIN" in content else "der")
 
 
-def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # noqa: ANN401 - asyncua's
-    """Return a validator of a certificate's dates, application and trust."""
-    module, utils = opcua("asyncua.crypto.validator"), opcua("asyncua.common.utils")
-    options = module.CertificateValidatorOptions
-    usual = module.CertificateValidator(options.BASIC_VALIDATION | options[peer])
-    encoding = opcua("cryptography.hazmat.primitives.serialization").Encoding.DER
-
-    async def check(certificate: Any, application: Any) -> None:  # noqa: ANN401
-        if trusted is not None and certificate.public_bytes(encoding) not in trusted:
-            raise utils.ServiceError(ua.StatusCodes.BadCertificateUntrusted)
-        await usual.validate(certificate, application)
-
-    return check
+def _validator(peer: CertificateValidatorOptions) -> CertificateValidator:
+    """Return a validator of the dates and the application of a certificate."""
+    return CertificateValidator(CertificateValidatorOptions.BASIC_VALIDATION | peer)
 
 
-def is_password(kept: str, password: str) -> bool:
-    """Return whether a password has this salted hash.
-
-    For an unknown user an empty hash is compared, which takes the same time.
-    """
-    _, salt, expected = kept.split(":") if kept else ("", "", "")
-    return hmac.compare_digest(_text(_hash(password, base64.b64decode(salt))), expected)
-
-
-def _hash(password: str, salt: bytes) -> bytes:
-    return hashlib.scrypt(password.encode("utf-8"), salt=salt, **SCRYPT)
-
-
-def _text(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")
+def _user_line(name: str, password: str, salt: str) -> str:
+    digest = hashlib.scrypt(password.encode("utf-8"), salt=base64.b64decode(salt), **SCRYPT)
+    return f"{name}:scrypt:{salt}:{base64.b64encode(digest).decode()}"

@@ -170,9 +170,7 @@ class OpcUaRig:
             pass
         if not self._back_within(min(STOP_S, self.reconnect_s)):  # connecting stops the axis
             beat = self._link.nodes.handshake.heartbeat_s
-            what = f"the stop did not reach the rig: {self._link.lost}"
-            rule = f"without a heartbeat of its client, the server brings the axis to rest within {beat:g} s"
-            raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig on site.") from None
+            raise RigError.of("rig.stop-lost", where=self._link.url, reason=self._link.lost, beat=beat) from None
         self._gone = False
 
     def _do(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
@@ -205,17 +203,12 @@ class OpcUaRig:
         if current != identity and current == self._id:
             raise _EndedError("it was ended by another command of this program", where=self._link.url)
         if current != identity:
-            what = "another client commands this rig"
-            raise RigError(
-                what, where=self._link.url, rule="one client commands at a time", remedy="End the other client."
-            )
+            raise RigError.of("rig.other-client", where=self._link.url)
         return done == identity
 
     def _wait(self, look: float, deadline: float, verb: node_map.Verb) -> None:
         if time.monotonic() > deadline:
-            what = f"the rig does not finish {_words(verb)}"
-            rule = "handshake.patience of the node map beyond the duration of the steps"
-            raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig.")
+            raise RigError.of("rig.unfinished", where=self._link.url, verb=_words(verb))
         time.sleep(look)
 
     def _check_fault(self, verb: node_map.Verb) -> None:
@@ -230,8 +223,8 @@ class OpcUaRig:
         slot = self._link.nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
-            what = f"samples were lost: slot {slot} contains chunk {sequence} instead of {number}"
-            raise RigError(what, where=self._link.url, remedy="Use more or larger slots in the PLC and the node map.")
+            places = {"slot": slot, "sequence": sequence, "number": number}
+            raise RigError.of("rig.lost-samples", where=self._link.url, **places)
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
@@ -257,10 +250,7 @@ class OpcUaRig:
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
         if any(arrays["step.weight"]) and "step.weight" not in nodes:
-            raise RigError(
-                "the rig does not support a known weight",
-                rule="a known weight needs the node step.weight in the node map",
-            )
+            raise RigError.of("rig.no-weight")
         return {name: values for name, values in arrays.items() if name in nodes}
 
     def _sampling(self, sampling: Sampling) -> dict[str, Any]:
@@ -275,8 +265,7 @@ class OpcUaRig:
     def _described(self, name: str) -> Any:  # noqa: ANN401 - JSON
         table = name.partition(".")[2]
         if name not in self._link.nodes:
-            what = f"neither the rig file nor the node map gives the rig's {table}"
-            raise RigError(what, where=self._link.url, remedy=f"Write a table [{table}] in the rig file.")
+            raise RigError.of("rig.undescribed", where=self._link.url, table=table)
         (text,) = self._link.read(name)
         return parse_json(text, self._link.url, RigError)
 
@@ -320,14 +309,8 @@ class OpcUaRig:
         """Connect again within the allowed time."""
         if self._back_within(self.reconnect_s):
             return
-        what = f"the connection to the rig was lost and could not be reopened within {self.reconnect_s:g} s"
-        beat = self._link.nodes.handshake.heartbeat_s
-        raise RigError(
-            f"{what}: {reason}",
-            where=self._link.url,
-            rule=f"the server brings the axis to rest {beat:g} s after the last heartbeat",
-            remedy="Start the server and resume the campaign; `reconnect` in the rig file allows more time.",
-        )
+        times = {"seconds": self.reconnect_s, "beat": self._link.nodes.handshake.heartbeat_s}
+        raise RigError.of("rig.lost", where=self._link.url, reason=reason, **times)
 
     def _back_within(self, limit_s: float) -> bool:
         """Connect again, with growing waits between attempts, and stop the rig; return whether this succeeded."""
@@ -422,12 +405,7 @@ def open_rig(
     try:
         _ = urlsplit(url).port
     except ValueError as error:
-        raise RigError(
-            f"this is not an address: {error}",
-            where=url,
-            rule="an address is opc.tcp://HOST:PORT",
-            remedy="Check the address.",
-        ) from None
+        raise RigError.of("rig.address", where=url, error=error) from None
     link = Link(url, nodes or node_map.load_map(), access or Access())
     try:
         for wait_s in (*AGAIN_S, 0.0):
@@ -444,8 +422,7 @@ def open_rig(
         link.close()
         if not isinstance(error, LinkError):
             raise
-        remedy = "Check the address, and whether the server is running; pneudrive rig serve starts a server."
-        raise RigError(f"the rig cannot be reached: {error}", where=url, remedy=remedy) from None
+        raise RigError.of("rig.unreachable", where=url, error=error) from None
 
 
 def _address(given: object) -> str:
@@ -482,12 +459,7 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
 
 
 def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
-    return ConnectionLostError(
-        f"the connection was lost during {doing} and is back: {reason}",
-        where=url,
-        rule="the rig is at rest without pressure; the running cycle is lost",
-        remedy="Repeat the cycle.",
-    )
+    return ConnectionLostError.of("rig.back", where=url, verb=doing, reason=reason)
 
 
 def _words(verb: node_map.Verb) -> str:

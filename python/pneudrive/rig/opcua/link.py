@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from asyncua.client.client import Client
 from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua.access import Access, opcua, secure, ua
+from pneudrive.rig.opcua.access import Access, secure, ua
 from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
 
 if TYPE_CHECKING:
@@ -105,7 +106,6 @@ class Link:
     """
 
     def __init__(self, url: str, nodes: NodeMap, access: Access) -> None:
-        opcua()
         quieten()
         self.url, self.nodes, self.access = url, nodes, access
         self.ambient_pa = 0.0
@@ -171,7 +171,7 @@ class Link:
             raise
 
     async def _log_in(self) -> Any:  # noqa: ANN401 - asyncua's client
-        client = opcua().Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.handshake.heartbeat_s)
+        client = Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.handshake.heartbeat_s)
         client.name = client.description = "pneudrive"
         try:
             await secure(client, self.access)
@@ -180,11 +180,7 @@ class Link:
             await _hang_up(client)
             name = type(error).__name__
             if any(word in name + str(error) for word in REFUSALS):
-                raise RigError(
-                    f"the server rejects this client: {_reason(error)}",
-                    where=self.url,
-                    remedy="Check user, password and certificates of both sides; see the guide on OPC UA.",
-                ) from None
+                raise RigError.of("rig.rejected", where=self.url, reason=_reason(error)) from None
             raise LinkError(_reason(error)) from None
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
@@ -296,12 +292,8 @@ class Link:
             raise HungUpError(self.lost) from None
 
     def _good(self, status: Any, name: str, node_id: Any) -> None:  # noqa: ANN401 - asyncua's types
-        if status is None or status.is_good():
-            return
-        what = f"node {name} ({node_id.to_string()}) cannot be used: {status.name}"
-        raise RigError(
-            what, where=self.url, rule=status.doc, remedy="Check the node map and the server's access rights."
-        )
+        if status is not None and not status.is_good():
+            raise RigError.of("rig.node", where=self.url, name=name, id=node_id.to_string(), status=status)
 
     def _to_si(self, served: ServedNode, raw: Any) -> Any:  # noqa: ANN401
         kind = served.node.kind
@@ -322,8 +314,7 @@ class Link:
 def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id
     if not text.startswith("ns="):
         if namespace not in uris:
-            what = f"the server has no namespace {namespace}"
-            raise RigError(what, where=url, value=", ".join(uris), remedy="Check the namespace of the node map.")
+            raise RigError.of("rig.namespace", where=url, value=", ".join(uris), namespace=namespace)
         text = f"ns={uris.index(namespace)};{text}"
     try:
         return ua.NodeId.from_string(text)

@@ -30,6 +30,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
 from pneudrive.errors import RigError, nearest
+from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
 
 DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
@@ -73,13 +74,7 @@ STATE, SAMPLES, SAMPLING = (
     {f"{table}.{key}": row["field"] for key, row in _TABLES[table].items() if "field" in row}
     for table in ("state", "samples", "sampling")
 )
-TYPES = {
-    "Double": ("Double", "Float"),
-    "UInt32": ("UInt32", "UInt16", "UInt64", "Int32", "Int64"),
-    "Int32": ("Int32", "Int16", "Int64", "UInt16", "UInt32"),
-    "Boolean": ("Boolean",),
-    "String": ("String",),
-}
+TYPES: dict[str, list[str]] = WORDS["types"]
 Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
 
 

@@ -13,13 +13,15 @@ from concurrent.futures import Future
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from asyncua.server.server import Server
+
 from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
-from pneudrive.rig.opcua.access import Protection, opcua, protect, ua
-from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
+from pneudrive.rig.opcua.access import Protection, protect, ua
+from pneudrive.rig.opcua.link import BUFFER, COUNTER, LARGEST_MESSAGE, LoopThread, ServedSession, ServerLimits, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, NodeMap, Verb
 
 if TYPE_CHECKING:
@@ -87,7 +89,6 @@ class RigServer:
         protection: Protection | None = None,
         heartbeat_s: float | None = None,
     ) -> None:
-        opcua()
         quieten()
         self.rig, self.nodes, self.host, self.port = rig, nodes, host, port
         self.protection = protection or Protection()
@@ -124,8 +125,8 @@ class RigServer:
             self._loop.run(self._start())
         except OSError as error:
             self._loop.close()
-            what = f"the server cannot listen on {self.host}:{self.port}: {error.strerror or error}"
-            raise RigError(what, remedy="Choose another --port (0: a free one) or --bind.") from None
+            reason = error.strerror or error
+            raise RigError.of("rig.port", host=self.host, port=self.port, reason=reason) from None
         except BaseException:
             self._loop.close()
             raise
@@ -144,9 +145,8 @@ class RigServer:
         gc.unfreeze()
 
     async def _start(self) -> None:
-        from pneudrive.rig.opcua.link import BUFFER, LARGEST_MESSAGE, ServedSession, ServerLimits
-
-        self._server = server = opcua().Server()
+        server: Any = Server()
+        self._server = server
         with many_objects():  # otherwise half of the time of the start
             await server.init()
         server.set_server_name("pneudrive rig")
@@ -397,8 +397,7 @@ class RigServer:
         elif verb in (Verb.MOVE, Verb.HOLD):
             (step,) = self._steps({**arguments, "step.count": 1})
             if isinstance(step, Move) != (verb == Verb.MOVE):
-                what = f"the first step is not a {Verb(verb).name.lower()}"
-                raise RigError(what, rule="step.kind: 0 move, 1 hold")
+                raise RigError.of("rig.first-step", verb=Verb(verb).name.lower())
             if isinstance(step, Move):
                 rig.move(step.to_m, step.speed_m_s)
             else:
@@ -435,10 +434,7 @@ class RigServer:
             if kind & HOLD and not 0.0 <= duration_s <= LONGEST_STEP_S:
                 raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
             if not kind & HOLD and speed_m_s < self._slowest_m_s:
-                raise RigError(
-                    f"a move at {1e3 * speed_m_s:g} mm/s is too slow",
-                    rule=f"at least {1e3 * self._slowest_m_s:.3g} mm/s, so that the travel takes at most a day",
-                )
+                raise RigError.of("rig.slow", speed=1e3 * speed_m_s, slowest=1e3 * self._slowest_m_s)
             hold = Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), weight_n)
             steps.append(hold if kind & HOLD else Move(position_m, speed_m_s))
         return steps

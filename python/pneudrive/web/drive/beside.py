@@ -23,8 +23,7 @@ from pneudrive.units import parse, readable
 from pneudrive.views import STATES, Finding, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import Array
-from pneudrive.web.requests import shell, wrong_request
+from pneudrive.web.messages import Array, shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
@@ -132,9 +131,7 @@ class ExtrasRequest(RunRequest):
         place = workspace.path(path, TRAJECTORIES)
         names = columns_in(place, columns)
         if "time_s" not in names or len(names) < 2:
-            raise CommandError(
-                f"{path} lacks the columns of this drive", rule="a file with the columns of pneudrive simulate"
-            )
+            raise CommandError.of("web.columns", path=path)
         found = read_columns(place, names)
         time = found["time_s"]
         if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):
@@ -226,18 +223,15 @@ class ExtrasRequest(RunRequest):
         return "\n".join([*lines, ""]) if lines else ""
 
 
-def copied(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
+def copied(workspace: Workspace, request: ExtrasRequest, columns: tuple[str, ...] = ()) -> dict[str, str]:
     """Return a run and its comparisons as lines of a shell and as Python."""
-    asked = ExtrasRequest.of(given)
-    asked.check_saved(workspace)
-    columns = given.get("columns", [])
-    columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
-    run = asked.as_python(described_at(workspace, asked.path, asked.text))
+    request.check_saved(workspace)
+    run = request.as_python(described_at(workspace, request.path, request.text))
     names = NewNames(workspace)
-    out = names.of(asked.stem())
+    out = names.of(request.stem())
     return {
-        "command": f"{asked.as_command(out)}\n{asked.extras_command(columns, out, names)}".strip(),
-        "python": f"import pneudrive as pn\n\n{run}\n{asked.extras_python(workspace, columns)}",
+        "command": f"{request.as_command(out)}\n{request.extras_command(columns, out, names)}".strip(),
+        "python": f"import pneudrive as pn\n\n{run}\n{request.extras_python(workspace, columns)}",
     }
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, StrictInt, StrictStr
+from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
 from pneudrive.control.benchmarks import ControlComparison, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
@@ -24,8 +24,7 @@ from pneudrive.progress import Watch
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import number, pack
-from pneudrive.web.requests import MOST_PIXELS, PageRequest, Pixels, Value, call, words
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, bounded, call, number, pack, python, words
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
 
 if TYPE_CHECKING:
@@ -216,7 +215,7 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
-def tried_law(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def tried_law(workspace: Workspace, request: ControlRequest) -> dict[str, Any]:
     """Run a law as a request says, and return its largest error, m; null if it lost the drive.
 
     Raises
@@ -225,9 +224,9 @@ def tried_law(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
         As for `ControlRequest.run`.
     """
     try:
-        _, run = ControlRequest.of(given).run(workspace)
+        _, run = request.run(workspace)
     except Cancelled:
-        raise CommandError(f"{given.get('law')} took longer than {MOST_SECONDS:g} s", remedy="Use Compare.") from None
+        raise CommandError(f"{request.law} took longer than {MOST_SECONDS:g} s", remedy="Use Compare.") from None
     return {"value": number(Score(**run.provenance["score"]).max_error_m)}
 
 
@@ -298,7 +297,63 @@ def _is_text(text: str) -> bool:
     return True
 
 
-def started_comparison(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def _names(given: object, info: ValidationInfo) -> list[str]:
+    """Return a list of words for one argument of a command. No item may contain a comma."""
+    each = [given] if isinstance(given, str) else given
+    if not isinstance(each, list) or not each or not all(isinstance(name, str) and name.strip() for name in each):
+        raise CommandError(f"{info.field_name} are missing", remedy="Choose at least one.")
+    for name in each:
+        if "," in name:
+            raise CommandError.of("web.comma", name=name[:80], of=info.field_name)
+    return [name.strip() for name in each]
+
+
+Names = Annotated[list[str], BeforeValidator(_names)]
+Text = Annotated[StrictStr, BeforeValidator(lambda text: text or "")]
+
+
+class BenchmarkRequest(PageRequest):
+    """A benchmark, as the page starts it and as its folder repeats it."""
+
+    drive: Text = ""
+    laws: Names = Field(default_factory=list, validate_default=True)
+    references: Names = Field(default_factory=list, validate_default=True)
+    setup: Annotated[StrictStr, BeforeValidator(lambda text: text or "real")] = "real"
+    mismatch: Text = ""
+    spread: Text = ""
+    count: Annotated[StrictInt, bounded(1, MOST_MEMBERS)] = 1
+
+    def job(self, workspace: Workspace, out: str, *, is_new: bool = False) -> JobRequest:
+        """Return the job that makes a folder, or goes on in it.
+
+        Raises
+        ------
+        PneudriveError
+            A name leads out of the workspace, or is not known.
+        """
+        drive = described_at(workspace, self.drive)
+        for law in self.laws:
+            if law != "all":
+                _checked_law(workspace, law)
+        for track in self.references:
+            _reference(workspace, track)
+        kinds = self.model_dump(include={"setup", "mismatch", "spread"})
+        for kind, name in kinds.items():
+            if name:
+                _ready(workspace, name, kind)
+        counted = {"members" if self.spread else "seeds": self.count}
+        command = words("control benchmark", self.drive, laws=",".join(map(safe, self.laws)))
+        command += [f"--references={','.join(self.references)}"]
+        command += words("", **{kind: safe(name) for kind, name in kinds.items()}, **counted, out=safe(out))
+        lists = [repr(each[0] if each in (["all"], ["standard"]) else each) for each in (self.laws, self.references)]
+        card = call("pn.control.benchmark", "drive", *lists, **kinds, **counted, out=out)
+        lines = python("benchmark", type=type(drive).__name__, path=self.drive, card=card)
+        return JobRequest(command, out, is_new=is_new, python=lines)
+
+
+def started_comparison(
+    workspace: Workspace, given: dict[str, Any], resume: str | None = None, name: object = None
+) -> dict[str, Any]:
     """Run a benchmark into a new folder, or continue the benchmark of a folder.
 
     Raises
@@ -306,58 +361,14 @@ def started_comparison(workspace: Workspace, given: Mapping[str, Any]) -> dict[s
     PneudriveError
         A part is missing, leads out of the workspace, or is not valid, or the folder does not match the request.
     """
-    folder = given.get("resume")
-    if isinstance(folder, str):
-        asked = read_comparison(workspace.folder(folder)).about.get("asked")
+    if resume is not None:
+        asked = read_comparison(workspace.folder(resume)).about.get("asked")
         if not asked:
-            raise CommandError(f"{folder} does not record the command that started it", remedy="Run its command again.")
-        job = _job(asked, workspace, folder, is_new=False)
+            raise CommandError(f"{resume} does not record the command that started it", remedy="Run its command again.")
+        job = BenchmarkRequest.of(asked).job(workspace, resume)
     else:
-        job = _job(given, workspace, f"{RESULTS}/{folder_name(given.get('name'))}", is_new=True)
+        job = BenchmarkRequest.of(given).job(workspace, f"{RESULTS}/{folder_name(name)}", is_new=True)
     return workspace.state(PageJobs).start(job)
-
-
-def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bool) -> JobRequest:
-    path, setup, mismatch, spread = texts = [
-        given.get(name) or default
-        for name, default in (("drive", ""), ("setup", "real"), ("mismatch", ""), ("spread", ""))
-    ]
-    controllers, tracks = (_names(given.get(name), name) for name in ("laws", "references"))
-    count = given.get("count", 1)
-    right = all(isinstance(text, str) for text in texts) and isinstance(count, int)
-    if not right or isinstance(count, bool) or not 1 <= count <= MOST_MEMBERS:
-        raise CommandError(f"count = {str(count)[:80]} is out of bounds", rule=f"a whole number, 1 to {MOST_MEMBERS}")
-    drive = described_at(workspace, path)
-    for law in controllers:
-        if law != "all":
-            _checked_law(workspace, law)
-    for track in tracks:
-        _reference(workspace, track)
-    _ready(workspace, setup, "setup")
-    for name in filter(None, (mismatch, spread)):
-        _ready(workspace, name, "mismatch" if name == mismatch else "spread")
-    counted = {"members" if spread else "seeds": count}
-    command = words("control benchmark", path, laws=",".join(map(safe, controllers)))
-    command += [f"--references={','.join(tracks)}"]
-    files = {name: safe(text) for name, text in zip(("setup", "mismatch", "spread"), texts[1:], strict=True)}
-    command += words("", **files, **counted, out=safe(out))
-    lists = [repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in (controllers, tracks)]
-    card = call(
-        "pn.control.benchmark", "drive", *lists, setup=setup, mismatch=mismatch, spread=spread, **counted, out=out
-    )
-    python = f"import pneudrive as pn\n\ndrive = pn.{type(drive).__name__}.load({path!r})\ncard = {card}\n"
-    return JobRequest(command, out, is_new=is_new, python=python)
-
-
-def _names(given: object, option: str) -> list[str]:
-    """Return a list of words for one argument of a command. No item may contain a comma."""
-    each = [given] if isinstance(given, str) else given
-    if not isinstance(each, list) or not each or not all(isinstance(name, str) and name.strip() for name in each):
-        raise CommandError(f"{option} are missing", remedy="Choose at least one.")
-    for name in each:
-        if "," in name:
-            raise CommandError(f"{name[:80]!r} has a comma, which separates {option}", remedy="Write it without.")
-    return [name.strip() for name in each]
 
 
 def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, Any]:
@@ -374,7 +385,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
     job = None
     if card.about.get("asked"):
         with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
-            job = _job(card.about["asked"], workspace, path, is_new=False)
+            job = BenchmarkRequest.of(card.about["asked"]).job(workspace, path)
     told = card.about["laws"]
     failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
     return {
@@ -404,7 +415,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
         ],
         "failed": failed[:20],
         "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
-        "python": job.python if job else f"import pneudrive as pn\n\ncard = pn.control.read_comparison({path!r})\n",
+        "python": job.python if job else python("card", path=path),
     }
 
 
@@ -423,7 +434,12 @@ def _cell(card: ControlComparison, law: str, track: str, measure: str) -> dict[s
     }
 
 
-def shown_tracks(workspace: Workspace, path: str, reference: str, pixels: str = "") -> bytes:
+def shown_tracks(
+    workspace: Workspace,
+    path: str,
+    reference: str,
+    pixels: Annotated[int, bounded(1, MOST_PIXELS, f"1 to {MOST_PIXELS} pixels")] = 1000,
+) -> bytes:
     """Return the tracks of all controllers and their errors as a frame, with each controller's first run.
 
     Raises
@@ -431,9 +447,6 @@ def shown_tracks(workspace: Workspace, path: str, reference: str, pixels: str = 
     CommandError
         The folder is not a benchmark, or does not have this reference.
     """
-    width = pixels or "1000"
-    if not width.isdecimal() or not 1 <= int(width) <= MOST_PIXELS:
-        raise CommandError("the width is out of bounds", rule=f"1 to {MOST_PIXELS} pixels")
     card = read_comparison(workspace.folder(path))
     if reference not in card.references:
         raise CommandError(f"{reference[:80]!r} is not a reference of {path}", rule=", ".join(card.references))
@@ -445,6 +458,6 @@ def shown_tracks(workspace: Workspace, path: str, reference: str, pixels: str = 
             track["error_m"] = track["reference_m"] - track["position_m"]
             seeds[law] = run.seed
             errors.append(track["error_m"])
-            arrays |= {f"{law}/{key}": values for key, values in drawn_columns(track, int(width)).items()}
+            arrays |= {f"{law}/{key}": values for key, values in drawn_columns(track, pixels).items()}
     head = {"reference": reference, "laws": list(seeds), "seeds": list(seeds.values()), "error": _error_unit(errors)}
     return pack(head, arrays)

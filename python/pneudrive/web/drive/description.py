@@ -26,12 +26,11 @@ from pneudrive.fmu.description import read_fmu
 from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
 from pneudrive.web.drive.run_request import Described, described_at
-from pneudrive.web.messages import problems_of
-from pneudrive.web.requests import wrong_request
+from pneudrive.web.messages import Value, problems_of, python
 from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
@@ -51,7 +50,7 @@ FIRST = ("cylinder", "load", "friction", "valve", "supply")
 ORDER = {name: place for place, name in enumerate(FIRST)} | {"ambient": 98, "gas": 99}
 
 
-def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+def checked_text(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     """Check a text and return its problems, or its name, values, assumptions and commands."""
     try:
         described = described_at(workspace, path, text)
@@ -173,12 +172,9 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     }
 
 
-def edited_as_asked(given: Mapping[str, Any]) -> dict[str, str]:
+def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> dict[str, str]:
     """Return a text with one value changed. With a unit, write the value in this unit."""
-    text, key, value, unit = (given.get(name) for name in ("text", "key", "value", "unit"))
-    if not isinstance(text, str) or not isinstance(key, str) or not isinstance(value, str | int | float):
-        raise wrong_request()
-    return {"text": edited(text, key, in_unit(str(value), unit) if isinstance(unit, str) else value)}
+    return {"text": edited(text, key, value if unit is None else in_unit(str(value), unit))}
 
 
 def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> dict[str, Any]:
@@ -283,13 +279,13 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
 
 
-def shown_file(workspace: Workspace, path: str, given: Mapping[str, str]) -> dict[str, Any]:
+def shown_file(workspace: Workspace, path: str, checked: str = "") -> dict[str, Any]:
     """Return the text of a file and its version, and on request its check as a description.
 
     For a drive of the catalogue, return a text that starts from it, and None.
     """
     text, version = (f'drive = "{path}"\n', None) if is_in_catalogue(path) else workspace.read(path)
-    about = {"checked": checked(workspace, path, text)} if "checked" in given else {}
+    about = {"checked": checked_text(workspace, path, text)} if checked else {}
     return {"text": text, "sha256": version, **about}
 
 
@@ -321,7 +317,6 @@ def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
     commands = {name: FULL_OPENING for name in inputs if name.rpartition(".")[2] == COMMAND}
     start = f", start_values={commands}" if commands else ""
     last = f'run["{outputs[0]}"][-1]' if outputs else "run[-1]"
-    run = f"run = simulate_fmu({path!r}{start}, stop_time=0.5, output_interval=1e-3)"
     with zipfile.ZipFile(file) as archive:
         systems = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
     return {
@@ -330,5 +325,5 @@ def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
         "variables": [vars(variable) for variable in fmu.variables],
         "sha256": hashlib.sha256(data).hexdigest(),
         "size": len(data),
-        "fmpy": f"from fmpy import simulate_fmu\n\n{run}\nprint({last})\n",
+        "fmpy": python("fmu", path=path, start=start, last=last),
     }

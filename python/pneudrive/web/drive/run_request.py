@@ -18,7 +18,7 @@ from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import Run, positive, run
-from pneudrive.web.requests import PageRequest, Pixels, Value, call, shell
+from pneudrive.web.messages import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ class RunRequest(PageRequest):
         lines = command if isinstance(command, list) else [command]
         for line in lines:
             if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):
-                rule = 'a number, "0 s: 1, 1 s: -1", or a CSV file of the folder'
-                raise CommandError(f'"{line}" is not a command', rule=rule)
+                raise CommandError.of("web.command", line=line)
         return [line for line in lines if line.strip()] if isinstance(command, list) else command
 
     def with_path(self, path: str) -> RunRequest:
@@ -166,8 +165,7 @@ class RunRequest(PageRequest):
             The file has another text.
         """
         if self.text is not None and (is_in_catalogue(self.path) or workspace.read(self.path)[0] != self.text):
-            remedy = "Save it under Drive first: a command and Python read the file."
-            raise CommandError(f"{self.path} has unsaved changes in the page", remedy=remedy)
+            raise CommandError.of("web.unsaved", path=self.path)
 
     def as_command(self, out: str) -> str:
         """Return the shell line that makes the same run in the folder of the workspace, into a file `out`."""
@@ -201,11 +199,7 @@ class RunRequest(PageRequest):
 def check_samples(samples: float) -> None:
     """Refuse a run that is too long for the page."""
     if not math.isfinite(samples) or samples > MOST_SAMPLES:
-        raise CommandError(
-            f"{samples:.3g} samples are too many for the page",
-            rule=f"at most {MOST_SAMPLES:.0e}",
-            remedy="Copy the command and run it in a terminal.",
-        )
+        raise CommandError.of("web.samples", samples=samples, most=MOST_SAMPLES)
 
 
 def _placed(command: str, workspace: Workspace) -> str:

@@ -22,8 +22,6 @@ from pneudrive.web.messages import plain, problems_of
 from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pneudrive.sizing.checks import SizedDrive
 
 #: A task to begin with.
@@ -33,10 +31,9 @@ MOST_TASKS = 500  # number of kept tasks
 SENT = ("name", "draws", "met", "time_out", "time_back", "energy", "margin", "binding", "load_ratio")
 
 
-def checked_or_first(given: Mapping[str, Any]) -> dict[str, Any]:
+def checked_or_first(text: str | None = None) -> dict[str, Any]:
     """Check the text of a task and return its problems, or its full content. Without a text, return an example task."""
-    text = given.get("text")
-    if not isinstance(text, str):
+    if text is None:
         return {"text": read_text(FIRST, CommandError)}
     try:
         task = SizingTask.load(text if "\n" in text else f"{text}\n")

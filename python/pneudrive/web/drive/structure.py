@@ -6,7 +6,7 @@ import re
 from functools import lru_cache
 from itertools import count, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
 import tomlkit
 from pydantic import StrictStr
@@ -17,12 +17,8 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.requests import PageRequest, wrong_request
+from pneudrive.web.messages import PageRequest
 from pneudrive.web.workspace import Workspace
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
 
 STARTERS = Path(__file__).with_name("starters.toml")
 ASSUMED = "Assumed initial values."
@@ -60,13 +56,13 @@ class StructureRequest(PageRequest):
 
     path: StrictStr
     text: StrictStr
-    act: StrictStr
+    act: Literal["open", "add", "join", "cut", "remove"]
     one: StrictStr = ""
     other: StrictStr = ""
     kind: StrictStr = ""
 
 
-def restructured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
+def restructured(workspace: Workspace, request: StructureRequest) -> dict[str, str]:
     """Return the text of a circuit after a change of its structure, and the component to show.
 
     Raises
@@ -76,25 +72,22 @@ def restructured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, st
     DescriptionError
         The text that the change begins with is not valid.
     """
-    asked = StructureRequest.of(given)
-    described = described_at(workspace, asked.path, asked.text)
-    if asked.act == "open":
+    described = described_at(workspace, request.path, request.text)
+    if request.act == "open":
         return {"text": described.circuit.to_toml(), "chosen": ""}
     if not isinstance(described, Circuit):
         raise CommandError("a drive has a fixed structure", remedy="Open it as a circuit first.")
-    change = CircuitText(asked.text, described.wiring)
+    change = CircuitText(request.text, described.wiring)
     chosen = ""
-    match asked.act:
+    match request.act:
         case "add":
-            chosen = change.add(asked.kind, asked.one)
+            chosen = change.add(request.kind, request.one)
         case "join":
-            change.join(asked.one, asked.other)
+            change.join(request.one, request.other)
         case "cut":
-            change.cut(asked.one)
+            change.cut(request.one)
         case "remove":
-            change.remove(asked.one)
-        case _:
-            raise wrong_request()
+            change.remove(request.one)
     return {"text": change.written(), "chosen": chosen}
 
 
@@ -165,9 +158,7 @@ class CircuitText:
             words = _words(self._chains[number])
             self._chains[number] = f" {ARROW} ".join([*words[: word + 1], name, *words[word + 1 :]])
         elif place is not None and port.is_single:
-            raise CommandError(
-                f"{at} is joined already", rule="a port takes one connection", remedy="Cut its line first."
-            )
+            raise CommandError.of("web.joined", port=at)
         else:
             self._chains.append(f"{at} {ARROW} {(through or own)[0].id}")
         table = tomlkit.table()

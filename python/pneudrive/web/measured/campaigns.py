@@ -16,13 +16,10 @@ from pneudrive.campaign.storage.control import WORDS, ask, holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
-from pneudrive.web.messages import pack
-from pneudrive.web.requests import shell
+from pneudrive.web.messages import pack, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pneudrive.campaign.cycle import Head
 
 
@@ -32,7 +29,7 @@ MOST_POINTS = 10_000
 CONTROL = "Start the server with --control to send requests to a campaign."
 
 
-def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def planned(workspace: Workspace, protocol: object = None) -> dict[str, Any]:
     """Return the plan of a protocol on the simulated rig in words, with its command and its Python lines.
 
     Raises
@@ -45,20 +42,13 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
     from pneudrive.campaign.planning.protocol import read_protocol
     from pneudrive.rig.rig_file import load_rig, opened
 
-    name = protocol_named(given, workspace)
+    name = protocol_named(protocol, workspace)
     asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))
     with opened(load_rig(RIG, asked.seed)) as bench:
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
-    python = (
-        "from pneudrive.campaign.planning.plan import lay_out, show\n"
-        "from pneudrive.campaign.planning.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
-        f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
-        "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
-    )
-    command = shell("campaign plan", name, rig=RIG)
-    about = {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned)}
-    return {**about, "command": command, "python": python}
+    lines = {"command": shell("campaign plan", name, rig=RIG), "python": python("plan", rig=RIG, protocol=name)}
+    return {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned), **lines}
 
 
 class WatchedCampaign:
@@ -145,7 +135,7 @@ def running_cycle(workspace: Workspace, path: str) -> bytes:
     return pack({"cycle": found.cycle, "left": found.left, "samples": found.samples}, found.points)
 
 
-def ask_campaign(workspace: Workspace, path: str, given: Mapping[str, Any], control: bool) -> None:
+def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = None) -> None:
     """Send one of the four requests of a campaign to the process that runs it.
 
     Raises
@@ -155,7 +145,7 @@ def ask_campaign(workspace: Workspace, path: str, given: Mapping[str, Any], cont
     CampaignError
         No process runs the campaign.
     """
-    folder, word = workspace.folder(path), given.get("word")
+    folder = workspace.folder(path)
     if not control:
         raise CommandError("this server shows campaigns but does not control them", remedy=CONTROL)
     if word not in WORDS:

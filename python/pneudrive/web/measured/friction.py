@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 from posixpath import basename, dirname
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
@@ -26,10 +26,9 @@ from pneudrive.identify.static.result import (
 )
 from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
-from pneudrive.web.jobs import RIG, design_python
+from pneudrive.web.jobs import RIG
 from pneudrive.web.lineage import SAME, Lineage, recordings_of_map
-from pneudrive.web.messages import Array, number
-from pneudrive.web.requests import shell, wrong_request
+from pneudrive.web.messages import Array, bounded, number, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     }
 
 
-def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str, Any]:
+def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] | float) -> dict[str, Any]:
     """Return friction over the gauge pressure of one chamber, for each pressure of the other.
 
     Parameters
@@ -153,8 +152,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
         Name of the map.
     fit : str
         Name of the fit next to the map whose curves are drawn.
-    speed : str
-        m/s; points count within `NEAR` of it. ``"all"``: all points count, and curves hold at the mean speed of a seal.
+    speed : float or "all"
+        m/s; points count within `NEAR` of it. "all": all points count, and curves hold at the mean speed of a seal.
 
     Raises
     ------
@@ -163,10 +162,7 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
     CommandError
         The speed is not positive.
     """
-    try:
-        fit_name, chosen_m_s = basename(fit) or FIT, None if speed == "all" else float(speed)
-    except ValueError:
-        raise wrong_request() from None
+    fit_name, chosen_m_s = basename(fit) or FIT, None if speed == "all" else speed
     if chosen_m_s is not None and not (np.isfinite(chosen_m_s) and chosen_m_s > 0.0):
         raise CommandError(f"speed = {chosen_m_s} m/s", rule="a speed above zero")
     _, drawn, fits, _ = _drawn_groups(workspace.path(path, MAPS), fit_name)
@@ -202,13 +198,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str
                 file = fit_file(name) if len(names) > 1 else fit_name
                 levels.append((_beside(path, file), speed_m_s, other, float(reach.min()), float(reach.max())))
     ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
-    python = (
-        "import numpy as np\nfrom pneudrive.identify.static.result import FrictionFit\n\n"
-        f"# fit, speed (m/s), gauge pressure in {'ba'[along]}, and the ends of that in {'ab'[along]} (Pa)\n"
-        f"levels = {levels!r}\n"
-        f"found = [FrictionFit.from_toml(file).predict(speed, {ends}) for file, speed, other, low, high in levels]\n"
-    )
-    return {"chamber": "ab"[along], "groups": groups, "python": python if levels else ""}
+    lines = python("slice", other="ba"[along], along="ab"[along], levels=levels, ends=ends) if levels else ""
+    return {"chamber": "ab"[along], "groups": groups, "python": lines}
 
 
 def _beside(path: str, name: str) -> str:
@@ -253,16 +244,11 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
     if not groups:
         raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
     fit_names = list(map(_beside, names, files))
-    python = (
-        "import numpy as np\nfrom pneudrive.identify.files import common, curve_differences\n"
-        "from pneudrive.identify.static.result import FrictionFit\n\n"
-        f"before, after = (FrictionFit.from_toml(name) for name in {fit_names!r})\n"
-        f'speeds = np.geomspace(*common(before, after, "speed_m_s"), {SPEEDS})\n'
-        f"gauges = {pairs!r}  # gauge pressures of chambers a and b, Pa\n"
-        "found = [curve_differences(before, after, speeds, *pair) for pair in gauges]\n"
-    )
-    about = {"groups": groups, "fit": " ".join(filter(None, (old_why, new_why)))}
-    return about | {"command": shell("compare", *fit_names) if pairs else "", "python": python if pairs else ""}
+    lines = {"command": "", "python": ""}
+    if pairs:
+        copied = python("difference", names=fit_names, count=SPEEDS, pairs=pairs)
+        lines = {"command": shell("compare", *fit_names), "python": copied}
+    return {"groups": groups, "fit": " ".join(filter(None, (old_why, new_why))), **lines}
 
 
 def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -343,26 +329,24 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     table = read_map(workspace.path(edge.path))
     data = with_map(fit, table).compared()["friction"]
     found["residuals"] = list(zip(data.at.tolist(), (data.measured - data.model).tolist(), strict=True))
-    lines = [
-        "from pneudrive.characterise import read_map",
-        "from pneudrive.identify.files import read_fit",
-        "from pneudrive.identify.static.result import ellipses, profiles, with_map\n",
-        f"curves = read_map({edge.path!r})\nfit = with_map(read_fit({path!r}), curves)",
-        'data = fit.compared()["friction"]\nresiduals = data.measured - data.model',
-        "outlines = ellipses(fit)",
-    ]
+    copied = ""
     if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
-        lines.append("ends = profiles(fit, curves)")
+        copied = "ends = profiles(fit, curves)\n"
         for name, ends in profiles(fit, table).items():
             (size, unit), value = scales[name], fit.free_values()[name]
             low, high = ([number(end / size) for end in ends[:, side]] for side in (0, 1))
             own = {"name": name, "unit": unit, "value": value / size, "low": low, "high": high}
             found["profiles"].append({**own, "probability": PROBABILITIES})
     command = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
-    return found | {"map": edge.path, "why": "", "command": command, "python": "\n".join(lines) + "\n"}
+    lines = {"command": command, "python": python("fit", map=edge.path, fit=path, profiles=copied)}
+    return found | {"map": edge.path, "why": "", **lines}
 
 
-def next_points(workspace: Workspace, path: str, points: str) -> dict[str, Any]:
+def next_points(
+    workspace: Workspace,
+    path: str,
+    points: Annotated[int | None, bounded(1, MOST_NEXT, f"1 to {MOST_NEXT}, or none")] = None,
+) -> dict[str, Any]:
     """Return the next points to measure for a fit on the simulated rig, with their expected benefit.
 
     Raises
@@ -370,12 +354,9 @@ def next_points(workspace: Workspace, path: str, points: str) -> dict[str, Any]:
     FitError
         The file is not the fit of a friction map, or the number of points is below 1.
     """
-    if points and not (points.isdecimal() and 1 <= int(points) <= MOST_NEXT):
-        raise CommandError(f"points = {points[:20]} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
-    count = int(points) if points else None
     fit = FrictionFit.from_toml(workspace.path(path, DESCRIPTIONS))
     rig = load_rig(RIG)
-    plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=count)
+    plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
     expected = []
     for name, then in plan.half_widths_then.items():
         size, unit = readable(fit.units[name])
@@ -385,6 +366,6 @@ def next_points(workspace: Workspace, path: str, points: str) -> dict[str, Any]:
         "points": [vars(point) for point in plan.points],
         "seconds": plan.seconds,
         "expected": expected,
-        "command": shell("design", path, rig=RIG, points=count),
-        "python": f"import pneudrive as pn\n{design_python(path, count)}\n",
+        "command": shell("design", path, rig=RIG, points=points),
+        "python": "import pneudrive as pn\n" + python("design", fit=path, rig=RIG, points=points) + "\n",
     }

@@ -25,9 +25,8 @@ from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.measured.tiles import BLOCK, KeptRows, KeptSamples, Pyramid, TileWindow
-from pneudrive.web.messages import Array, fault_of, pack, plain, problems_of
-from pneudrive.web.requests import MOST_PIXELS, PageRequest
+from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
+from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, plain, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 if TYPE_CHECKING:
@@ -57,9 +56,9 @@ class OpenRecording:
         """Return time and values of the sample nearest to a time."""
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
         rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
-        found = self.samples.get(columns, rows)
-        row = nearest_sample(found.time_s, at)
-        return float(found.time_s[row]), {name: float(found.values[name][row]) for name in columns}
+        time_s, values = self.samples.get(columns, rows)
+        row = nearest_sample(time_s, at)
+        return float(time_s[row]), {name: float(values[name][row]) for name in columns}
 
     def window(self, span: tuple[float, float], pixels: int, columns: Sequence[str]) -> TileWindow:
         """Return a view. See `Pyramid.window`."""
@@ -77,11 +76,11 @@ class OpenRecording:
         """
         if self.file.time is None:
             raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
-        found = self.samples_in(span, [column])
-        return amplitude_density(found.time_s, found.values[column])
+        time_s, values = self.samples_in(span, [column])
+        return amplitude_density(time_s, values[column])
 
-    def samples_in(self, span: tuple[float, float], columns: Sequence[str]) -> KeptRows:
-        """Return all samples of channels within a span of time.
+    def samples_in(self, span: tuple[float, float], columns: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+        """Return times and values of all samples of channels within a span of time.
 
         Raises
         ------
@@ -92,16 +91,15 @@ class OpenRecording:
         first = int(np.searchsorted(blocks[:, 1], span[0])) * BLOCK
         last = min(int(np.searchsorted(blocks[:, 0], span[1], "right")) * BLOCK, self.pyramid.count)
         if last - first > MOST_SAMPLES:
-            what, rule = f"the view has {last - first} samples", f"at most {MOST_SAMPLES} at once"
-            raise CommandError(what, rule=rule, remedy="Look closer.")
-        found = self.samples.get(columns, (first, last))
-        inside = (found.time_s >= span[0]) & (found.time_s <= span[1])
-        return KeptRows(first, last, found.time_s[inside], {name: found.values[name][inside] for name in columns})
+            raise CommandError.of("web.long-view", samples=last - first, most=MOST_SAMPLES)
+        time_s, values = self.samples.get(columns, (first, last))
+        inside = (time_s >= span[0]) & (time_s <= span[1])
+        return time_s[inside], {name: values[name][inside] for name in columns}
 
     @cached_property
     def samples(self) -> KeptSamples:
-        """Samples of the recording. Samples near the last view are kept."""
-        return KeptSamples(self.file)
+        """Samples of the recording. Those of the last views are kept."""
+        return KeptSamples(self.file, self.pyramid.count)
 
     @cached_property
     def span(self) -> tuple[float, float]:
@@ -298,22 +296,20 @@ def shown_window(workspace: Workspace, given: Mapping[str, Any]) -> bytes:
     return pack(head, arrays, drawn=True)
 
 
-def shown_spectrum(workspace: Workspace, path: str, given: Mapping[str, str]) -> bytes:
+def shown_spectrum(workspace: Workspace, path: str, request: ViewRequest) -> bytes:
     """Return the spectra of channels within a view as a frame."""
-    found = workspace.state(Recordings).need(path)
-    asked = ViewRequest.of(given)
-    span = asked.span
+    found, span = workspace.state(Recordings).need(path), request.span
     arrays = {}
-    for name in asked.columns_in(found):
+    for name in request.columns_in(found):
         arrays[f"hz/{name}"], arrays[f"density/{name}"] = found.spectrum(span, name)
     return pack({"from": span[0], "to": span[1]}, arrays)
 
 
-def shown_samples(workspace: Workspace, path: str, given: Mapping[str, str]) -> bytes:
+def shown_samples(workspace: Workspace, path: str, request: ViewRequest) -> bytes:
     """Return all samples of channels within a view as a frame."""
-    found, asked = workspace.state(Recordings).need(path), ViewRequest.of(given)
-    samples = found.samples_in(asked.span, asked.columns_in(found))
-    return pack({}, {"time": samples.time_s, **samples.values})
+    found = workspace.state(Recordings).need(path)
+    time_s, values = found.samples_in(request.span, request.columns_in(found))
+    return pack({}, {"time": time_s, **values})
 
 
 def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -395,16 +391,16 @@ class MeasureRequest(PageRequest):
     shift: FiniteFloat
 
 
-def measured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def measured(workspace: Workspace, request: MeasureRequest) -> dict[str, Any]:
     """Return the channels of a recording at the samples nearest to two times, also of another recording.
 
     Values of the other recording have the units and the clock of the first.
     """
-    asked, recordings, rows = MeasureRequest.of(given), workspace.state(Recordings), list[dict[str, Any]]()
+    recordings, rows = workspace.state(Recordings), list[dict[str, Any]]()
 
     def measure(name: str, recording: OpenRecording, shift: float, channels: Mapping[str, Any]) -> None:
         """Add a row for each channel: column -> label, unit and conversion."""
-        ends = [recording.sample_at(at - shift, list(channels)) for at in asked.at]
+        ends = [recording.sample_at(at - shift, list(channels)) for at in request.at]
         times = [time + shift for time, _ in ends]
         for column, (label, unit, convert) in channels.items():
             first, second = (convert(values[column]) for _, values in ends)
@@ -413,14 +409,14 @@ def measured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
             row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
             rows.append({**row, "difference": second - first, "slope": slope})
 
-    own = recordings.need(asked.path)
-    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in asked.columns}
-    measure(asked.path, own, 0.0, shown)
-    if asked.beside:
-        other = recordings.need(asked.beside)
+    own = recordings.need(request.path)
+    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in request.columns}
+    measure(request.path, own, 0.0, shown)
+    if request.beside:
+        other = recordings.need(request.beside)
         both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
         converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
-        measure(asked.beside, other, asked.shift, converted)
+        measure(request.beside, other, request.shift, converted)
     return {"rows": plain(rows)}
 
 

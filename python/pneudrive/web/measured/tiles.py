@@ -8,15 +8,12 @@ needs only the blocks. A closer view reads the samples.
 from __future__ import annotations
 
 import json
-import threading
-import time
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.errors import PneudriveError
 from pneudrive.signals.channels import ChannelFile, first_fall
 
 if TYPE_CHECKING:
@@ -35,96 +32,42 @@ BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
 #: A pause is drawn as a gap: so many times the width of a pixel without a sample.
 PAUSE = 2.0
-MOST_ROWS = 1 << 20  # read ahead
-PAINTED_S = 0.02  # reading ahead uses every processor, so it begins after the requested view is painted
+PART, MOST_PARTS = 1 << 17, 32  # samples of a part, and kept parts
 _FILES = ("time", "low", "high", "missing")
 
 
-class KeptRows(NamedTuple):
-    """Columns between two rows: times in s, and values, with NaN for missing numbers."""
-
-    first: int
-    last: int
-    time_s: Array
-    values: dict[str, Array]
-
-    def holds(self, names: Sequence[str], rows: tuple[int, int]) -> bool:
-        """Return whether some rows of some columns are kept."""
-        return self.first <= rows[0] and rows[1] <= self.last and all(name in self.values for name in names)
-
-    def part(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
-        """Return some rows of some columns without a copy."""
-        own = slice(rows[0] - self.first, rows[1] - self.first)
-        return KeptRows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
-
-
-NOTHING = KeptRows(0, 0, np.empty(0), {})
-
-
 class KeptSamples:
-    """The samples of one recording. Only the recording of the last view keeps samples.
+    """The samples of a recording. They are read in parts, which stay for the next views.
 
     Parameters
     ----------
     file : ChannelFile
+    count : int
+        Samples of the recording.
     """
 
-    _last: ClassVar[KeptSamples | None] = None
+    def __init__(self, file: ChannelFile, count: int) -> None:
+        self.file, self.count, self.reads = file, count, 0
 
-    def __init__(self, file: ChannelFile) -> None:
-        self.file = file
-        self.reads = 0
-        self._kept = NOTHING
-        self._reading = threading.Lock()
-
-    def get(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
-        """Return columns between two rows, read if they are not kept.
+    def get(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
+        """Return times in s between two rows, and values of columns, with NaN for missing numbers.
 
         Raises
         ------
         RecordingError
             As for `pneudrive.files.tables.Table.get`.
         """
-        kept = self._kept
-        if not kept.holds(names, rows):
-            with self._reading:  # the reading ahead in progress may contain them
-                kept = self._kept
-        return kept.part(names, rows) if kept.holds(names, rows) else self._read(names, rows)
+        first = rows[0] // PART
+        parts = [self._part(tuple(names), number) for number in range(first, max(-(-rows[1] // PART), first + 1))]
+        inside = slice(rows[0] - first * PART, rows[1] - first * PART)
+        columns = [np.concatenate(each)[inside] for each in zip(*parts, strict=True)]
+        return columns[0], dict(zip(names, columns[1:], strict=True))
 
-    def ahead(self, names: Sequence[str], rows: tuple[int, int], count: int) -> None:
-        """Read in the background the samples that views around and inside some rows need, unless half of them are kept.
-
-        Parameters
-        ----------
-        names : sequence of str
-        rows : (int, int)
-            Rows of the view.
-        count : int
-            Rows of the recording.
-        """
-        half = min(rows[1] - rows[0], MOST_ROWS // 3) // 2
-        near, far = ((max(rows[0] - by, 0), min(rows[1] + by, count)) for by in (half, 2 * half))
-        if not self._kept.holds(names, near) and self._reading.acquire(blocking=False):
-            threading.Thread(target=self._keep, args=(names, far), daemon=True).start()
-
-    def _keep(self, names: Sequence[str], rows: tuple[int, int]) -> None:
-        try:
-            time.sleep(PAINTED_S)
-            with suppress(PneudriveError):  # the view that needs them reports the error
-                self._kept = self._read(names, rows)
-                if KeptSamples._last not in (None, self):
-                    KeptSamples._last._kept = NOTHING
-                KeptSamples._last = self
-        finally:
-            self._reading.release()
-
-    def _read(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
+    @lru_cache(maxsize=MOST_PARTS)  # noqa: B019 - parts of all recordings
+    def _part(self, names: tuple[str, ...], number: int) -> list[Array]:
         self.reads += 1
-        seconds, values = self.file.read(names, rows)
-        for name, own in values.items():
-            if not np.isfinite(own).all():
-                values[name] = np.where(np.isfinite(own), own, np.nan)
-        return KeptRows(*rows, seconds, values)
+        seconds, values = self.file.read(names, (number * PART, min((number + 1) * PART, self.count)))
+        return [seconds, *(np.where(np.isfinite(values[name]), values[name], np.nan) for name in names)]
 
 
 class TileWindow(NamedTuple):
@@ -292,13 +235,8 @@ class Pyramid:
         last = max(int(np.searchsorted(starts, span[1], "right")), first + 1)
         rows = (first * BLOCK, min(last * BLOCK, self.count))
         if last - first >= pixels:
-            view = self._of_blocks(span, pixels, channels, first, last)
-            if last - first < 2 * pixels:  # the next view may be closer and need samples
-                quarter = (rows[1] - rows[0]) // 4
-                samples.ahead(channels, (rows[0] + quarter, rows[1] - quarter), self.count)
-            return view
-        _, _, seconds, values = samples.get(channels, rows)
-        samples.ahead(channels, rows, self.count)
+            return self._of_blocks(span, pixels, channels, first, last)
+        seconds, values = samples.get(channels, rows)
         # One sample beyond each end, so that the line leaves the view.
         begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
         end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))

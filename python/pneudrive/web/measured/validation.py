@@ -35,8 +35,7 @@ from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import SAME, Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import pack, plain
-from pneudrive.web.requests import MOST_PIXELS, PageRequest, shell, wrong_request
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, plain, python, shell, wrong_request
 from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
@@ -219,11 +218,7 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
     if not isinstance(drive, Drive):
         raise CommandError("a circuit cannot be validated here")
     if signals.time_s.size > MOST_LIVE:
-        raise CommandError(
-            f"{signals.time_s.size} samples are too many to run again while a slider moves",
-            rule=f"at most {MOST_LIVE}",
-            remedy="Put the value into the drive's text and validate again.",
-        )
+        raise CommandError.of("web.sliders", samples=signals.time_s.size, most=MOST_LIVE)
     run = run_model(with_changes(drive, changes), signals)  # type: ignore[arg-type]
     return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
 
@@ -281,5 +276,5 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         "figure": None if figure is None else plain_data(ShownFigure("compared", caption, figure)),
         "lines": lines,
         "command": shell("compare", *names),
-        "python": f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n",
+        "python": python("compare", before=before, after=after),
     }
