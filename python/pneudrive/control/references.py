@@ -12,17 +12,6 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.control import motion
-from pneudrive.control.motion import (
-    REST_S,
-    Reach,
-    Reference,
-    ReferenceMove,
-    along_line,
-    polynomials,
-    rounded_up,
-    sine,
-    stairs,
-)
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
@@ -114,7 +103,7 @@ class ReferenceFile(Described):
         return self
 
 
-def reference(given: Reference | str | Path) -> Reference:
+def reference(given: motion.Reference | str | Path) -> motion.Reference:
     """Read a reference.
 
     Parameters
@@ -137,7 +126,7 @@ def reference(given: Reference | str | Path) -> Reference:
     >>> round(reference("220 mm; 1 s: 280 mm in 0.3 s").reach().fastest_m_s, 6)
     0.4375
     """
-    if isinstance(given, Reference):
+    if isinstance(given, motion.Reference):
         return given
     text = str(given).strip()
     lower = text.lower()
@@ -160,7 +149,7 @@ def reference(given: Reference | str | Path) -> Reference:
     return moves_of_text(text, "m")
 
 
-def moves_of_text(text: str, si_unit: str) -> Reference:
+def moves_of_text(text: str, si_unit: str) -> motion.Reference:
     """Read a start and moves, ``"220 mm; 1 s: 280 mm in 0.3 s"``, of a coordinate with this unit.
 
     Raises
@@ -177,7 +166,7 @@ def moves_of_text(text: str, si_unit: str) -> Reference:
     return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry], order)
 
 
-def _sine_of(text: str) -> Reference:
+def _sine_of(text: str) -> motion.Reference:
     found = _SINE.fullmatch(text)
     if found is None:
         rule = "sine AMPLITUDE FREQUENCY around CENTRE"
@@ -188,17 +177,17 @@ def _sine_of(text: str) -> Reference:
     for name, value in (("amplitude", amplitude), ("frequency", frequency)):
         if not value > 0.0:
             raise CommandError(f"reference: the {name} of the sine is {value:g}", value=text, rule="greater than 0")
-    return Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
+    return motion.Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
 
 
-def _move_of(entry: str, text: str, si_unit: str) -> ReferenceMove:
+def _move_of(entry: str, text: str, si_unit: str) -> motion.ReferenceMove:
     begin, colon, rest = entry.partition(":")
     to, within, duration = rest.rpartition(" in ")  # the last one: "12 in in 0.3 s"
     if not colon or not within:
         raise CommandError.of("control.move", entry=entry)
     times = (_quantity(one.strip(), "s", text) for one in (begin, duration))
     begin_s, duration_s = times
-    return ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text))
+    return motion.ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text))
 
 
 def _quantity(given: str, si_unit: str, text: str) -> float:
@@ -209,14 +198,14 @@ def _quantity(given: str, si_unit: str, text: str) -> float:
         raise CommandError(f"reference: {error.what}", value=text, rule=error.rule, remedy=remedy) from None
 
 
-def _from_file(path: Path) -> Reference:
+def _from_file(path: Path) -> motion.Reference:
     tables, text = toml.read(path, start='For instance: start = "220 mm", then [[moves]] with at, to and duration.')
     with toml.locating(path, text):
         read: Any = ReferenceFile.model_validate(tables)
     if read.points:
         return _of_points(str(path), read)
     if all(one.duration_s is not None for one in read.moves):
-        moves = [ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
+        moves = [motion.ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
         return _checked(str(path), read.start_m, moves, read.order)
     limits = read.limits
     asked = motion.PathLimits(limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
@@ -230,24 +219,24 @@ def _from_file(path: Path) -> Reference:
         )
         rows += made
         free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
-    return polynomials(str(path), read.start_m, rows)
+    return motion.polynomials(str(path), read.start_m, rows)
 
 
-def _of_points(text: str, read: ReferenceFile) -> Reference:
+def _of_points(text: str, read: ReferenceFile) -> motion.Reference:
     times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
     if read.through == "stop":
         each = zip(times, times[1:], points[1:], strict=False)
-        moves = [ReferenceMove(begin, end - begin, to) for begin, end, to in each]
+        moves = [motion.ReferenceMove(begin, end - begin, to) for begin, end, to in each]
         return _checked(text, points[0], moves, read.order)
-    return _missing(polynomials(text, points[0], motion.through(times, points)), times, points)
+    return _missing(motion.polynomials(text, points[0], motion.through(times, points)), times, points)
 
 
-def _missing(made: Reference, times: Any, points: Any) -> Reference:  # noqa: ANN401 - arrays or lists
+def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Reference:  # noqa: ANN401 - arrays or lists
     missed = np.abs(made.at(times)[:, 0] - np.asarray(points)).max()
-    return polynomials(made.text, made.start_m, made.pieces, points_missed_m=float(missed))
+    return motion.polynomials(made.text, made.start_m, made.pieces, points_missed_m=float(missed))
 
 
-def _of_record(path: Path) -> Reference:
+def _of_record(path: Path) -> motion.Reference:
     import polars as pl
 
     from pneudrive.files.csv_tables import csv_names, read_csv
@@ -276,16 +265,16 @@ def _of_record(path: Path) -> Reference:
             value = f"time_s = {time[first]:g}, position_m = {position[first]:g}"
             raise CommandError(f"the record {path}: sample {first + 1} is not valid", value=value, rule=rule)
     sparse = float(np.diff(time).max())
-    made = polynomials(str(path), float(position[0]), motion.near(time, position, max(KNOT_S, 2.0 * sparse)))
+    made = motion.polynomials(str(path), float(position[0]), motion.near(time, position, max(KNOT_S, 2.0 * sparse)))
     _check_span(made, time, position)
     return _missing(made, time, position)
 
 
-def _check_span(made: Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
+def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
     """Refuse a record if the fitted curve deviates between its samples."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
-    reach = made.reach() if np.isfinite(made.pieces).all() else Reach(-np.inf, np.inf, np.inf, 0.0)
+    reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, np.inf, np.inf, 0.0)
     if low - within <= reach.lowest_m and reach.highest_m <= high + within:
         return
     gap = int(np.argmax(np.diff(time)))
@@ -300,7 +289,7 @@ def _after(free_s: float, begin_s: float, text: str) -> None:
         raise CommandError.of("control.order", value=text, begin=begin_s, free=free_s, longest=LONGEST_S)
 
 
-def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int = 7) -> Reference:
+def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove], order: int = 7) -> motion.Reference:
     free_s = 0.0
     for move in moves:
         if not move.duration_s > 0.0:
@@ -308,14 +297,14 @@ def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int =
         _after(free_s, move.begin_s, text)
         free_s = move.end_s
     if order == 7:
-        return Reference(text, start_m, tuple(moves))
+        return motion.Reference(text, start_m, tuple(moves))
     starts = [start_m, *(move.to_m for move in moves)]
     each = zip(moves, starts, strict=False)
     rows = [row for move, at in each for row in motion.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
-    return polynomials(text, start_m, rows)
+    return motion.polynomials(text, start_m, rows)
 
 
-def beyond_stroke(of: Reference, stroke_m: float) -> tuple[str, str] | None:
+def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | None:
     """Return the position beyond the stroke and the rule that a reference breaks.
 
     None if it stays within the stroke.
@@ -327,7 +316,7 @@ def beyond_stroke(of: Reference, stroke_m: float) -> tuple[str, str] | None:
     return None
 
 
-def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
+def check_reach(of: motion.Reference, stroke_m: float, speed_m_s: float) -> None:
     """Raise an error for a reference that a drive cannot follow.
 
     Parameters
@@ -348,7 +337,7 @@ def check_reach(of: Reference, stroke_m: float, speed_m_s: float) -> None:
     if reach.fastest_m_s > speed_m_s:
         factor = reach.fastest_m_s / speed_m_s
         slower = of.stretched(factor).text
-        by = f"Stretch it in time by {rounded_up(factor):g}"
+        by = f"Stretch it in time by {motion.rounded_up(factor):g}"
         raise CommandError(
             f"reference: {reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s is faster than the drive",
             value=of.text,
@@ -372,7 +361,7 @@ _RAMPS = ((0.001, 0.005), (0.01, 0.03), (0.1, 0.1))
 _RUN_UP_S, _PAUSE_S = 0.1, 1.0
 
 
-def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Reference]:
+def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, motion.Reference]:
     """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
 
     R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
@@ -393,7 +382,7 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
     return {name: _standard(name, stroke_m, speed_m_s) for name in NAMES}
 
 
-def named_or_read(given: Reference | str | Path, stroke_m: float, speed_m_s: float) -> Reference:
+def named_or_read(given: motion.Reference | str | Path, stroke_m: float, speed_m_s: float) -> motion.Reference:
     """Return a standard reference for a drive by its name, or read any other reference.
 
     Errors are those of `reference`.
@@ -401,15 +390,15 @@ def named_or_read(given: Reference | str | Path, stroke_m: float, speed_m_s: flo
     return _standard(str(given), stroke_m, speed_m_s) if given in NAMES else reference(given)
 
 
-def _standard(name: str, stroke_m: float, speed_m_s: float) -> Reference:
+def _standard(name: str, stroke_m: float, speed_m_s: float) -> motion.Reference:
     step = min(0.06, _STROKE_SHARE * stroke_m)
     low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
     high = round(low + step, 6)
     match name:
         case "R1":
-            made = sine(step, 0.5, middle)
+            made = motion.sine(step, 0.5, middle)
         case "R2":
-            made = sine(step, 1.0, middle)
+            made = motion.sine(step, 1.0, middle)
         case "R3":
             made = _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left))
         case "R4":
@@ -421,16 +410,16 @@ def _standard(name: str, stroke_m: float, speed_m_s: float) -> Reference:
     return made.stretched(made.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s))
 
 
-def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = REST_S) -> Reference:
-    return stairs(start_m, [ReferenceMove(*one) for one in moves], rest_s)
+def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = motion.REST_S) -> motion.Reference:
+    return motion.stairs(start_m, [motion.ReferenceMove(*one) for one in moves], rest_s)
 
 
-def _ramps(start_m: float, size: float) -> Reference:
+def _ramps(start_m: float, size: float) -> motion.Reference:
     """Return ramps at constant velocity, each forth and back."""
     rows, at, time = [], start_m, _PAUSE_S
     for velocity, way in _RAMPS:
         for sign in (1.0, -1.0):
             to, lasts = at + sign * size * way, size * way / velocity
-            rows += along_line(time, at, to, lasts, _RUN_UP_S)
+            rows += motion.along_line(time, at, to, lasts, _RUN_UP_S)
             at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
-    return polynomials("ramps of 1, 10 and 100 mm/s", start_m, rows)
+    return motion.polynomials("ramps of 1, 10 and 100 mm/s", start_m, rows)

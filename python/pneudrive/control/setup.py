@@ -11,21 +11,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import (
-    Between,
-    Bounds,
-    Choice,
-    Force,
-    Length,
-    Position,
-    PressureBetween,
-    Quantity,
-    Reads,
-    Whole,
-)
 from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
@@ -37,15 +26,15 @@ _ENCODER, _PRESSURE = KEYS["encoder"], KEYS["pressure_sensor"]
 
 def _bits(given: object) -> int:
     """Read the resolution of a converter."""
-    bits = Whole(bound=None).read(given)
+    bits = marks.Whole(bound=None).read(given)
     if not LEAST_BITS <= bits <= MOST_BITS:
         raise WrongValueError(f"{bits} is out of bounds", rule=f"a converter has {LEAST_BITS} to {MOST_BITS} bits")
     return bits
 
 
-Bits = Annotated[int | None, Reads(_bits)]
+Bits = Annotated[int | None, marks.Reads(_bits)]
 NOT_NEGATIVE = BOUNDS["not_negative"]
-Seconds = Annotated[float, Quantity("s", bounds=NOT_NEGATIVE)]
+Seconds = Annotated[float, marks.Quantity("s", bounds=NOT_NEGATIVE)]
 
 
 class PositionSensor(Described):
@@ -55,7 +44,9 @@ class PositionSensor(Described):
     resolution_m: Annotated[float | None, _ENCODER["resolution"].mark] = Field(
         default=None, description="distance of two counts; absent: it shows the position itself"
     )
-    noise_m: Annotated[float, Quantity("m", bounds=NOT_NEGATIVE)] = Field(default=0.0, description="standard deviation")
+    noise_m: Annotated[float, marks.Quantity("m", bounds=NOT_NEGATIVE)] = Field(
+        default=0.0, description="standard deviation"
+    )
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self) -> dict[str, float]:
@@ -70,7 +61,7 @@ class PressureSensor(Described):
     bits: Bits = Field(default=None, description="resolution of the converter; absent: none")
     noise_pa: Annotated[float, _PRESSURE["noise"].mark] = Field(default=0.0, description="standard deviation")
     zero_pa: Annotated[float, _PRESSURE["zero"].mark] = Field(default=0.0, description="error of the zero")
-    gain_error: Annotated[float, Quantity("")] = Field(default=0.0, description="relative")
+    gain_error: Annotated[float, marks.Quantity("")] = Field(default=0.0, description="relative")
     lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
@@ -117,8 +108,8 @@ class LimitSwitches(Described):
     """Limit switches. Beyond them, only commands that lead away are allowed."""
 
     table_name: ClassVar[str] = "switches"
-    low_m: Position
-    high_m: Position
+    low_m: marks.Position
+    high_m: marks.Position
 
     @model_validator(mode="after")
     def _ordered(self) -> LimitSwitches:
@@ -152,11 +143,13 @@ ABSOLUTE = ("supply-fallen", "saturated")  # kinds with an absolute pressure
 class ControlFault(Described):
     """A fault that acts from a time on, either until another time or permanently."""
 
-    kind: Annotated[str, Choice(tuple(FAULTS))]
-    channel: Annotated[str | None, Choice(tuple(CHANNEL_UNITS))] = None
+    kind: Annotated[str, marks.Choice(tuple(FAULTS))]
+    channel: Annotated[str | None, marks.Choice(tuple(CHANNEL_UNITS))] = None
     at_s: Seconds
-    until_s: Annotated[float | None, Quantity("s", bounds=NOT_NEGATIVE)] = None
-    value: Annotated[str | None, Reads(str)] = Field(default=None, description="quantity with its unit; see the kinds")
+    until_s: Annotated[float | None, marks.Quantity("s", bounds=NOT_NEGATIVE)] = None
+    value: Annotated[str | None, marks.Reads(str)] = Field(
+        default=None, description="quantity with its unit; see the kinds"
+    )
 
     @model_validator(mode="after")
     def _fits(self) -> ControlFault:
@@ -204,7 +197,7 @@ class Disturbance(Described):
     """An external force from a time on."""
 
     at_s: Seconds
-    force_n: Force
+    force_n: marks.Force
 
 
 class Setup(Described):
@@ -356,7 +349,7 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
 #
 # Values that are not in the controller file are assumed, like all other thresholds of the supervisor.
 
-_SECONDS = Quantity("s", "ms", Bounds(above=0.0))
+_SECONDS = marks.Quantity("s", "ms", marks.Bounds(above=0.0))
 
 
 #: Removed controllers, and what to use in place of each.
@@ -368,7 +361,7 @@ def law_remedy(word: str) -> str:
     return REMOVED_LAWS.get(word) or nearest(word, _core.control_laws())
 
 
-class BuiltInLaw(Choice):
+class BuiltInLaw(marks.Choice):
     """Annotation of a field for a controller of pneudrive."""
 
     def read(self, given: object) -> str:
@@ -378,7 +371,7 @@ class BuiltInLaw(Choice):
         return str(given)
 
 
-class SupplyReaction(Choice):
+class SupplyReaction(marks.Choice):
     """Annotation of a reaction to a low supply."""
 
     def read(self, given: object) -> str:
@@ -393,14 +386,14 @@ class ControlLimits(Described):
     """Limits of a drive under control. A reference beyond them is refused, and a drive beyond them is stopped."""
 
     table_name: ClassVar[str] = "limits"
-    position: Annotated[tuple[float, float] | None, Between("m", "mm")] = Field(
+    position: Annotated[tuple[float, float] | None, marks.Between("m", "mm")] = Field(
         default=None, description="positions that it may reach; absent: its stroke"
     )
-    speed_m_s: Annotated[float | None, Quantity("m/s", "m/s", Bounds(above=0.0))] = Field(
+    speed_m_s: Annotated[float | None, marks.Quantity("m/s", "m/s", marks.Bounds(above=0.0))] = Field(
         default=None, description="largest speed; absent: none"
     )
-    pressure: Annotated[Any, PressureBetween()] = Field(default=None, description="of the chambers; absent: none")
-    stop_deceleration_m_s2: Annotated[float, Quantity("m/s^2", "m/s2", Bounds(above=0.0))] = Field(
+    pressure: Annotated[Any, marks.PressureBetween()] = Field(default=None, description="of the chambers; absent: none")
+    stop_deceleration_m_s2: Annotated[float, marks.Quantity("m/s^2", "m/s2", marks.Bounds(above=0.0))] = Field(
         default=10.0, description="of stop ramps; the default is assumed"
     )
 
@@ -409,7 +402,7 @@ class MotionComplete(Described):
     """Rule for a complete motion, and the time after which an incomplete one is reported."""
 
     table_name: ClassVar[str] = "motion"
-    tolerance_m: Length = Field(default=1e-4, description="error within which it has settled; assumed")
+    tolerance_m: marks.Length = Field(default=1e-4, description="error within which it has settled; assumed")
     settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long; assumed")
     timeout_s: Annotated[float, _SECONDS] = Field(
         default=2.0, description="time to move by 1 mm, or to settle; assumed"
@@ -420,13 +413,13 @@ class OnFault(Described):
     """Reaction to a fault: it is reported, the drive is stopped by a ramp, or the valve is shut."""
 
     table_name: ClassVar[str] = "on_fault"
-    position: Annotated[str, Choice(("stop", "block"))] = Field(
+    position: Annotated[str, marks.Choice(("stop", "block"))] = Field(
         default="block", description="position sensor lost; block: a ramp stops a moving drive first"
     )
-    pressure: Annotated[str, Choice(("model", "stop", "block"))] = Field(
+    pressure: Annotated[str, marks.Choice(("model", "stop", "block"))] = Field(
         default="model", description="pressure sensor lost; block: a ramp stops a moving drive first"
     )
-    valve: Annotated[str, Choice(("tell", "stop", "block"))] = Field(
+    valve: Annotated[str, marks.Choice(("tell", "stop", "block"))] = Field(
         default="block", description="valve does not answer"
     )
     supply: Annotated[str, SupplyReaction(("tell", "stop", "block"))] = Field(

@@ -13,19 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
+from pneudrive.control import setup as instrumentation
 from pneudrive.control.axis import check_axis, check_valves, supply_of, unknown_numbers
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
-from pneudrive.control.setup import (
-    USUAL,
-    BuiltInLaw,
-    ControlLimits,
-    MotionComplete,
-    OnFault,
-    Setup,
-    Supervision,
-    law_remedy,
-    read_setup,
-)
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
@@ -117,7 +107,7 @@ REMOVED_TABLES = {
 }
 
 
-class LawWord(BuiltInLaw):
+class LawWord(instrumentation.BuiltInLaw):
     """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
@@ -153,9 +143,9 @@ class Controller(Described):
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
-    limits: ControlLimits = ControlLimits()
-    motion: MotionComplete = MotionComplete()
-    on_fault: OnFault = OnFault()
+    limits: instrumentation.ControlLimits = instrumentation.ControlLimits()
+    motion: instrumentation.MotionComplete = instrumentation.MotionComplete()
+    on_fault: instrumentation.OnFault = instrumentation.OnFault()
 
     @model_validator(mode="before")
     @classmethod
@@ -169,9 +159,9 @@ class Controller(Described):
         return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
 
     @property
-    def supervision(self) -> Supervision:
+    def supervision(self) -> instrumentation.Supervision:
         """Its supervisor."""
-        return Supervision(self.limits, self.motion, self.on_fault)
+        return instrumentation.Supervision(self.limits, self.motion, self.on_fault)
 
 
 def gain_quantity(unit: str) -> Quantity:
@@ -328,7 +318,7 @@ class Tuning(Viewed):
     source: str = ""
     limits: tuple[str, ...] = ()
     own: OwnLaw | None = None
-    supervision: Supervision = USUAL
+    supervision: instrumentation.Supervision = instrumentation.USUAL
     valves: tuple[TunedGain, ...] = ()
     factors: Factors = USUAL_FACTORS
 
@@ -473,7 +463,7 @@ def tune(
     drive: Drive | Circuit,
     law: str | object | None = None,
     *,
-    setup: Setup | str | Path = "real",
+    setup: instrumentation.Setup | str | Path = "real",
     controller: Controller | str | Path | None = None,
     believes: Drive | Circuit | None = None,
     allow_code: str | None = None,
@@ -511,7 +501,7 @@ def tune(
     >>> [gain.key for gain in tuning.gains]
     ['bandwidth', 'move_penalty']
     """
-    read, _ = read_setup(setup)
+    read, _ = instrumentation.read_setup(setup)
     own = own_law(law) if is_own(law) else None
     table, folder, path, text = _table(law if own is None else own, controller)
     if own is None and is_own(table.law):
@@ -538,7 +528,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
-            raise CommandError(f'there is no law "{word}"', remedy=law_remedy(str(word)))
+            raise CommandError(f'there is no law "{word}"', remedy=instrumentation.law_remedy(str(word)))
         return Controller(law=str(word)), Path(), "", ""
     if isinstance(controller, Controller):
         table, path, text = controller, "", ""
@@ -662,7 +652,7 @@ MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction a
 EQUAL_DECAY = 0.01
 
 
-def limitations(tuning: Tuning, setup: Setup) -> tuple[str, ...]:
+def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]:
     """Return the limits of a tuned controller in words; warn where it can hardly work.
 
     Parameters

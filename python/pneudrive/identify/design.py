@@ -13,16 +13,9 @@ from pneudrive.estimate.design import DesignSpace, exchange, information, within
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
+from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
 from pneudrive.identify.static.fit import assembled, fit_values
-from pneudrive.identify.static.model import (
-    PRESSURE_FORMS,
-    FrictionModel,
-    ambient_of,
-    at_conditions,
-    observations,
-    unit_of,
-)
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.survey import SPEED_SPAN, pressure_levels, row_labels
 from pneudrive.progress import Watch
@@ -44,11 +37,11 @@ if TYPE_CHECKING:
 
 #: Compared laws by name.
 CANDIDATES = {
-    "coulomb": FrictionModel("coulomb"),
-    "stribeck gaussian": FrictionModel("stribeck"),
-    "stribeck exponential": FrictionModel("stribeck", exponent=1.0),
-    "stribeck lorentzian": FrictionModel("stribeck", lorentzian=True),
-    "stribeck free": FrictionModel("stribeck", exponent=None),
+    "coulomb": sliding.FrictionModel("coulomb"),
+    "stribeck gaussian": sliding.FrictionModel("stribeck"),
+    "stribeck exponential": sliding.FrictionModel("stribeck", exponent=1.0),
+    "stribeck lorentzian": sliding.FrictionModel("stribeck", lorentzian=True),
+    "stribeck free": sliding.FrictionModel("stribeck", exponent=None),
 }
 #: Relative error of a straight line above which it is reported.
 MISSED = 0.2
@@ -190,8 +183,10 @@ def select_friction_law(
     for name in laws:
         if name not in CANDIDATES:
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, CANDIDATES))
-    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
-    data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    data, _ = sliding.observations(
+        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
+    )
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
     wanted = [(name, form) for name in laws for form in forms]
@@ -231,13 +226,13 @@ def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
 def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
     if wanted is not None:
         for form in wanted:
-            if form not in PRESSURE_FORMS:
+            if form not in sliding.PRESSURE_FORMS:
                 raise FitError(
-                    f"the dependence on pressure {form!r} is not known", remedy=nearest(form, PRESSURE_FORMS)
+                    f"the dependence on pressure {form!r} is not known", remedy=nearest(form, sliding.PRESSURE_FORMS)
                 )
         return tuple(wanted) or (None,)
     varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
-    return (None,) if not any(varied) else PRESSURE_FORMS if all(varied) else PRESSURE_FORMS[:3]
+    return (None,) if not any(varied) else sliding.PRESSURE_FORMS if all(varied) else sliding.PRESSURE_FORMS[:3]
 
 
 def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None) -> tuple[str, Ints]:
@@ -311,7 +306,7 @@ def _compared(
     )
 
 
-def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
+def _without(model: sliding.FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
     """Fit some of the values by the part of the law that all values determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
@@ -384,7 +379,7 @@ class Prior(Shown):
         Number of measured values.
     """
 
-    model: FrictionModel
+    model: sliding.FrictionModel
     draws: Array
     known: Array
     values: int = 0
@@ -414,7 +409,7 @@ class Prior(Shown):
         return cls(fit.model, points, np.broadcast_to(known, (draws, *known.shape)).copy(), values)
 
 
-def _physical(model: FrictionModel, points: Array) -> Array:
+def _physical(model: sliding.FrictionModel, points: Array) -> Array:
     """Keep forces and the viscous coefficient positive, as in a fit."""
     for k, name in enumerate(model.names):
         if name in ("coulomb", "viscous"):
@@ -494,7 +489,7 @@ class Design(Viewed):
         )
         widths = []
         for name, then in self.half_widths_then.items():
-            size, unit = readable(unit_of(name))
+            size, unit = readable(sliding.unit_of(name))
             now = self.half_widths_now[name]
             widths.append((name, f"{now / size:.3g}" if np.isfinite(now) else "open", f"{then / size:.3g}", unit))
         words = "expected half-width of the 95 % interval, now and after a fit of old and new values together"
@@ -612,7 +607,9 @@ def _grid(limits: Limits, count: int = SPEEDS) -> Observations:
     speeds = np.geomspace(*limits.speed_m_s, count)
     speeds[1:-1] = [float(f"{v:.{DIGITS}g}") for v in speeds[1:-1]]
     pairs = np.array(limits.gauges_pa, dtype=float).reshape(-1, 2)
-    return at_conditions(np.tile(speeds, len(pairs)), np.repeat(pairs[:, 0], count), np.repeat(pairs[:, 1], count))
+    return sliding.at_conditions(
+        np.tile(speeds, len(pairs)), np.repeat(pairs[:, 0], count), np.repeat(pairs[:, 1], count)
+    )
 
 
 def _gradients(prior: Prior, at: Observations) -> Array:

@@ -15,28 +15,10 @@ from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined
+from pneudrive.identify.dynamic import problem as shooting
 from pneudrive.identify.dynamic import search
-from pneudrive.identify.dynamic.problem import (
-    FitProblem,
-    FittedRecording,
-    Iterate,
-    Shooter,
-    measured_starts,
-    observed,
-    segment_starts,
-    white_noise,
-)
+from pneudrive.identify.dynamic import sensors as sensing
 from pneudrive.identify.dynamic.result import LARGEST_REACH, assembled, unresolved_damping
-from pneudrive.identify.dynamic.sensors import (
-    CHANNELS,
-    START,
-    Channel,
-    Sensor,
-    channels_in,
-    channels_of,
-    command_delay,
-    sensor_parameters,
-)
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
@@ -115,7 +97,7 @@ def identify(
     free: Sequence[str],
     *,
     follow: None = None,
-    sensors: Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
     channels: Sequence[str] | None = None,
     segment: str | float | None = "0.4 s",
     robust: bool = False,
@@ -142,7 +124,7 @@ def identify(
     free: Sequence[str] = ("volumes", "heat"),
     *,
     follow: str | None = None,
-    sensors: Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
     channels: Sequence[str] | None = None,
     segment: str | float | None = "0.4 s",
     robust: bool = False,
@@ -215,16 +197,16 @@ def identify(
         return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
     refuse_circuit(drive)
     records = read_drive_recordings(recordings, layout, needed=("time_s", "command"), gaps=True)
-    present = [channels_in(record, channels) for record in records]
+    present = [sensing.channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)
     for record in records:
         check_plausible(record, drive)
     refuse_standstill(records, free)
     options.notes += time_gaps(records)
-    names = [c for c in CHANNELS if any(c in p for p in present)]
+    names = [c for c in sensing.CHANNELS if any(c in p for p in present)]
     drive = with_shape(drive, free)
-    described = {c.name: c for c in channels_of(names, sensors)}
-    options.delay = command_delay(sensors)
+    described = {c.name: c for c in sensing.channels_of(names, sensors)}
+    options.delay = sensing.command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
     stated = [np.array([np.isfinite(described[c].noise or np.nan) for c in p]) for p in present]
@@ -293,7 +275,7 @@ def _resolvable(
     drive: Drive,
     parameters: list[Parameter],
     records: list[DriveRecording],
-    described: dict[str, Channel],
+    described: dict[str, sensing.Channel],
     options: search.SearchOptions,
 ) -> list[Parameter]:
     """Hold the bristle damping if the encoder does not resolve the bristles."""
@@ -302,7 +284,7 @@ def _resolvable(
     if not damping or "position" not in described or "bristle_stiffness" not in levels:
         return parameters
     position = described["position"]
-    noise = [white_noise(r["position_m"]) for r in records if "position_m" in r]
+    noise = [shooting.white_noise(r["position_m"]) for r in records if "position_m" in r]
     step = max(position.resolution, float(np.median(noise)) if noise else 0.0)
     force = levels.get("breakaway", levels.get("coulomb", 0.0))
     lost = unresolved_damping(step, force, levels["bristle_stiffness"])
@@ -321,52 +303,54 @@ def _problem(
     parameters: list[Parameter],
     records: list[DriveRecording],
     present: list[list[str]],
-    described: dict[str, Channel],
+    described: dict[str, sensing.Channel],
     options: search.SearchOptions,
     watch: Watch,
     values: Array | None = None,
-) -> tuple[FitProblem, Iterate]:
+) -> tuple[shooting.FitProblem, shooting.Iterate]:
     """Return the fit problem: cut recordings and starts of segments; `values` are the start values."""
     family = family_of(drive, parameters)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
     for record, names in zip(records, present, strict=True):
         own = [described[name] for name in names]
-        starts = segment_starts(record.time_s, options.first_segment_s(record))
+        starts = shooting.segment_starts(record.time_s, options.first_segment_s(record))
         outputs = [c.column for c in own]
         delay_s, threads = options.delay.value_s, options.threads
-        shooter = Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
+        shooter = shooting.Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
         noise = np.array([noise_of(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(values)
-        state, spread = measured_starts(record, own, noise, starts, drive, inner, watch)
-        experiments.append(FittedRecording(shooter, own, observed(shooter, values, state, spread, inner), noise))
-    free_sensors = sensor_parameters(
+        state, spread = shooting.measured_starts(record, own, noise, starts, drive, inner, watch)
+        experiments.append(
+            shooting.FittedRecording(shooter, own, shooting.observed(shooter, values, state, spread, inner), noise)
+        )
+    free_sensors = sensing.sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
     )
     transforms = transforms_of(parameters, free_sensors, drive)
-    problem = FitProblem(parameters, free_sensors, transforms, experiments)
+    problem = shooting.FitProblem(parameters, free_sensors, transforms, experiments)
     if options.robust:
         problem.huber_k = HUBER_K
-    return problem, Iterate(
-        transforms.internal(np.r_[values, [START[s.kind] for s in free_sensors]]),
+    return problem, shooting.Iterate(
+        transforms.internal(np.r_[values, [sensing.START[s.kind] for s in free_sensors]]),
         [e.starts.state.copy() for e in experiments],
     )
 
 
-def _least_noise(channel: Channel, rtol: float) -> float:
+def _least_noise(channel: sensing.Channel, rtol: float) -> float:
     """Return the lower limit of the noise of a channel: resolution of the sensor, error of the solver."""
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
-def noise_of(channel: Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
+def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
     """Return the initial standard deviation of a channel: the stated value, or the one from sample to sample."""
-    white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
+    white = shooting.white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
 
 def solve(
-    problem: FitProblem,
-    point: Iterate,
+    problem: shooting.FitProblem,
+    point: shooting.Iterate,
     stated: list[Bools],
     options: search.SearchOptions,
     watcher: search.Watcher,
@@ -417,24 +401,24 @@ def over_noise(solved: search.Solved) -> dict[str, float]:
         for c, channel in enumerate(experiment.channels):
             used = experiment.weight[:, c] > 0.0
             own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
-            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+            white = max(shooting.white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
             worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
     return worst
 
 
-def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
+def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: float) -> shooting.Iterate:
     """Join the short segments of the first phase to longer ones with the same starts."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
         old = experiment.shooter.starts
-        wanted = segment_starts(experiment.shooter.recording.time_s, length_s)
+        wanted = shooting.segment_starts(experiment.shooter.recording.time_s, length_s)
         kept = np.unique(np.abs(old[:, None] - wanted).argmin(axis=0))
         experiment.shooter = replace(experiment.shooter, starts=old[kept])
         states.append(state[kept])
-    return Iterate(point.eta, states)
+    return shooting.Iterate(point.eta, states)
 
 
-def _renew_noise(problem: FitProblem, at: search.Joined, stated: list[Bools], rtol: float) -> bool:
+def _renew_noise(problem: shooting.FitProblem, at: search.Joined, stated: list[Bools], rtol: float) -> bool:
     """Estimate unstated noise from the residuals; return whether it changed."""
     changed = False
     for experiment, residual, known in zip(problem.experiments, at.residuals, stated, strict=True):
@@ -535,7 +519,7 @@ def identify_presliding(
         raise FitError(f"law {drive.friction.law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     every = loops if isinstance(loops, (list, tuple)) else [loops]
     columns = [_columns(loop) for loop in every]
-    step = max([resolution_m, *(white_noise(position) for _, position, _ in columns)])
+    step = max([resolution_m, *(shooting.white_noise(position) for _, position, _ in columns)])
     found = [reversal for loop in columns for reversal in _reversals(*loop, step)]
     most = max((_swing(reversal) for reversal in found), default=0.0)
     found = [reversal for reversal in found if _swing(reversal) >= WHOLE_SWING * most]

@@ -24,15 +24,8 @@ from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction.friction_map import ALL_RECORDINGS, FILE, group_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
+from pneudrive.identify.static import diagnose as selection
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import (
-    Support,
-    choose_model,
-    diagnose,
-    interval_over_shapes,
-    shrunk_to_the_data,
-    with_knee,
-)
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.static.robust import estimate
 
@@ -185,11 +178,11 @@ def fit_values(
         Added to the result and to its provenance.
     """
     said = [*notes, *_confounding(data, pressure is not None)]
-    model, lost = choose_model(wanted, data, pressure=pressure)
-    support = shrunk_to_the_data(with_knee(model, data, loss), data, loss)
-    lost += support.lost + diagnose(support.found, support.intervals)
+    model, lost = selection.choose_model(wanted, data, pressure=pressure)
+    support = selection.shrunk_to_the_data(selection.with_knee(model, data, loss), data, loss)
+    lost += support.lost + selection.diagnose(support.found, support.intervals)
     said += _remarks(support)
-    support = replace(support, intervals=interval_over_shapes(support)) if any_shape else support
+    support = replace(support, intervals=selection.interval_over_shapes(support)) if any_shape else support
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": loss, **_ranges(data)}
     provenance |= options or {}
     fit = assembled(wanted.law, support, lost, said, provenance)
@@ -202,7 +195,7 @@ def _ranges(data: sliding.Observations) -> dict[str, object]:
     return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
 
 
-def _remarks(support: Support) -> list[str]:
+def _remarks(support: selection.Support) -> list[str]:
     said, found = [], support.found
     if support.scatter_n > 0.0:
         said.append(sentence("notes", "scatter", scatter=support.scatter_n))
@@ -237,7 +230,9 @@ def _confounding(data: sliding.Observations, pressure_dependence: bool) -> list[
     return notes
 
 
-def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
+def assembled(
+    law: str, support: selection.Support, lost: list[Undetermined], notes: list[str], provenance: dict
+) -> FrictionFit:
     """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
     found, model = support.found, support.found.model
     parameters = _parameters(law, model, found.natural)
