@@ -16,17 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pneudrive import __version__
+from pneudrive import __version__, errors
 from pneudrive.cli.commands import group
-from pneudrive.errors import (
-    Cancelled,
-    OwnLawError,
-    PneudriveError,
-    PneudriveWarning,
-    SimulationError,
-    is_severe,
-    nearest,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -63,10 +54,10 @@ def _root(version: bool = typer.Option(False, "--version", help="Show the versio
         raise typer.Exit
 
 
-def fail(error: PneudriveError) -> int:
+def fail(error: errors.PneudriveError) -> int:
     """Print an error once, on stderr, and return its exit status."""
     sys.stderr.write(f"{type(error).__name__}: {error}\n")
-    ran = isinstance(error, SimulationError) and not isinstance(error, OwnLawError)
+    ran = isinstance(error, errors.SimulationError) and not isinstance(error, errors.OwnLawError)
     return EXIT_OTHER if ran else EXIT_INPUT
 
 
@@ -79,18 +70,18 @@ def _plain_warnings() -> Iterator[None]:
     otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 
     def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - signature of the standard library
-        if not issubclass(category, PneudriveWarning):
+        if not issubclass(category, errors.PneudriveWarning):
             otherwise(message, category, *rest)
             return
         text = str(message)
-        alike = kinds[text if is_severe(text) else _NUMBER.sub("#", text)]
+        alike = kinds[text if errors.is_severe(text) else _NUMBER.sub("#", text)]
         if text not in alike:
             alike.append(text)
             if len(alike) <= MOST_ALIKE:
-                sys.stderr.write(f"{'' if is_severe(text) else 'Note: '}{text}\n")
+                sys.stderr.write(f"{'' if errors.is_severe(text) else 'Note: '}{text}\n")
 
     with warnings.catch_warnings():
-        warnings.simplefilter("always", PneudriveWarning)
+        warnings.simplefilter("always", errors.PneudriveWarning)
         warnings.showwarning = show
         try:
             yield
@@ -117,7 +108,7 @@ def run(arguments: Sequence[str]) -> int:
     first = next((word for word in arguments if not word.startswith("-")), None)
     if first is not None and first not in COMMANDS:
         shown = [name for name in COMMANDS if name not in HIDDEN]
-        sys.stderr.write(f"pneudrive: there is no command '{first}'. {nearest(first, shown)}\n")
+        sys.stderr.write(f"pneudrive: there is no command '{first}'. {errors.nearest(first, shown)}\n")
         return EXIT_INPUT
     if Path("matplotlibrc").exists():  # while there is one thread: see `load_matplotlib`
         from pneudrive.report.style import load_matplotlib
@@ -126,9 +117,9 @@ def run(arguments: Sequence[str]) -> int:
     try:
         with _plain_warnings():
             status = app(list(arguments), prog_name="pneudrive", standalone_mode=False)
-    except (KeyboardInterrupt, Cancelled):
+    except (KeyboardInterrupt, errors.Cancelled):
         status = EXIT_INTERRUPTED
-    except PneudriveError as error:
+    except errors.PneudriveError as error:
         return fail(error)
     except BrokenPipeError:  # the reader of the output has closed it (pneudrive ... | head)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

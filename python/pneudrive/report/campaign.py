@@ -22,19 +22,9 @@ from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import plain, with_u
+from pneudrive.report import page
 from pneudrive.report.fit import references, software
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import (
-    MM,
-    Paragraph,
-    Topic,
-    chance,
-    condition_names,
-    plural,
-    spread_evenly,
-    view_report,
-    view_section,
-)
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
@@ -81,7 +71,7 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
     view = found.view()
     title = f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
     further = (run(found), *_figured(found), flags(found), budget(found), sources(found))
-    report = view_report(replace(view, title=title, curves=(), figures=()), *further, synthetic=found.synthetic)
+    report = page.view_report(replace(view, title=title, curves=(), figures=()), *further, synthetic=found.synthetic)
     report.verdict = [view.title, *report.verdict]
     return report.write(folder)
 
@@ -127,12 +117,12 @@ def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
 def _headline(found: CampaignCharacteristics) -> str:
     """Return the number of cycles, their rig, and how much they leave open; recordings have no rig of their own."""
     is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
-    count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
+    count = page.plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
     if found.synthetic or not is_campaign:
         made = "on a simulated rig (synthetic)" if found.synthetic else "of recordings"
-    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
+    lost = f"; {page.plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
     missing = sum(not s.carried for s in found.statements)
-    rest = f" {plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
+    rest = f" {page.plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
     return f"{f'{found.name}: ' if is_campaign else ''}{count} {made}{lost}.{rest}"
 
 
@@ -154,15 +144,15 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
         if isinstance(e, Estimate):
             yield ShownValue(name, name, "value", e.value, e.unit, (e.low, e.high))
         if math.isfinite(e.p):
-            yield ShownValue(f"{name}, p", name, "p", chance(e.p))
+            yield ShownValue(f"{name}, p", name, "p", page.chance(e.p))
 
 
 def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> Iterator[ShownValue]:
     """Return friction at the slowest and the fastest speed, and the main effects."""
-    named = condition_names(found)
+    named = page.condition_names(found)
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
-            name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
+            name = f"friction at {page.MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
             yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
     first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
     for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
@@ -172,7 +162,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
 
 def summary(found: CampaignCharacteristics) -> Section:
     """Return the section with statements on the curves of recordings, and effects."""
-    return view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
+    return page.view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
@@ -184,22 +174,22 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     if not both:
         return None
     ambient = found.identity.ambient_pressure_pa
-    topic, shown = Topic("campaign", "curves"), spread_evenly(both, MOST_CURVES)
+    topic, shown = page.Topic("campaign", "curves"), page.spread_evenly(both, MOST_CURVES)
     text = topic.say()
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
     picture = topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
-    return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
+    return topic.section(page.Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
 def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterator[tuple]:
-    named = condition_names(found)
+    named = page.condition_names(found)
     for c in both[:MOST_CURVES]:
-        for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
+        for i in page.spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
             friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
-            speed, uncertainties = MM * c.speed_m_s[i], (c.stderr_n[i], c.u_systematic_n[i])
+            speed, uncertainties = page.MM * c.speed_m_s[i], (c.stderr_n[i], c.u_systematic_n[i])
             yield (named(c.condition), speed, friction, *uncertainties, int(c.cycles[i]))
 
 
@@ -225,9 +215,9 @@ def air(found: CampaignCharacteristics) -> Section | None:
     """Return the section on the force of the air in rising curves."""
     if not found.air:
         return None
-    topic, named = Topic("campaign", "air"), condition_names(found)
+    topic, named = page.Topic("campaign", "air"), page.condition_names(found)
     separated = [a for a in found.air if a.separated]
-    shown = spread_evenly(separated or list(found.air), MOST_PANELS)
+    shown = page.spread_evenly(separated or list(found.air), MOST_PANELS)
     text, panels = "separated" if separated else "together", []
     for a in shown:
         marks: list[Band | Line] = []
@@ -245,7 +235,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
     )
 
 
-def _rise(topic: Topic, where: str, a: AirShare) -> str:
+def _rise(topic: page.Topic, where: str, a: AirShare) -> str:
     """Return the text on the contribution of air to the rise from the least total force to the highest speed."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     rise = float(a.total_n[last] - a.total_n[least])
@@ -254,7 +244,7 @@ def _rise(topic: Topic, where: str, a: AirShare) -> str:
         return topic.say("level", where=where)
     reach = float(a.air_high_n[last] - a.air_low_n[last]) / 2.0
     share = f"{part:.2g} N ({100 * part / rise:.0f} %) are" if abs(part) > reach else f"at most {reach:.2g} N may be"
-    slow, fast = (MM * a.speed_m_s[i] for i in (least, last))
+    slow, fast = (page.MM * a.speed_m_s[i] for i in (least, last))
     return topic.say("rise", where=where, slow=slow, fast=fast, rise=rise, share=share)
 
 
@@ -270,14 +260,14 @@ def _air_rows(condition: str, a: AirShare) -> Iterator[tuple]:
     for i in sorted({0, a.speed_m_s.size // 2, a.speed_m_s.size - 1}):
         cells = [with_u(float(m[i]), float(high[i] - low[i]) / 2.0, "") for m, low, high in _parts(a).values()]
         rest = [] if a.separated else [None, f"at most {a.air_bound_n[i]:.2g}"]
-        yield (condition, MM * a.speed_m_s[i], *cells, *rest)
+        yield (condition, page.MM * a.speed_m_s[i], *cells, *rest)
 
 
 def pressure(found: CampaignCharacteristics) -> Section | None:
     """Return the section on effects of the chamber pressures, and their interaction."""
     if not found.pressure:
         return None
-    topic, texts = Topic("campaign", "pressure"), []
+    topic, texts = page.Topic("campaign", "pressure"), []
     for effects in found.pressure:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
@@ -305,12 +295,12 @@ def position(found: CampaignCharacteristics) -> Section | None:
     shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
     if not shown:
         return None
-    topic, named, panels = Topic("campaign", "position"), condition_names(found), []
+    topic, named, panels = page.Topic("campaign", "position"), page.condition_names(found), []
     for p in shown:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         x, middle, low, high = (v[np.isfinite(p.relative)] for v in (p.position_m, p.relative, p.low, p.high))
         marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), Line(x, middle - 1.0, look=Look("blue"), width=1.0)]
-        panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
+        panels.append(Panel(marks, f"{where}\n({page.plural(p.cycles, 'cycle')})"))
     size = {"columns": 3, "row_in": 1.9, "share_y": "all"}
     figure = Figure(panels, "position / mm", "friction minus its mean / %", **size)
     return topic.section(topic.text(), topic.figure("campaign-position", figure))
@@ -321,11 +311,11 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     d = found.drift
     if d is None:
         return None
-    topic = Topic("campaign", "drift")
+    topic = page.Topic("campaign", "drift")
     basis = topic.texts["told"].get(d.basis)
     is_drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
-        Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
+        page.Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
         topic.figure("campaign-drift", drift_figure(found)) if is_drawn else None,
     )
 
@@ -353,12 +343,12 @@ def loops(found: CampaignCharacteristics) -> Section | None:
     """Return the section on hysteresis around reversals."""
     if not found.loops:
         return None
-    topic, named = Topic("campaign", "loops"), condition_names(found)
-    shown = spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
+    topic, named = page.Topic("campaign", "loops"), page.condition_names(found)
+    shown = page.spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
     panels = [
         Panel(
             [Markers(loop.position_m, loop.friction_n, look=Look("blue", "-", "."), size=1.4), Rule(y=0.0)],
-            f"{MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
+            f"{page.MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
         )
         for loop in shown
     ]
@@ -371,8 +361,8 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stick-slip."""
     if not found.stick_slip:
         return None
-    topic, named, marks = Topic("campaign", "stick-slip"), condition_names(found), []
-    conditions = spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
+    topic, named, marks = page.Topic("campaign", "stick-slip"), page.condition_names(found), []
+    conditions = page.spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))
@@ -403,11 +393,11 @@ def stops(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stops; None without stops."""
     if not len(found.stops):
         return None
-    topic = Topic("campaign", "stops")
+    topic = page.Topic("campaign", "stops")
     series = [s for s in found.dwell if s.curve is not None]
     moved = any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m"))
     return topic.section(
-        topic.text(stops=plural(len(found.stops), "stop")),
+        topic.text(stops=page.plural(len(found.stops), "stop")),
         topic.figure("campaign-stop-traces", traces(found)),
         *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
         *(_relaxation_blocks(topic, found) if moved else ()),
@@ -419,9 +409,9 @@ def stops(found: CampaignCharacteristics) -> Section | None:
 
 def traces(found: CampaignCharacteristics) -> Figure:
     """Draw a short, a middle and a long stop, and their restarts in detail."""
-    usable, named = found.stops.filter("usable"), condition_names(found)
+    usable, named = found.stops.filter("usable"), page.condition_names(found)
     rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
-    chosen = rows[spread_evenly(range(len(rows)), MOST_TRACES)]
+    chosen = rows[page.spread_evenly(range(len(rows)), MOST_TRACES)]
     panels = []
     for row, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
         trace = {name: np.array(row[f"trace_{name}"]) for name in ("time_s", "friction_n")}
@@ -437,7 +427,7 @@ def _whole(stop: SimpleNamespace, condition: str) -> Panel:
     time = stop.time_s
     held = "released" if stop.released else "held"
     way = "+x" if stop.direction > 0 else "−x"
-    title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
+    title = f"{stop.stop_s:g} s {held}, restart {way} at {page.MM * stop.speed_m_s:.3g} mm/s, {condition}"
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The start of the approach may still show the reversal.
     span = (max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s))
@@ -475,7 +465,7 @@ def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> A
 # --- breakaway against duration --------------------------------------------------------------------------------------
 
 
-def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
+def _dwell_blocks(topic: page.Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
     panels = [_increments(found, s) for s in shown]
     figure = Figure(panels, DURATION, INCREMENT, columns=2, row_in=3.2, rest_in=0.3, legend="panel", text_scale=0.9)
     yield topic.figure("campaign-dwell", figure)
@@ -497,7 +487,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         marks.append(Band(s.duration_s, s.low_n[index], s.high_n[index], look=own))
         marks.append(Line(s.duration_s, s.increment_n[index], look=own))
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
-        label = condition_names(found)(condition)
+        label = page.condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
     for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
         if law is not None:
@@ -524,7 +514,7 @@ def _shape(law: DwellLawFit, name: str, unit: str) -> str:
 # --- relaxation and way back -----------------------------------------------------------------------------------------
 
 
-def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+def _relaxation_blocks(topic: page.Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     yield topic.figure("campaign-stop-relaxation", relaxation(found))
     groups = found.stops.group_by("speed_m_s", "released", "stop_s", maintain_order=True)
     yield topic.table((_medians(key, group) for key, group in sorted(groups, key=lambda pair: pair[0])), "medians")
@@ -540,7 +530,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
     left: list[Markers] = []
     right: list[Markers] = []
     for index, condition in enumerate(sorted(set(conditions_of(found.stops)))[:MOST_SHOWN]):
-        own, label = look(index), condition_names(found)(condition)
+        own, label = look(index), page.condition_names(found)(condition)
         stops = found.stops.filter(**vars(condition)).with_columns(shown_s=pl.col("dwell_s") * (1.0 + 0.05 * index))
         back = _known(stops, "recovery_m")
         whole, cut = back.filter("recovery_complete"), back.filter(~pl.col("recovery_complete"))
@@ -572,14 +562,14 @@ def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
     distance = median("recovery_m", whole)
     cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
     return (
-        f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
+        f"{duration_s:g} s, {'released' if released else 'held'}, {page.MM * speed_m_s:.3g} mm/s",
         len(group),
         median("relaxation_n"),
         forms[0] if len(forms) else None,
         median("relaxation_n_per_decade", group.filter(decade[2] - decade[1] < 2.0 * decade[0].abs())),
         median("increment_n"),
         median("loading_rate_n_s"),
-        f"{'–' if distance is None else format(MM * distance, '.3g')}{cut}",
+        f"{'–' if distance is None else format(page.MM * distance, '.3g')}{cut}",
         median("recovery_s", whole),
     )
 
@@ -589,9 +579,9 @@ def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
 
 def run(found: CampaignCharacteristics) -> Section:
     """Return the section on protocol, rig, operator and numbers of cycles."""
-    topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
+    topic, about, rig = page.Topic("campaign", "run"), about_of(found), found.identity
     kinds = Counter(found.cycles["kind"]) + Counter({"stop": len(found.stops)})
-    counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
+    counts = ", ".join(f"{page.plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     envelope = None
     with suppress(RigError):
         envelope = envelope_of(about.get("envelope"), "")
@@ -619,7 +609,7 @@ def run(found: CampaignCharacteristics) -> Section:
     )
 
 
-def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
+def _sensors(topic: page.Topic, found: CampaignCharacteristics) -> ShownTable:
     rig = found.identity
     unstated = "not stated: assumed"
     rows = [
@@ -636,7 +626,7 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
 
 def flags(found: CampaignCharacteristics) -> Section:
     """Return the section on flags of cycles and stops, and on skipped cycles."""
-    topic = Topic("campaign", "flags")
+    topic = page.Topic("campaign", "flags")
     raised = found.stops["flags"].to_list() if len(found.stops) else []
     counts = Counter(found.flags) + Counter(flag for flags in raised for flag in flags)
     texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
@@ -654,7 +644,7 @@ def budget(found: CampaignCharacteristics) -> Section | None:
     """Return the section on the sources of uncertainty of the curves."""
     if not found.sources:
         return None
-    topic = Topic("campaign", "budget")
+    topic = page.Topic("campaign", "budget")
     rows = ((s.name, s.kind, s.basis, s.note, s.standard_uncertainty_n) for s in found.sources)
     return topic.section(topic.text(), topic.table(rows))
 
@@ -667,7 +657,7 @@ def sources(found: CampaignCharacteristics) -> Section:
         *software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
-    topic = Topic("campaign", "provenance")
+    topic = page.Topic("campaign", "provenance")
     return topic.section(
         topic.table(rows, "software"),
         *_protocol(topic, found),
@@ -675,10 +665,10 @@ def sources(found: CampaignCharacteristics) -> Section:
     )
 
 
-def _protocol(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+def _protocol(topic: page.Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     protocol = found.folder / "campaign.toml"
     if protocol.is_file():
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
         yield topic.text("protocol")
-        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
+        yield page.Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")

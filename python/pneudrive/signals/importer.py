@@ -18,32 +18,9 @@ import numpy as np
 from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
+from pneudrive.signals import text_table, times
 from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, role_of, split_name, words_of
 from pneudrive.signals.layout import UNITS
-from pneudrive.signals.text_table import (
-    FileForm,
-    ForeignTable,
-    TextForm,
-    column_number,
-    measurable,
-    read_bytes,
-    read_text,
-    sniff_format,
-    sniff_text,
-)
-from pneudrive.signals.times import (
-    COUNTERS,
-    DATE_TIME,
-    ISO,
-    clocks_of,
-    filled,
-    guess_form,
-    on_clock,
-    overlap,
-    refuse_equal_stamps,
-    seconds,
-    unwrapped,
-)
 from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
@@ -85,7 +62,7 @@ class Imported:
     sha256: str | None = None
 
 
-def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
+def read_foreign(path: Path) -> tuple[text_table.FileForm, list[Array]]:
     """Return the form of a file and its columns of numbers; columns of texts are empty.
 
     Raises
@@ -93,28 +70,28 @@ def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
     RecordingError
         The file does not exist, is empty or of an unknown format, or has no table of numbers.
     """
-    form = sniff_format(path)
+    form = text_table.sniff_format(path)
     if form == "csv":
-        reading = sniff_text(path)
+        reading = text_table.sniff_text(path)
         wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
-        table = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates})
+        table = text_table.read_text(path, text_table.read_bytes(path), reading.form, wanted, {**reading.dates})
         none = np.full_like(table.columns[table.places[wanted[0]]], np.nan)
         return reading, [table.columns.get(table.places.get(at, ""), none) for at in range(reading.columns)]
     opened, dates = open_table(path, form), dict[str, str]()
     arrays = opened.get(opened.names)
     for name, values in arrays.items():
         if values.dtype.kind == "M":
-            dates[name] = ISO
+            dates[name] = times.ISO
         elif values.ndim == 1 and values.dtype.kind in TEXT_KINDS:
-            written = guess_form([str(text) for text in values[:GUESSED_FROM].tolist()])
+            written = times.guess_form([str(text) for text in values[:GUESSED_FROM].tolist()])
             dates |= {} if written is None else {name: written}
     found = _numeric(arrays, dates, path)
     sizes = [column.size for column in found.values()]
     usual = max(sizes, key=sizes.count, default=0)
     columns = {name: column for name, column in found.items() if column.size == usual}
-    reading = FileForm(
+    reading = text_table.FileForm(
         form,
-        TextForm(),
+        text_table.TextForm(),
         list(columns),
         [opened.metadata.get(UNIT_OF + name, "") for name in columns],
         len(columns),
@@ -135,7 +112,7 @@ def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path:
 
 def read_binary(
     path: Path, layout: FileLayout, rows: tuple[int, int] | None = None, *, others: bool = False
-) -> ForeignTable:
+) -> text_table.ForeignTable:
     """Read the columns that a layout names from a file that is not text.
 
     Parameters
@@ -165,11 +142,11 @@ def read_binary(
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
     part = slice(None)
     if layout.format in WITH_CLOCKS:  # channels that start later, or end earlier, than the others
-        part = overlap(columns.values(), size)
+        part = times.overlap(columns.values(), size)
         if part.start >= part.stop:
             raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
     columns |= {name: column for name, column in _numeric(arrays, {}, path).items() if column.size == size}
-    return ForeignTable(
+    return text_table.ForeignTable(
         {name: column[part] for name, column in columns.items()},
         places,
         {name: opened.metadata.get(UNIT_OF + name, "") for name in columns},
@@ -189,7 +166,7 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int 
     for name in names:
         short.setdefault(name.rpartition("/")[2], []).append(name)
     full = {w: short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted}
-    return {w: names[column_number(column, names, len(names), path)] for w, column in full.items()}
+    return {w: names[text_table.column_number(column, names, len(names), path)] for w, column in full.items()}
 
 
 def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:
@@ -201,23 +178,23 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
         It does not contain the columns that the layout names.
     """
     if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
-        return seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
+        return times.seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
     if column.ndim != 1 or column.dtype.kind not in "iuf":
         is_date = column.dtype.kind == "M"
         raise RecordingError(
             f"column '{name}' holds dates and times" if is_date else f"column '{name}' is not a row of numbers",
             where=str(path),
             value=f"{column.dtype}, {column.shape}",
-            remedy=f'unit = "{DATE_TIME}" in the layout' if is_date else "name another column in the layout",
+            remedy=f'unit = "{times.DATE_TIME}" in the layout' if is_date else "name another column in the layout",
         )
     if date_form is not None:
         raise RecordingError.of("signals.numbers-not-dates", where=str(path), value=f"{column[:1].tolist()}", name=name)
-    return measurable(column.astype(np.float64, copy=False))
+    return text_table.measurable(column.astype(np.float64, copy=False))
 
 
 def read_channels(
     path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
-) -> tuple[ForeignTable, Columns]:
+) -> tuple[text_table.ForeignTable, Columns]:
     """Read the columns that a layout names, of all rows, and its channels with one value for each time.
 
     Parameters
@@ -240,8 +217,8 @@ def read_channels(
         If the layout does not fit the file, many samples share a stamp, or the time restarts in a segment.
     """
     if layout.format == "csv":
-        data = data or read_bytes(path)
-        table = read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
+        data = data or text_table.read_bytes(path)
+        table = text_table.read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
     else:
         table = read_binary(path, layout, others=others)
     time, wraps = _time_of(layout.time, table, str(path))
@@ -253,21 +230,21 @@ def read_channels(
             continue
         raw = table.columns[table.places[column.column]]
         if column.wraps is not None or channel == "position":
-            raw, count = unwrapped(raw, COUNTERS if column.wraps is None else (column.wraps,))
+            raw, count = times.unwrapped(raw, times.COUNTERS if column.wraps is None else (column.wraps,))
             wraps += count if column.wraps is None else 0
         if column.clock is not None:
-            full = on_clock(time, table.columns[table.places[column.clock]], raw)
+            full = times.on_clock(time, table.columns[table.places[column.clock]], raw)
         else:
-            full = filled(time, raw, held=channel == "command")
+            full = times.filled(time, raw, held=channel == "command")
         completed += [full] if full is not raw else []
         channels[channel] = full
-    part = overlap(completed, time.size)
+    part = times.overlap(completed, time.size)
     flags = table.flags | ({"counter_wrap": wraps} if wraps else {})
     columns = {name: column[part] for name, column in table.columns.items()}
     return replace(table, columns=columns, flags=flags), {name: values[part] for name, values in channels.items()}
 
 
-def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array, int]:
+def _time_of(column: TimeColumn, table: text_table.ForeignTable, where: str) -> tuple[Array, int]:
     """Return the times in the unit of their column, and the number of wraps of a counter."""
     size = next(iter(table.columns.values())).size
     if column.column is None:
@@ -276,11 +253,11 @@ def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array
     time = table.columns[table.places[column.column]]
     if column.date is not None:
         return time + table.columns[table.places[column.date]], 0
-    refuse_equal_stamps(time, column.column, where)
-    clocks = clocks_of(column.format if column.is_date else None, column.conversion.factor)
-    time, midnights = unwrapped(time, clocks, forward=True)
-    counters = COUNTERS if column.wraps is None else (column.wraps,)
-    time, wraps = (time, 0) if midnights else unwrapped(time, counters, forward=True)
+    times.refuse_equal_stamps(time, column.column, where)
+    clocks = times.clocks_of(column.format if column.is_date else None, column.conversion.factor)
+    time, midnights = times.unwrapped(time, clocks, forward=True)
+    counters = times.COUNTERS if column.wraps is None else (column.wraps,)
+    time, wraps = (time, 0) if midnights else times.unwrapped(time, counters, forward=True)
     for number, row in enumerate(table.segments, 2):
         if 0 < row < size and time[row] < time[row - 1]:
             raise RecordingError(
@@ -307,7 +284,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
     RecordingError
         If the layout does not fit the file, or no sample is left.
     """
-    data = read_bytes(path)
+    data = text_table.read_bytes(path)
     for doubt in unit_doubts(layout):
         warn(f"{path.name}: {doubt}")
     table, channels = read_channels(path, layout, data)
@@ -372,7 +349,7 @@ def si_columns(layout: FileLayout, raw: Columns) -> dict[str, Any]:
     if late and known.any() and (np.diff(time[known]) >= 0).all():  # the recording refuses other times
         for channel, delay in late.items():
             values[channel] = np.interp(time, time[known] - delay, values[channel][known], left=np.nan, right=np.nan)
-    part = overlap((values[channel] for channel in late), time.size)
+    part = times.overlap((values[channel] for channel in late), time.size)
     values = {channel: column[part] for channel, column in values.items()}
     for number, force in enumerate(layout.force, 1):
         across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)

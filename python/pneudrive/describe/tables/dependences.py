@@ -7,22 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.marks import (
-    Bounds,
-    EachChamber,
-    Fraction,
-    Length,
-    PerChamber,
-    Position,
-    Quantity,
-    Temperature,
-)
 
-_NOT_NEGATIVE = Bounds(at_least=0.0)
-_POSITIVE = Bounds(above=0.0)
-Duration = Annotated[float, Quantity("s", "s", _POSITIVE)]
+_NOT_NEGATIVE = marks.Bounds(at_least=0.0)
+_POSITIVE = marks.Bounds(above=0.0)
+Duration = Annotated[float, marks.Quantity("s", "s", _POSITIVE)]
 #: largest number of harmonics; more would describe the noise of a recording
 MOST_HARMONICS = 4
 #: largest number of points; each costs time at every evaluation
@@ -37,7 +28,7 @@ class Acting(Described):
         out: dict[str, Any] = {}
         for name, field in type(self).model_fields.items():
             value, key = getattr(self, name), field.alias or name
-            if isinstance(value, PerChamber):
+            if isinstance(value, marks.PerChamber):
                 out |= {f"{key}_{chamber}": one for chamber, one in value._asdict().items()}
             elif isinstance(value, tuple):
                 out[key] = [one.core() for one in value]
@@ -50,8 +41,8 @@ class SealPressure(Acting):
     """Seal lips: additional friction for each unit of gauge pressure in a chamber, with any law; stored in N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
-    coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
-    breakaway_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+    coulomb_n_pa: Annotated[marks.PerChamber, marks.EachChamber("N/Pa", "N/bar")] = marks.PerChamber(0.0, 0.0)
+    breakaway_n_pa: Annotated[marks.PerChamber, marks.EachChamber("N/Pa", "N/bar")] = marks.PerChamber(0.0, 0.0)
 
 
 class Dwell(Acting):
@@ -59,12 +50,12 @@ class Dwell(Acting):
 
     table_name: ClassVar[str] = "friction.dwell"
     growth: Literal["saturating", "log", "hyperbolic"]
-    increment_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)]
+    increment_n: Annotated[float, marks.Quantity("N", "N", _NOT_NEGATIVE)]
     time_s: Duration
-    exponent: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=2.0))] = 0.4
-    distance_m: Length
-    pressure_per_pa: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = Field(
-        default=PerChamber(0.0, 0.0), alias="pressure"
+    exponent: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=0.0, below=2.0))] = 0.4
+    distance_m: marks.Length
+    pressure_per_pa: Annotated[marks.PerChamber, marks.EachChamber("1/Pa", "%/bar")] = Field(
+        default=marks.PerChamber(0.0, 0.0), alias="pressure"
     )
 
     @model_validator(mode="after")
@@ -79,26 +70,26 @@ class Relaxation(Acting):
     """Elastic force of held bristles that relaxes, with laws of bristles; sliding renews the bristles."""
 
     table_name: ClassVar[str] = "friction.relaxation"
-    share: Fraction
+    share: marks.Fraction
     time_s: Duration
-    distance_m: Length
+    distance_m: marks.Length
 
 
 class Harmonic(Acting):
     """One period of friction along the stroke."""
 
     table_name: ClassVar[str] = "friction.position.harmonics"
-    period_m: Length
-    amplitude: Annotated[float, Quantity("", bounds=Bounds(above=-1.0, below=1.0))]
-    phase_rad: Annotated[float, Quantity("rad", "deg")] = 0.0
+    period_m: marks.Length
+    amplitude: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=-1.0, below=1.0))]
+    phase_rad: Annotated[float, marks.Quantity("rad", "deg")] = 0.0
 
 
 class PositionPoint(Acting):
     """Measured factor on friction at a position of the stroke."""
 
     table_name: ClassVar[str] = "friction.position.table"
-    position_m: Position
-    factor: Annotated[float, Quantity("", bounds=_POSITIVE)]
+    position_m: marks.Position
+    factor: Annotated[float, marks.Quantity("", bounds=_POSITIVE)]
 
 
 class PositionDependence(Acting):
@@ -110,8 +101,8 @@ class PositionDependence(Acting):
     table_name: ClassVar[str] = "friction.position"
     points: tuple[PositionPoint, ...] = Field(default=(), alias="table")
     harmonics: tuple[Harmonic, ...] = ()
-    slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
-    reference_m: Position = 0.0
+    slope_per_m: Annotated[float, marks.Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
+    reference_m: marks.Position = 0.0
 
     @model_validator(mode="after")
     def _few_and_small(self) -> PositionDependence:
@@ -156,26 +147,26 @@ class DirectionDependence(Acting):
     """Friction that differs with the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
-    positive: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
-    negative: Annotated[float, Quantity("", bounds=_POSITIVE)] = 1.0
+    positive: Annotated[float, marks.Quantity("", bounds=_POSITIVE)] = 1.0
+    negative: Annotated[float, marks.Quantity("", bounds=_POSITIVE)] = 1.0
 
 
 class SideLoad(Acting):
     """A force across the axis on a guide, which adds coefficient * |force| to the friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
-    force_n: Annotated[float, Quantity("N", "N")]
-    coefficient: Annotated[float, Quantity("", bounds=_NOT_NEGATIVE)]
+    force_n: Annotated[float, marks.Quantity("N", "N")]
+    coefficient: Annotated[float, marks.Quantity("", bounds=_NOT_NEGATIVE)]
 
 
 class TemperatureDependence(Acting):
     """Friction that depends on the temperature of the contact, including its own heat, with any law."""
 
     table_name: ClassVar[str] = "friction.temperature"
-    reference_k: Temperature
-    viscous_per_k: Annotated[float, Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
-    levels_per_k: Annotated[float, Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
-    resistance_k_w: Annotated[float, Quantity("K/W", "K/W", _NOT_NEGATIVE)] = 0.0
+    reference_k: marks.Temperature
+    viscous_per_k: Annotated[float, marks.Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
+    levels_per_k: Annotated[float, marks.Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
+    resistance_k_w: Annotated[float, marks.Quantity("K/W", "K/W", _NOT_NEGATIVE)] = 0.0
     time_s: Duration = 60.0
 
 
@@ -183,10 +174,10 @@ class Wear(Acting):
     """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
 
     table_name: ClassVar[str] = "friction.wear"
-    run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0
-    run_in_distance_m: Length = 1000.0
-    rate_per_m: Annotated[float, Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
-    slid_m: Annotated[float, Quantity("m", "m", _NOT_NEGATIVE)] = 0.0
+    run_in: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=-1.0))] = 0.0
+    run_in_distance_m: marks.Length = 1000.0
+    rate_per_m: Annotated[float, marks.Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
+    slid_m: Annotated[float, marks.Quantity("m", "m", _NOT_NEGATIVE)] = 0.0
 
 
 #: Friction modifiers by their keys; relaxation needs a law with bristles.

@@ -7,34 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from pneudrive import _core, units
-from pneudrive.constants import (
-    AIR_GAS_CONSTANT_J_KG_K,
-    AIR_HEAT_CAPACITY_RATIO,
-    ANR_DENSITY_KG_M3,
-    ANR_PRESSURE_PA,
-    ANR_TEMPERATURE_K,
-    MOLAR_GAS_CONSTANT_J_MOL_K,
-    STANDARD_ATMOSPHERE_PA,
-)
+from pneudrive import _core, constants, units
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import (
-    Angle,
-    Bounds,
-    EachChamber,
-    Force,
-    Fraction,
-    Length,
-    Mass,
-    PerChamber,
-    Position,
-    Quantity,
-    StatedPressure,
-    Stiffness,
-    Temperature,
-    Velocity,
-)
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
 from pneudrive.describe.tables.signal import Signal, SignalRange
@@ -43,12 +19,15 @@ from pneudrive.errors import tomllib, warn
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-NOT_NEGATIVE = Bounds(at_least=0.0)
+NOT_NEGATIVE = marks.Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
-DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
+DEW_POINTS = marks.Bounds(at_least=193.15, at_most=333.15)
 
 _GASES = tomllib.loads(Path(__file__).with_name("gases.toml").read_text(encoding="utf-8"))
-_GASES["air"] |= {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant": AIR_GAS_CONSTANT_J_KG_K}
+_GASES["air"] |= {
+    "heat_capacity_ratio": constants.AIR_HEAT_CAPACITY_RATIO,
+    "gas_constant": constants.AIR_GAS_CONSTANT_J_KG_K,
+}
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name.
 GASES: dict[str, tuple[float, float]] = {
     name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items()
@@ -65,9 +44,9 @@ def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
 
     The core's conductances refer to the same densities.
     """
-    if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
-        return ANR_DENSITY_KG_M3
-    return ANR_PRESSURE_PA / (gas_constant * ANR_TEMPERATURE_K)
+    if (heat_capacity_ratio, gas_constant) == (constants.AIR_HEAT_CAPACITY_RATIO, constants.AIR_GAS_CONSTANT_J_KG_K):
+        return constants.ANR_DENSITY_KG_M3
+    return constants.ANR_PRESSURE_PA / (gas_constant * constants.ANR_TEMPERATURE_K)
 
 
 class Gas(Described):
@@ -81,11 +60,15 @@ class Gas(Described):
 
     table_name: ClassVar[str] = "gas"
     name: Literal["air", "nitrogen", "argon", "helium", "carbon-dioxide"] | None = None
-    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = AIR_HEAT_CAPACITY_RATIO
-    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = AIR_GAS_CONSTANT_J_KG_K
+    heat_capacity_ratio: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=1.0, below=2.0))] = (
+        constants.AIR_HEAT_CAPACITY_RATIO
+    )
+    gas_constant_j_kg_k: Annotated[float, marks.Quantity("J/(kg K)", "J/(kg K)", marks.Bounds(above=0.0))] = (
+        constants.AIR_GAS_CONSTANT_J_KG_K
+    )
     model: Literal["ideal", "virial"] = "ideal"
-    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = None
-    dew_point_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+    dew_point_k: Annotated[float | None, marks.Quantity("K", "degC", DEW_POINTS)] = None
+    dew_point_pressure: Annotated[units.Pressure | None, marks.StatedPressure()] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -126,7 +109,7 @@ class Gas(Described):
         if self.model == "ideal" or self.name is None:
             return out
         a, b, c = VIRIAL[self.name]
-        per_kg = 1e-6 * self.gas_constant_j_kg_k / MOLAR_GAS_CONSTANT_J_MOL_K
+        per_kg = 1e-6 * self.gas_constant_j_kg_k / constants.MOLAR_GAS_CONSTANT_J_MOL_K
         return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
 
     def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
@@ -155,10 +138,10 @@ class Ambient(Described):
     """Ambient air, into which the drive exhausts; the default is the standard atmosphere."""
 
     table_name: ClassVar[str] = "ambient"
-    pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
-        STANDARD_ATMOSPHERE_PA, gauge=False
+    pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
+        constants.STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    temperature_k: Temperature = ANR_TEMPERATURE_K
+    temperature_k: marks.Temperature = constants.ANR_TEMPERATURE_K
 
     @property
     def pressure_pa(self) -> float:
@@ -174,8 +157,8 @@ class Supply(Described):
     """Supply at the valve's inlet; its default temperature is ambient."""
 
     table_name: ClassVar[str] = "supply"
-    pressure: Annotated[units.Pressure, StatedPressure()]
-    temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    pressure: Annotated[units.Pressure, marks.StatedPressure()]
+    temperature_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
 
     def core(self, ambient: Ambient) -> dict[str, float]:
         """Return the table in the core's form, in SI; missing values are ambient."""
@@ -206,9 +189,9 @@ class EndStop(Described):
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
-    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = None
-    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
-    damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
+    stiffness_n_m: Annotated[float | None, marks.Quantity("N/m", "N/m", marks.Bounds(above=0.0))] = None
+    damping_n_s_m: Annotated[float | None, marks.Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
+    damping_depth_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
 
 
 #: Keys that a circuit has and a drive has not: the remedy of each.
@@ -242,17 +225,17 @@ class Cylinder(Described):
     table_name: ClassVar[str] = "cylinder"
     elsewhere: ClassVar[Mapping[str, str]] = {"use": _PART.format("cylinder")}
     kind: Literal["rodless", "through-rod", "single-rod"]
-    bore_m: Length
-    rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
-    stroke_m: Length
-    dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))]
-    moving_mass_kg: Mass
-    incline_rad: Angle = 0.0
-    heat_transfer_w_m2_k: Annotated[float | None, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = None
-    heat_transfer_scale: Annotated[float, Quantity("", bounds=NOT_NEGATIVE)] = 1.0
-    port_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
-    wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
-    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
+    bore_m: marks.Length
+    rod_diameter_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
+    stroke_m: marks.Length
+    dead_volume_m3: Annotated[marks.PerChamber, marks.EachChamber("m^3", "cm3", marks.Bounds(above=0.0))]
+    moving_mass_kg: marks.Mass
+    incline_rad: marks.Angle = 0.0
+    heat_transfer_w_m2_k: Annotated[float | None, marks.Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = None
+    heat_transfer_scale: Annotated[float, marks.Quantity("", bounds=NOT_NEGATIVE)] = 1.0
+    port_diameter_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
+    wall_temperature_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
+    leakage_m3_s_pa: Annotated[float, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
     end_stop: EndStop = EndStop()
     chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
 
@@ -290,7 +273,7 @@ class Cylinder(Described):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-class FlowCoefficient(Quantity):
+class FlowCoefficient(marks.Quantity):
     """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
 
     def read(self, given: object) -> float:
@@ -333,20 +316,22 @@ class Valve(Described):
     table_name: ClassVar[str] = "valve"
     elsewhere: ClassVar[Mapping[str, str]] = _OF_A_CIRCUIT
     kind: Literal["proportional-5/3", "switching-5/3"]
-    conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
-        default=None, alias="conductance"
+    conductance_given: Annotated[float | None, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", marks.Bounds(above=0.0))] = (
+        Field(default=None, alias="conductance")
     )
-    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = None
-    kv: Annotated[float | None, FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
-    cv: Annotated[float | None, FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
-    critical_pressure_ratio: Fraction = valve_flow.USUAL_RATIO
-    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
-    linear_above: Fraction = 0.999
-    overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
-    leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
+    nominal_flow_m3_s_anr: Annotated[
+        float | None, marks.Quantity("m^3/s ANR", "l/min ANR", marks.Bounds(above=0.0))
+    ] = None
+    kv: Annotated[float | None, FlowCoefficient("", "Kv", marks.Bounds(above=0.0))] = None
+    cv: Annotated[float | None, FlowCoefficient("", "Cv", marks.Bounds(above=0.0))] = None
+    critical_pressure_ratio: marks.Fraction = valve_flow.USUAL_RATIO
+    subsonic_index: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=0.0, at_most=2.0))] = 0.5
+    linear_above: marks.Fraction = 0.999
+    overlap: Annotated[float | None, marks.Quantity("", bounds=marks.Bounds(above=-1.0, below=1.0))] = None
+    leakage: Annotated[float | None, marks.Quantity("", bounds=marks.Bounds(at_least=0.0, at_most=1.0))] = None
     command: Annotated[Signal | None, SignalRange("")] = None
-    time_on_s: Annotated[float | None, Quantity("s", "ms", Bounds(above=0.0))] = None
-    time_off_s: Annotated[float | None, Quantity("s", "ms", Bounds(above=0.0))] = None
+    time_on_s: Annotated[float | None, marks.Quantity("s", "ms", marks.Bounds(above=0.0))] = None
+    time_off_s: Annotated[float | None, marks.Quantity("s", "ms", marks.Bounds(above=0.0))] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -408,16 +393,16 @@ class Spring(Described):
     """Linear spring between load and ground; it pushes in +x below its rest position."""
 
     table_name: ClassVar[str] = "load.spring"
-    stiffness_n_m: Stiffness
-    rest_position_m: Position = 0.0
+    stiffness_n_m: marks.Stiffness
+    rest_position_m: marks.Position = 0.0
 
 
 class Load(Described):
     """Load of the piston, in addition to its moving mass. `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
-    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
-    force_n: Force = 0.0
+    mass_kg: Annotated[float, marks.Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
+    force_n: marks.Force = 0.0
     spring: Spring | None = None
 
     @model_validator(mode="before")
@@ -437,10 +422,10 @@ class Initial(Described):
     """
 
     table_name: ClassVar[str] = "initial"
-    position_m: Annotated[float | None, Quantity("m", "mm")] = None
-    velocity_m_s: Velocity = 0.0
-    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = 0.0
-    pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
-    pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
-    temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
-    temperature_b_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    position_m: Annotated[float | None, marks.Quantity("m", "mm")] = None
+    velocity_m_s: marks.Velocity = 0.0
+    contact_age_s: Annotated[float, marks.Quantity("s", "s", NOT_NEGATIVE)] = 0.0
+    pressure_a: Annotated[units.Pressure | None, marks.StatedPressure()] = None
+    pressure_b: Annotated[units.Pressure | None, marks.StatedPressure()] = None
+    temperature_a_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
+    temperature_b_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None

@@ -9,14 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pneudrive import _core
-from pneudrive.constants import (
-    AIR_GAS_CONSTANT_J_KG_K,
-    AIR_HEAT_CAPACITY_RATIO,
-    ANR_DENSITY_KG_M3,
-    ANR_PRESSURE_PA,
-    ANR_TEMPERATURE_K,
-)
+from pneudrive import _core, constants
 from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
@@ -35,7 +28,7 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
     the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree to the
     litre [smc-eus11-83].
     """
-    upstream, downstream = 6.0 * BAR_PA + ANR_PRESSURE_PA, 5.0 * BAR_PA + ANR_PRESSURE_PA
+    upstream, downstream = 6.0 * BAR_PA + constants.ANR_PRESSURE_PA, 5.0 * BAR_PA + constants.ANR_PRESSURE_PA
     return flow_m3_s_anr / (upstream * _core.flow_ratio(downstream / upstream, b, m))
 
 
@@ -48,8 +41,10 @@ def conductance_from_kv(kv_m3_h: float) -> float:
     % above this [smc-eus11-83].
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
-    choked = _core.choked_flow_factor(AIR_HEAT_CAPACITY_RATIO) / math.sqrt(AIR_GAS_CONSTANT_J_KG_K * ANR_TEMPERATURE_K)
-    return area * choked / ANR_DENSITY_KG_M3
+    choked = _core.choked_flow_factor(constants.AIR_HEAT_CAPACITY_RATIO) / math.sqrt(
+        constants.AIR_GAS_CONSTANT_J_KG_K * constants.ANR_TEMPERATURE_K
+    )
+    return area * choked / constants.ANR_DENSITY_KG_M3
 
 
 def conductance_from_cv(cv: float) -> float:
