@@ -28,10 +28,11 @@ if TYPE_CHECKING:
 
     from pneudrive.files.tables import Table
 
-_TABLE = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+#: Names, units and meanings of columns.
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 #: Column of a file -> variable, unit, long name.
-MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in _TABLE["columns"].items()}
-_UNITS = tuple(_TABLE["units"])
+MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
+_UNITS = tuple(TABLE["units"])
 #: Attributes of a run that are lists or tables.
 STRUCTURED = frozenset(
     ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
@@ -125,6 +126,13 @@ def whole(path: Path) -> Iterator[Path]:
         raise CommandError(f"{path} cannot be written: {why}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_whole(target: Path, text: str, encoding: str = "utf-8") -> Path:
+    """Write a text file by `whole`, and return its path."""
+    with whole(target) as temporary:
+        temporary.write_text(text, encoding=encoding)
+    return target
 
 
 def save(run: xr.Dataset, path: str | Path) -> Path:
