@@ -96,7 +96,7 @@ class PneudriveError(Exception):
         self.others: tuple[Any, ...] = ()  # further errors
 
     @classmethod
-    def of(cls, message: str, /, **values: Any) -> Self:  # noqa: ANN401 - of any type that a text can show
+    def of(cls, message: str, **values: Any) -> Self:  # noqa: ANN401 - of any type that a text can show
         """Return the error with a message of ``messages.toml``.
 
         Parameters
