@@ -1,6 +1,6 @@
 //! Two numbers side by side. Computations that both sides of a piston share are done once.
 
-use crate::real::Real;
+use crate::real::{Real, functions};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Two numbers. Every operation acts on each number, so the bits agree. Over `f64`, the compiler makes one vector
@@ -76,33 +76,10 @@ impl<R: Real> Real for Both<R> {
     fn fma(self, a: Self, b: Self) -> Self {
         Both([self.0[0].fma(a.0[0], b.0[0]), self.0[1].fma(a.0[1], b.0[1])])
     }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(R::sqrt)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.map(R::exp)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(R::ln)
-    }
+    functions!(map R: sqrt exp ln sin cos tanh);
     #[inline(always)]
     fn pow(self, exponent: Self) -> Self {
         Both([self.0[0].pow(exponent.0[0]), self.0[1].pow(exponent.0[1])])
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        self.map(R::sin)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        self.map(R::cos)
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        self.map(R::tanh)
     }
     #[inline(always)]
     fn lt(self, o: Self) -> Self::Mask {

@@ -1,7 +1,7 @@
 //! Several `f64` side by side in a plain array, which the compiler turns into vector instructions.
 
 use crate::elementary;
-use crate::real::{Lane, Real};
+use crate::real::{Lane, Real, functions};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -71,29 +71,10 @@ impl<const N: usize> Real for Lanes<N> {
     fn sqrt(self) -> Self {
         self.map(f64::sqrt)
     }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.map(elementary::exp)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(elementary::ln)
-    }
+    functions!(map elementary: exp ln sin cos tanh);
     #[inline(always)]
     fn pow(self, exponent: Self) -> Self {
         Lanes(from_fn(|i| elementary::pow(self.0[i], exponent.0[i])))
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        self.map(elementary::sin)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        self.map(elementary::cos)
-    }
-    #[inline(always)]
-    fn tanh(self) -> Self {
-        self.map(elementary::tanh)
     }
     #[inline(always)]
     fn lt(self, other: Self) -> [bool; N] {

@@ -1,7 +1,7 @@
 //! Plain numbers.
 
 use crate::elementary;
-use crate::real::{Lane, Real};
+use crate::real::{Lane, Real, functions};
 
 impl Real for f64 {
     type Mask = bool;
@@ -14,33 +14,11 @@ impl Real for f64 {
     fn fma(self, a: f64, b: f64) -> f64 {
         self.mul_add(a, b)
     }
-    #[inline(always)]
-    fn sqrt(self) -> f64 {
-        f64::sqrt(self)
-    }
-    #[inline(always)]
-    fn exp(self) -> f64 {
-        elementary::exp(self)
-    }
-    #[inline(always)]
-    fn ln(self) -> f64 {
-        elementary::ln(self)
-    }
+    functions!(call f64: sqrt);
+    functions!(call elementary: exp ln sin cos tanh);
     #[inline(always)]
     fn pow(self, exponent: f64) -> f64 {
         elementary::pow(self, exponent)
-    }
-    #[inline(always)]
-    fn sin(self) -> f64 {
-        elementary::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> f64 {
-        elementary::cos(self)
-    }
-    #[inline(always)]
-    fn tanh(self) -> f64 {
-        elementary::tanh(self)
     }
     #[inline(always)]
     fn lt(self, other: f64) -> bool {

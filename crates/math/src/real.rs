@@ -253,6 +253,24 @@ pub trait Lane: Real + From<Self::Plain> {
     }
 }
 
+/// Inside `impl Real`: functions of one number, by the functions of a module or a type, of the number or of each of
+/// its numbers.
+macro_rules! functions {
+    (call $of:ident: $($name:ident)*) => {$(
+        #[inline(always)]
+        fn $name(self) -> Self {
+            $of::$name(self)
+        }
+    )*};
+    (map $of:ident: $($name:ident)*) => {$(
+        #[inline(always)]
+        fn $name(self) -> Self {
+            self.map($of::$name)
+        }
+    )*};
+}
+pub(crate) use functions;
+
 /// Largest number of lanes.
 const MOST_LANES: usize = 16;
 

@@ -8,7 +8,7 @@
 #![allow(unsafe_code)]
 
 use crate::elementary::{self, Bits};
-use crate::real::{Lane, Real, Task, Work};
+use crate::real::{Lane, Real, Task, Work, functions};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -107,14 +107,8 @@ macro_rules! register {
             fn sqrt(self) -> Self {
                 $name(unsafe { $sqrt(self.0) })
             }
-            #[inline(always)]
-            fn exp(self) -> Self {
-                elementary::exp(self)
-            }
-            #[inline(always)]
-            fn ln(self) -> Self {
-                self.map(elementary::ln)
-            }
+            functions!(call elementary: exp);
+            functions!(map elementary: ln sin cos tanh);
             #[inline(always)]
             fn pow(self, exponent: Self) -> Self {
                 let (mut numbers, exponents) = (self.array(), exponent.array());
@@ -122,18 +116,6 @@ macro_rules! register {
                     *number = elementary::pow(*number, exponent);
                 }
                 numbers.into()
-            }
-            #[inline(always)]
-            fn sin(self) -> Self {
-                self.map(elementary::sin)
-            }
-            #[inline(always)]
-            fn cos(self) -> Self {
-                self.map(elementary::cos)
-            }
-            #[inline(always)]
-            fn tanh(self) -> Self {
-                self.map(elementary::tanh)
             }
             #[inline(always)]
             fn lt(self, other: Self) -> $mask {

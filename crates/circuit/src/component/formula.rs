@@ -39,15 +39,7 @@ pub(crate) fn written(
     }
     let own = OwnFormula::of(role, &text)?;
     KNOWN.get(format!("{} {text:?}", base.key), || {
-        let rows = own.parameters.iter().map(|parameter| Row {
-            parameter: *parameter,
-            assumed: "",
-            follows: "",
-            unless: "",
-            within: "",
-            only: "",
-            was: "",
-        });
+        let rows = own.parameters.iter().map(|parameter| Row::of(*parameter));
         let commanded = role.variables.last().is_some_and(|last| own.uses(last.name));
         let kind = Kind {
             parameters: Vec::leak(rows.collect()),

@@ -23,6 +23,13 @@ pub struct Row {
     pub was: &'static str,
 }
 
+impl Row {
+    /// Returns a parameter without further rules.
+    pub const fn of(parameter: Parameter) -> Row {
+        Row { parameter, assumed: "", follows: "", unless: "", within: "", only: "", was: "" }
+    }
+}
+
 impl Deref for Row {
     type Target = Parameter;
 
@@ -101,22 +108,10 @@ pub const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     all
 }
 
-/// Rows shared by flow paths by ISO 6358.
-pub const SUBSONIC_INDEX: Row = Row {
-    parameter: Parameter {
-        key: "subsonic_index",
-        unit: "1",
-        bounds: physics::above(0.0),
-        default: Some(0.5),
-        meaning: "Subsonic index m",
-    },
-    assumed: "",
-    follows: "",
-    unless: "",
-    within: "",
-    only: "",
-    was: "",
-};
+/// A row shared by flow paths by ISO 6358.
+pub const SUBSONIC_INDEX: Row = table! {
+    subsonic_index: "1", physics::above(0.0), default 0.5, "Subsonic index m";
+}[0];
 /// A row shared by flow paths by ISO 6358.
 pub const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",

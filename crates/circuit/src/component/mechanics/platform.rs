@@ -24,7 +24,7 @@ const fn row(
 ) -> Row {
     let bounds: Bounds = physics::any();
     let parameter = Parameter { key, unit, bounds, default, meaning };
-    Row { parameter, assumed, follows, unless: "", within, only: "", was: "" }
+    Row { assumed, follows, within, ..Row::of(parameter) }
 }
 
 /// The rows of a vector of each leg, in one table for each leg.
