@@ -25,7 +25,7 @@ pub(crate) use ledger::{Entry, closed};
 use crate::ground::{Channel, Common, GasId, Input};
 use crate::part::{Called, EventId, InputId, PartKind, Parts, Restriction};
 use fused::{Fused, Whole};
-use math::Lane;
+use math::{Gather, Lane};
 use ode::Structure;
 use physics::Gas;
 use std::sync::Arc;

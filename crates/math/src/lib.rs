@@ -9,6 +9,7 @@ mod both;
 mod deps;
 mod dual;
 pub mod elementary;
+mod gather;
 mod lanes;
 mod plain;
 mod real;
@@ -18,6 +19,7 @@ mod registers;
 pub use both::Both;
 pub use deps::Deps;
 pub use dual::Dual;
+pub use gather::Gather;
 pub use lanes::Lanes;
 pub use real::{Function, Lane, MOST_ARGUMENTS, MOST_RESULTS, Map, Over, Real, Task, Work, field, power};
 #[cfg(target_feature = "avx2")]

@@ -1,6 +1,6 @@
 //! Curves through points.
 
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 
 /// Returns slopes at increasing points, for the monotone cubic of Fritsch and Butland: smooth, without overshoot, level
 /// at both ends. Source: [fritsch1984].
@@ -119,21 +119,8 @@ impl<P: Real> Curve<P> {
     }
 }
 
-impl<R: Lane> Curve<R> {
-    /// Creates lane `i` from `each[i]`. All have the same number of points.
-    pub fn gather(each: &[&Curve<f64>]) -> Self {
-        let number =
-            |k: usize, of: &dyn Fn(&Piece<f64>) -> f64| R::from_lanes(|lane| of(&each[lane].pieces[k]));
-        let piece = |k: usize| Piece {
-            x: number(k, &|piece| piece.x),
-            width: number(k, &|piece| piece.width),
-            value: number(k, &|piece| piece.value),
-            rises: [0, 1, 2].map(|i| number(k, &|piece| piece.rises[i])),
-            before: number(k, &|piece| piece.before),
-        };
-        Curve { pieces: (0..each[0].pieces.len()).map(piece).collect() }
-    }
-}
+math::gather!(Curve { pieces });
+math::gather!(Piece { x, width, value, rises, before });
 
 impl<P: Copy> Piece<P> {
     #[inline(always)]

@@ -19,7 +19,7 @@ mod rate_and_state;
 mod stribeck;
 
 use crate::parameter::Parameter;
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 
 pub use arguments::{At, Levels};
 pub use armstrong::Armstrong;
@@ -351,9 +351,10 @@ macro_rules! laws {
             }
         }
 
-        impl<R: Lane> AnyLaw<R> {
-            /// Creates lane `i` from the law `each[i]`. All must be of one kind.
-            pub fn gather(each: &[&AnyLaw<f64>]) -> Self {
+        impl<R: Lane> Gather<R> for AnyLaw<f64> {
+            type Lanes = AnyLaw<R>;
+
+            fn gather(each: &[&Self]) -> AnyLaw<R> {
                 match each[0] {
                     $(AnyLaw::$name(_) => AnyLaw::$name($name::gather(&math::field(each, |law| match law {
                         AnyLaw::$name(law) => law,

@@ -6,7 +6,7 @@ pub use ideal::IdealGas;
 pub use virial::Virial;
 
 use crate::heat::Transport;
-use math::{Lane, Real};
+use math::Real;
 use std::ops::Deref;
 
 /// The gas of a circuit: ideal, or with a second virial coefficient.
@@ -33,17 +33,7 @@ impl<P: Real> Gas<P> {
     }
 }
 
-impl<R: Lane> Gas<R> {
-    /// Creates lane `i` from `each[i]`. All are ideal, or none.
-    pub fn gather(each: &[&Gas<f64>]) -> Self {
-        let virial = each.iter().map(|gas| gas.virial.as_ref()).collect::<Option<Vec<_>>>();
-        Gas {
-            ideal: IdealGas::gather(&math::field(each, |gas| &gas.ideal)),
-            virial: virial.map(|each| Virial::gather(&each)),
-            transport: each[0].transport,
-        }
-    }
-}
+math::gather!(Gas { ideal, virial } same { transport });
 
 impl<P> Deref for Gas<P> {
     type Target = IdealGas<P>;

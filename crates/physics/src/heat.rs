@@ -5,7 +5,7 @@ mod pipe;
 pub use film::{Film, Geometry};
 pub use pipe::{Pipe, nusselt};
 
-use math::{Both, Lane, Over, Real};
+use math::{Both, Gather, Lane, Over, Real};
 
 /// Heat flow from the wall into the gas, W:  Q = h A (T_wall - T).
 ///
@@ -144,9 +144,10 @@ impl<R: Real> Heat<R> {
     }
 }
 
-impl<R: Lane> Heat<R> {
-    /// Creates lane `i` from `each[i]`. All are the same law.
-    pub fn gather(each: &[&Heat<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Heat<f64> {
+    type Lanes = Heat<R>;
+
+    fn gather(each: &[&Self]) -> Heat<R> {
         macro_rules! same {
             ($law:ident) => {
                 each.iter().map(|heat| if let Heat::$law(own) = heat { own } else { unreachable!("one law") })

@@ -154,16 +154,7 @@ macro_rules! parameters {
             }
         }
 
-        impl<R: math::Lane> $name<R> {
-            /// Creates lane `i` from the parameters of `each[i]`.
-            #[inline(never)]
-            pub fn gather(each: &[&$name<f64>]) -> Self {
-                $name {
-                    $($field: R::of_each(each, |own| own.$field),)*
-                    $($($choice: each[0].$choice.clone(),)*)?
-                }
-            }
-        }
+        math::gather!($name { $($field),* } $(same { $($choice),* })?);
     };
     (@default) => { None };
     (@default $default:expr) => { Some($default) };

@@ -16,16 +16,7 @@ macro_rules! gathered {
             $($(#[$same_attribute])* pub $same: $same_type,)*
         }
 
-        impl<R: math::Lane> $name<R> {
-            /// Lane `i` takes the numbers of `each[i]`.
-            pub fn gather(each: &[&$name<f64>]) -> Self {
-                $name {
-                    $($number: R::of_each(each, |own| own.$number),)*
-                    $($law: $law_type::gather(&math::field(each, |part| &part.$law)),)*
-                    $($same: each[0].$same.clone(),)*
-                }
-            }
-        }
+        math::gather!($name { $($number,)* $($law),* } same { $($same),* });
     };
 }
 pub(crate) use gathered;

@@ -353,7 +353,7 @@ macro_rules! parts {
             pub fn gather(each: &[&Parts<f64>]) -> Self {
                 Parts {
                     $($field: if PartKind::$part.is_for::<R>() {
-                        side_by_side(&math::field(each, |parts| &parts.$field), $part::gather)
+                        side_by_side(&math::field(each, |parts| &parts.$field))
                     } else {
                         Vec::new()
                     },)*

@@ -1,6 +1,7 @@
 //! Names of parts and of their states, and their indices within a circuit.
 
 use crate::ground::{Channel, Kind, Of, Place, State};
+use math::Gather;
 use std::collections::BTreeMap;
 
 /// Names of parts for users: every cylinder has the same name, independent of its friction.
@@ -59,10 +60,10 @@ impl Called {
 }
 
 /// Returns the parts of a kind of lanes, from those of each lane.
-pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) -> U) -> Vec<(Place, U)> {
+pub(super) fn side_by_side<R, T: Gather<R>>(each: &[&Vec<(Place, T)>]) -> Vec<(Place, T::Lanes)> {
     let part = |i: usize| {
         let own: Vec<&T> = each.iter().map(|parts| &parts[i].1).collect();
-        (each[0][i].0, gather(&own))
+        (each[0][i].0, T::gather(&own))
     };
     (0..each[0].len()).map(part).collect()
 }

@@ -2,7 +2,7 @@ use crate::constants::{RHO_0, T_0};
 use crate::gas::IdealGas;
 use crate::parameter::{above, within};
 use crate::written::{Formula, Given, OwnFormula, Role};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 
 const PRESSURE: Given = Given { name: "", unit: "Pa", bounds: above(0.0), meaning: "" };
 /// Output and variables of a formula of a mass flow.
@@ -121,10 +121,4 @@ impl FlowFormula<f64> {
     }
 }
 
-impl<R: Lane> FlowFormula<R> {
-    /// Creates lane `i` from the numbers of `each[i]`.
-    pub fn gather(each: &[&FlowFormula<f64>]) -> Self {
-        let formula = Formula::gather(&math::field(each, |own| &own.formula));
-        FlowFormula { formula, one_way: each[0].one_way }
-    }
-}
+math::gather!(FlowFormula { formula } same { one_way });

@@ -3,7 +3,7 @@ use super::{
     Wear,
     modifiers::{dwell, relaxation, temperature, wear},
 };
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 
 /// Friction modifiers in addition to seal lips. Each works with any law that allows it.
 ///
@@ -96,37 +96,8 @@ impl<P: Real> Contact<P> {
     }
 }
 
-impl<R: Lane> Contact<R> {
-    /// Creates lane `i` from `each[i]`. All must be of one kind.
-    pub fn gather(each: &[&Contact<f64>]) -> Self {
-        macro_rules! part {
-            ($kind:ident, $of:expr) => {
-                each.iter().map($of).collect::<Option<Vec<_>>>().map(|own| $kind::gather(&own))
-            };
-        }
-        macro_rules! composed {
-            ($kind:ident, $field:ident) => {
-                part!($kind, |contact| contact.composition.as_ref()?.$field.as_ref())
-            };
-        }
-        Contact {
-            law: AnyLaw::gather(&math::field(each, |contact| &contact.law)),
-            seal_lips: part!(SealLips, |contact| contact.seal_lips.as_ref()),
-            usual: each[0].usual,
-            composition: each[0].composition.is_some().then(|| {
-                Box::new(Composition {
-                    position: composed!(Position, position),
-                    direction: composed!(Direction, direction),
-                    heating: composed!(Heating, heating),
-                    wear: composed!(Wear, wear),
-                    side_load: composed!(SideLoad, side_load),
-                    dwell: composed!(Dwell, dwell),
-                    relaxation: composed!(Relaxation, relaxation),
-                })
-            }),
-        }
-    }
-}
+math::gather!(Contact { law, seal_lips, composition } same { usual });
+math::gather!(Composition { position, direction, heating, wear, side_load, dwell, relaxation });
 
 /// Returns the names of the inner states of modifiers, for any law.
 pub const COMPOSITION_STATES: [&str; 4] =

@@ -8,7 +8,7 @@ mod text;
 use super::{At, InnerState, Levels, Meta};
 use crate::Bounds;
 use ::formula::{Graph, Program};
-use math::{Dual, Lane, Over, Real};
+use math::{Dual, Gather, Lane, Over, Real};
 use std::sync::Mutex;
 
 pub use text::{ParameterText, Problem, Refusal, StateText, Text};
@@ -190,9 +190,10 @@ impl Formula<f64> {
     }
 }
 
-impl<R: Lane> Formula<R> {
-    /// Creates lane `i` from the parameters of `each[i]`. All must be of one law.
-    pub fn gather(each: &[&Formula<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Formula<f64> {
+    type Lanes = Formula<R>;
+
+    fn gather(each: &[&Self]) -> Formula<R> {
         let law = each[0].law;
         assert!(each.iter().all(|other| std::ptr::eq(other.law, law)), "lanes must share one friction law");
         let parameter = |k: usize| R::from_lanes(|lane| each[lane].parameters[k]);

@@ -145,19 +145,8 @@ impl MaxwellSlip<f64> {
     }
 }
 
-impl<R: Lane> MaxwellSlip<R> {
-    /// Creates lane `i` from `each[i]`. All must have the same number of elements.
-    pub fn gather(each: &[&MaxwellSlip<f64>]) -> Self {
-        let element = |j: usize| Element {
-            stiffness: R::from_lanes(|lane| each[lane].elements[j].stiffness),
-            level: R::from_lanes(|lane| each[lane].elements[j].level),
-        };
-        MaxwellSlip {
-            common: Common::gather(&math::field(each, |one| &one.common)),
-            elements: (0..each[0].elements.len()).map(element).collect(),
-        }
-    }
-}
+math::gather!(MaxwellSlip { common, elements });
+math::gather!(Element { stiffness, level });
 
 impl<P: Real> MaxwellSlip<P> {
     /// Returns k_i, N/m.

@@ -1,6 +1,6 @@
 use crate::parameter::{any, within};
 use crate::written::{Formula, Given, OwnFormula, Role};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 
 /// Output and variables of a formula of a force.
 pub const FORCE: Role = Role {
@@ -73,10 +73,4 @@ impl ForceFormula<f64> {
     }
 }
 
-impl<R: Lane> ForceFormula<R> {
-    /// Creates lane `i` from the numbers of `each[i]`.
-    pub fn gather(each: &[&ForceFormula<f64>]) -> Self {
-        let formula = Formula::gather(&math::field(each, |own| &own.formula));
-        ForceFormula { formula }
-    }
-}
+math::gather!(ForceFormula { formula });

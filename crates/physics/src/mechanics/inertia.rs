@@ -1,5 +1,5 @@
 use crate::curve::Curve;
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 
 /// Least fraction of l^2 that l^2 - s^2 keeps, so that a toggle of almost folded links stays finite.
 const FOLDED: f64 = 1e-3;
@@ -70,9 +70,10 @@ impl<P: Real> Inertia<P> {
     }
 }
 
-impl<R: Lane> Inertia<R> {
-    /// Creates lane `i` from `each[i]`. All are of one kind.
-    pub fn gather(each: &[&Inertia<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Inertia<f64> {
+    type Lanes = Inertia<R>;
+
+    fn gather(each: &[&Self]) -> Inertia<R> {
         let numbers = |of: &dyn Fn(&Inertia<f64>) -> [f64; 3]| {
             std::array::from_fn(|i| R::from_lanes(|lane| of(each[lane])[i]))
         };

@@ -3,7 +3,7 @@
 use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Graph, Program};
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 use std::fmt::Write;
 
 /// A name that a formula can use.
@@ -179,9 +179,10 @@ impl Formula<f64> {
     }
 }
 
-impl<R: Lane> Formula<R> {
-    /// Creates lane `i` from the values of `each[i]`. All must be of one text.
-    pub fn gather(each: &[&Formula<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Formula<f64> {
+    type Lanes = Formula<R>;
+
+    fn gather(each: &[&Self]) -> Formula<R> {
         let own = each[0].own;
         assert!(each.iter().all(|other| std::ptr::eq(other.own, own)), "lanes must share one formula");
         let value = |k: usize| R::from_lanes(|lane| each[lane].values[k]);

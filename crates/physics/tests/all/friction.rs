@@ -3,7 +3,7 @@
 //! direction of motion, a complete entry in the registry.
 
 use crate::support::*;
-use math::Lanes;
+use math::{Gather, Lanes};
 use physics::friction::{At, Composition, Contact, Direction, LAWS, MOST_INNER};
 
 #[test]

@@ -1,5 +1,5 @@
 use crate::ground::{Between, Common, Input, Net, Part, post_ideal};
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 use physics::flow::Iso6358;
 use std::slice;
 
@@ -16,8 +16,10 @@ pub struct Restriction<P> {
     pub path: Between,
 }
 
-impl<R: Lane> Restriction<R> {
-    pub(crate) fn gather(each: &[&Restriction<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Restriction<f64> {
+    type Lanes = Restriction<R>;
+
+    fn gather(each: &[&Self]) -> Restriction<R> {
         Restriction {
             law: Iso6358::gather(&math::field(each, |part| &part.law)),
             opening: R::of_each(each, |own| own.opening),
@@ -89,8 +91,10 @@ impl<P: Real> Part<P> for Restriction<P> {
 #[derive(Clone, Debug)]
 pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
 
-impl<R: Lane> OtherRestriction<R> {
-    pub(crate) fn gather(each: &[&OtherRestriction<f64>]) -> Self {
+impl<R: Lane> Gather<R> for OtherRestriction<f64> {
+    type Lanes = OtherRestriction<R>;
+
+    fn gather(each: &[&Self]) -> OtherRestriction<R> {
         OtherRestriction(Restriction::gather(&math::field(each, |part| &part.0)))
     }
 }

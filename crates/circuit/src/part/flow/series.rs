@@ -1,5 +1,5 @@
 use crate::ground::{Between, Common, Kind, Net, Own, Part, log, path};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 use physics::flow::Iso6358;
 use physics::heat::Heat;
 use std::slice;
@@ -36,31 +36,8 @@ pub struct Series<P> {
 /// Least mass flow in the number of transfer units, kg/s, so that gas at rest has a number.
 const LEAST_FLOW: f64 = 1e-9;
 
-impl<R: Lane> TubeWall<R> {
-    fn gather(each: &[&TubeWall<f64>]) -> Self {
-        TubeWall {
-            heat: Heat::gather(&math::field(each, |wall| &wall.heat)),
-            area: R::of_each(each, |wall| wall.area),
-            temperature: R::of_each(each, |wall| wall.temperature),
-        }
-    }
-}
-
-impl<R: Lane> Series<R> {
-    /// Lane `i` takes the numbers of `each[i]`.
-    pub fn gather(each: &[&Series<f64>]) -> Self {
-        let backward: Option<Vec<_>> = each.iter().map(|part| part.backward.as_ref()).collect();
-        let walls = 0..each[0].walls.len();
-        Series {
-            forward: Iso6358::gather(&math::field(each, |part| &part.forward)),
-            backward: backward.map(|each| Iso6358::gather(&each)),
-            walls: walls
-                .map(|i| TubeWall::gather(&each.iter().map(|part| &part.walls[i]).collect::<Vec<_>>()))
-                .collect(),
-            path: each[0].path,
-        }
-    }
-}
+math::gather!(TubeWall { heat, area, temperature });
+math::gather!(Series { forward, backward, walls } same { path });
 
 impl<P: Real> Series<P> {
     /// Returns the heat from the walls into the gas that passes, W, the heat over the temperature of its wall, W/K, and

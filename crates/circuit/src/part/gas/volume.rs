@@ -44,22 +44,7 @@ pub struct Volume<P> {
     pub scales: [f64; 2],
 }
 
-impl<R: Lane> Volume<R> {
-    pub(crate) fn gather(each: &[&Volume<f64>]) -> Self {
-        let Volume { node, starts_as, law, stored_wall, scales, .. } = *each[0];
-        Volume {
-            dead_volume: R::of_each(each, |own| own.dead_volume),
-            dead_wall: R::of_each(each, |own| own.dead_wall),
-            heat: Heat::gather(&math::field(each, |own| &own.heat)),
-            wall_temperature: R::of_each(each, |own| own.wall_temperature),
-            node,
-            starts_as,
-            law,
-            stored_wall,
-            scales,
-        }
-    }
-}
+math::gather!(Volume { dead_volume, dead_wall, heat, wall_temperature } same { node, starts_as, law, stored_wall, scales });
 
 impl<R: Real> Volume<R> {
     /// Returns two of them side by side, with the choices of the first, if both have the same laws.

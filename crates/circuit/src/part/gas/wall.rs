@@ -1,5 +1,5 @@
 use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 use physics::heat;
 
 /// The wall of volumes as a heat store at one temperature:
@@ -26,21 +26,7 @@ pub struct Wall<P> {
     pub nodes: Vec<usize>,
 }
 
-impl<R: Lane> Wall<R> {
-    pub(crate) fn gather(each: &[&Wall<f64>]) -> Self {
-        let number = |f: &dyn Fn(&Wall<f64>) -> f64| R::from_lanes(|lane| f(each[lane]));
-        Wall {
-            capacity: number(&|wall| wall.capacity),
-            heat_transfer: each[0]
-                .heat_transfer
-                .map(|_| number(&|wall| wall.heat_transfer.expect("one law"))),
-            outward: number(&|wall| wall.outward),
-            start: number(&|wall| wall.start),
-            signal: each[0].signal,
-            nodes: each[0].nodes.clone(),
-        }
-    }
-}
+math::gather!(Wall { capacity, heat_transfer, outward, start } same { signal, nodes });
 
 impl<P: Real> Wall<P> {
     fn temperature<S: Over<P>>(&self, net: &Net<S>) -> S {

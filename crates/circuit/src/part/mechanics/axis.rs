@@ -34,26 +34,7 @@ pub struct Axis<P> {
     pub node: usize,
 }
 
-impl<R: Lane> Axis<R> {
-    pub(crate) fn gather(each: &[&Axis<f64>]) -> Self {
-        let number = |f: &dyn Fn(&Axis<f64>) -> f64| R::from_lanes(|lane| f(each[lane]));
-        let contacts: Option<Vec<&Contact<f64>>> = each.iter().map(|axis| axis.friction.as_ref()).collect();
-        Axis {
-            mass: number(&|axis| axis.mass),
-            inertia: number(&|axis| axis.inertia),
-            inverse_mass: number(&|axis| axis.inverse_mass),
-            weight: number(&|axis| axis.weight),
-            external_force: number(&|axis| axis.external_force),
-            friction: contacts.map(|contacts| Contact::gather(&contacts)),
-            moves: (0..each[0].moves.len())
-                .map(|k| Inertia::gather(&each.iter().map(|axis| &axis.moves[k]).collect::<Vec<_>>()))
-                .collect(),
-            mode: number(&|axis| axis.mode),
-            largest_scales: each[0].largest_scales.clone(),
-            node: each[0].node,
-        }
-    }
-}
+math::gather!(Axis { mass, inertia, inverse_mass, weight, external_force, friction, moves, mode } same { largest_scales, node });
 
 /// The state of a law with one spring.
 const DEFLECTION: &str = "bristle_deflection_m";

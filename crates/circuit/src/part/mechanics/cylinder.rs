@@ -2,7 +2,7 @@ use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
 use crate::part::gas::volume::LEAST_ROOM;
 use crate::part::mechanics::axis::events_of_a_mass;
 use crate::part::{Axis, ChamberLaw, EndStops, Face, Volume};
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 use physics::constants::P_0;
 
 /// A double-acting cylinder: an axis between two chambers, with end stops. It has the same laws as its separate parts,
@@ -37,21 +37,18 @@ pub(crate) const INNER: usize = 6;
 /// A cylinder with other friction, or with a real gas.
 pub type OtherCylinder<P> = Cylinder<P, false>;
 
-impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
-    pub(crate) fn gather(each: &[&Cylinder<f64, USUAL>]) -> Self {
-        macro_rules! side {
-            ($part:ident, $field:ident, $i:literal) => {
-                $part::gather(&math::field(each, |cylinder| &cylinder.$field[$i]))
-            };
-        }
+impl<R: Lane, const USUAL: bool> Gather<R> for Cylinder<f64, USUAL> {
+    type Lanes = Cylinder<R, USUAL>;
+
+    fn gather(each: &[&Self]) -> Self::Lanes {
         Cylinder {
-            axis: Axis::gather(&math::field(each, |cylinder| &cylinder.axis)),
-            volumes: [side!(Volume, volumes, 0), side!(Volume, volumes, 1)],
-            faces: [side!(Face, faces, 0), side!(Face, faces, 1)],
-            stops: EndStops::gather(&math::field(each, |cylinder| &cylinder.stops)),
-            least_room: [0, 1].map(|side| R::from_lanes(|lane| each[lane].least_room[side])),
+            axis: Gather::gather(&math::field(each, |own| &own.axis)),
+            volumes: Gather::gather(&math::field(each, |own| &own.volumes)),
+            faces: Gather::gather(&math::field(each, |own| &own.faces)),
+            stops: Gather::gather(&math::field(each, |own| &own.stops)),
+            least_room: Gather::gather(&math::field(each, |own| &own.least_room)),
             least_wall: R::of_each(each, |own| own.least_wall),
-            met: each.iter().any(|cylinder| cylinder.met),
+            met: each.iter().any(|own| own.met),
         }
     }
 }

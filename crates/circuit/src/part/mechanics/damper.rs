@@ -1,7 +1,7 @@
 //! Springs with dampers: their balances, and contacts that a mass hits.
 
 use crate::ground::{Common, Kind, Net};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 
 /// Returns the balances of a part that turns work into heat, with springs that store some of the work.
 pub(crate) const CHANNELS: [(&str, Kind); 2] =
@@ -28,12 +28,7 @@ pub struct Meets<P> {
     pub axis: usize,
 }
 
-impl<R: Lane> Meets<R> {
-    pub(crate) fn gather(each: &[&Meets<f64>]) -> Self {
-        let Meets { ahead, axis, .. } = *each[0];
-        Meets { position: R::of_each(each, |own| own.position), ahead, axis }
-    }
-}
+math::gather!(Meets { position } same { ahead, axis });
 
 impl<P: Real> Meets<P> {
     /// Returns the penetration of the mass, m, and its rate, m/s.

@@ -1,6 +1,6 @@
 use crate::ground::{AxisNode, Common, Kind, Net, Own, Part};
 use crate::part::mechanics::damper;
-use math::{Lane, Over, Real};
+use math::{Gather, Lane, Over, Real};
 use physics::mechanics::EndStop;
 
 /// An end stop at x = 0 and one at x = stroke.
@@ -63,26 +63,19 @@ impl<P: Real> Covers<P> {
     }
 }
 
-impl<R: Lane> EndStops<R> {
-    pub(crate) fn gather(each: &[&EndStops<f64>]) -> Self {
+math::gather!(Follows { law, supply, rise, start } same { damped });
+
+impl<R: Lane> Gather<R> for EndStops<f64> {
+    type Lanes = EndStops<R>;
+
+    fn gather(each: &[&Self]) -> EndStops<R> {
         let covered = each.iter().any(|part| part.covers.is_some());
         EndStops {
             law: EndStop::gather(&math::field(each, |part| &part.law)),
             covers: covered.then(|| Covers::gather(each)),
             stroke: R::of_each(each, |own| own.stroke),
             axis: each[0].axis,
-            follows: each.iter().map(|part| part.follows.as_deref()).collect::<Option<Vec<_>>>().map(
-                |each| {
-                    let number = |of: fn(&Follows<f64>) -> f64| R::of_each(&each, of);
-                    Box::new(Follows {
-                        law: EndStop::gather(&math::field(&each, |own: &Follows<f64>| &own.law)),
-                        damped: each[0].damped,
-                        supply: number(|own| own.supply),
-                        rise: number(|own| own.rise),
-                        start: number(|own| own.start),
-                    })
-                },
-            ),
+            follows: Gather::gather(&math::field(each, |part| &part.follows)),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::part::mechanism::Mechanism;
 use crate::part::mechanism::jet::Smooth;
-use math::{Lane, Real};
+use math::{Gather, Lane, Real};
 
 /// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame (z points up),
 /// all others in the axes of the platform.
@@ -71,8 +71,10 @@ impl<P: Copy> Geometry<P> {
     }
 }
 
-impl<R: Lane> Geometry<R> {
-    pub(super) fn gather(each: &[&Geometry<f64>]) -> Self {
+impl<R: Lane> Gather<R> for Geometry<f64> {
+    type Lanes = Geometry<R>;
+
+    fn gather(each: &[&Self]) -> Geometry<R> {
         let numbers = each.iter().map(|own| {
             let mut numbers = Vec::new();
             own.map(|x| numbers.push(x));

@@ -44,28 +44,9 @@ pub struct Platform<P> {
     pub velocity: Option<P>,
 }
 
-impl<R: Lane> Platform<R> {
-    pub(crate) fn gather(each: &[&Platform<f64>]) -> Self {
-        let first = each[0];
-        let legs = 0..first.nodes.len();
-        let contact = |leg: usize| {
-            let own: Option<Vec<&Contact<f64>>> = each.iter().map(|own| own.contacts[leg].as_ref()).collect();
-            own.map(|own| Contact::gather(&own))
-        };
-        Platform {
-            kind: first.kind,
-            geometry: Geometry::gather(&math::field(each, |own| &own.geometry)),
-            nodes: first.nodes.clone(),
-            contacts: legs.clone().map(contact).collect(),
-            external: legs.clone().map(|leg| R::from_lanes(|lane| each[lane].external[leg])).collect(),
-            inertia: legs.clone().map(|leg| R::from_lanes(|lane| each[lane].inertia[leg])).collect(),
-            moved: legs.map(|leg| R::from_lanes(|lane| each[lane].moved[leg])).collect(),
-            inner: first.inner.clone(),
-            largest_scales: first.largest_scales.clone(),
-            velocity: first.velocity.map(|_| R::from_lanes(|lane| each[lane].velocity.unwrap_or(0.0))),
-        }
-    }
+math::gather!(Platform { geometry, contacts, external, inertia, moved, velocity } same { kind, nodes, inner, largest_scales });
 
+impl<R: Lane> Platform<R> {
     /// Returns one if every leg reaches the coordinates, in each lane.
     pub(crate) fn reaches(&self, own: &[R]) -> R::Plain {
         let n = self.nodes.len();

@@ -1,6 +1,6 @@
 use crate::curve::monotone_slopes;
 use crate::friction::{At, FLOOR, Levels};
-use math::{Lane, Over, Real};
+use math::{Over, Real};
 use std::f64::consts::TAU;
 
 crate::parameters! {
@@ -67,21 +67,8 @@ pub struct Position<P> {
     pub reference: P,
 }
 
-impl<R: Lane> Position<R> {
-    /// Creates lane `i` from `each[i]`. All must have the same number of harmonics and of points.
-    pub fn gather(each: &[&Position<f64>]) -> Self {
-        let point =
-            |k: usize| std::array::from_fn(|part| R::from_lanes(|lane| each[lane].table.points[k][part]));
-        Position {
-            table: Table { points: (0..each[0].table.points.len()).map(point).collect() },
-            harmonics: (0..each[0].harmonics.len())
-                .map(|k| Harmonic::gather(&each.iter().map(|one| &one.harmonics[k]).collect::<Vec<_>>()))
-                .collect(),
-            slope: R::of_each(each, |own| own.slope),
-            reference: R::of_each(each, |own| own.reference),
-        }
-    }
-}
+math::gather!(Position { table, harmonics, slope, reference });
+math::gather!(Table { points });
 
 impl Position<f64> {
     /// Returns bounds of the factor for positions between 0 and `stroke` m.

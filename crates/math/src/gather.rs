@@ -1,0 +1,71 @@
+//! Values of lanes from one value of each lane.
+
+use crate::Lane;
+
+/// A value of one lane. One of them for each lane makes a value of lanes.
+pub trait Gather<R> {
+    /// The same with numbers of lanes.
+    type Lanes;
+
+    /// Lane `i` takes the numbers of `each[i]`. Choices and counts are those of the first.
+    fn gather(each: &[&Self]) -> Self::Lanes;
+}
+
+/// Implements [`Gather`] for a struct, from its fields with numbers and those that all lanes share.
+#[macro_export]
+macro_rules! gather {
+    ($name:ident { $($field:ident),* $(,)? } $(same { $($same:ident),* $(,)? })?) => {
+        impl<R: $crate::Lane> $crate::Gather<R> for $name<f64> {
+            type Lanes = $name<R>;
+
+            #[inline(never)]
+            fn gather(each: &[&Self]) -> $name<R> {
+                $name {
+                    $($field: $crate::Gather::gather(&$crate::field(each, |own| &own.$field)),)*
+                    $($($same: each[0].$same.clone(),)*)?
+                }
+            }
+        }
+    };
+}
+
+impl<R: Lane> Gather<R> for f64 {
+    type Lanes = R;
+
+    fn gather(each: &[&f64]) -> R {
+        R::from_lanes(|lane| *each[lane])
+    }
+}
+
+impl<R, T: Gather<R>> Gather<R> for Option<T> {
+    type Lanes = Option<T::Lanes>;
+
+    fn gather(each: &[&Self]) -> Self::Lanes {
+        each.iter().map(|own| own.as_ref()).collect::<Option<Vec<_>>>().map(|each| T::gather(&each))
+    }
+}
+
+impl<R, T: Gather<R>> Gather<R> for Box<T> {
+    type Lanes = Box<T::Lanes>;
+
+    fn gather(each: &[&Self]) -> Self::Lanes {
+        Box::new(T::gather(&each.iter().map(|own| &***own).collect::<Vec<_>>()))
+    }
+}
+
+impl<R, T: Gather<R>> Gather<R> for Vec<T> {
+    type Lanes = Vec<T::Lanes>;
+
+    fn gather(each: &[&Self]) -> Self::Lanes {
+        let item = |i: usize| T::gather(&each.iter().map(|own| &own[i]).collect::<Vec<_>>());
+        (0..each[0].len()).map(item).collect()
+    }
+}
+
+impl<R, T: Gather<R>, const N: usize> Gather<R> for [T; N] {
+    type Lanes = [T::Lanes; N];
+
+    fn gather(each: &[&Self]) -> Self::Lanes {
+        std::array::from_fn(|i| T::gather(&each.iter().map(|own| &own[i]).collect::<Vec<_>>()))
+    }
+}
