@@ -23,7 +23,7 @@ pub use gas::ejector::Ejector;
 pub use gas::reservoir::Reservoir;
 pub use gas::volume::{ChamberLaw, Volume};
 pub use gas::wall::Wall;
-pub(crate) use kinds::{EventId, Kept, PartKind, Parts};
+pub(crate) use kinds::{EventId, PartKind, Parts, StoredPart};
 pub use kinds::{InputId, PartId};
 pub use mechanics::axis::Axis;
 pub use mechanics::bumper::Bumper;

@@ -4,41 +4,41 @@
 /// values too. Infinite ends are never included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    low: End,
-    high: End,
+    low: Limit,
+    high: Limit,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct End {
+struct Limit {
     at: f64,
     /// Whether the end itself is a value.
     reached: bool,
 }
 
-impl End {
+impl Limit {
     fn new(at: f64, reached: bool) -> Self {
-        End { at, reached: reached && at.is_finite() }
+        Limit { at, reached: reached && at.is_finite() }
     }
 
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        End::new(f(self.at), self.reached)
+        Limit::new(f(self.at), self.reached)
     }
 
     fn negative(self) -> Self {
-        End { at: -self.at, ..self }
+        Limit { at: -self.at, ..self }
     }
 }
 
 impl Range {
     /// Any finite number.
     pub const ALL: Self = Range {
-        low: End { at: f64::NEG_INFINITY, reached: false },
-        high: End { at: f64::INFINITY, reached: false },
+        low: Limit { at: f64::NEG_INFINITY, reached: false },
+        high: Limit { at: f64::INFINITY, reached: false },
     };
 
     /// Creates a range from `low` to `high`, with each end included or not.
     pub fn new(low: f64, high: f64, reached: [bool; 2]) -> Self {
-        Range { low: End::new(low, reached[0]), high: End::new(high, reached[1]) }
+        Range { low: Limit::new(low, reached[0]), high: Limit::new(high, reached[1]) }
     }
 
     /// Both ends belong to the range.
@@ -74,9 +74,9 @@ impl Range {
     }
 
     pub(crate) fn plus(self, other: Self) -> Self {
-        let sum = |a: End, b: End, unknown: f64| {
+        let sum = |a: Limit, b: Limit, unknown: f64| {
             let at = a.at + b.at;
-            End::new(if at.is_nan() { unknown } else { at }, a.reached && b.reached)
+            Limit::new(if at.is_nan() { unknown } else { at }, a.reached && b.reached)
         };
         let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
         Range { low: sum(self.low, other.low, low), high: sum(self.high, other.high, high) }
@@ -100,10 +100,10 @@ impl Range {
 
     /// Returns the range of 1/x for a range without zero.
     pub(crate) fn inverse(self) -> Self {
-        let one_over = |end: End, sign: f64| match end.at {
-            0.0 => End::new(sign * f64::INFINITY, false),
-            at if at.is_infinite() => End::new(0.0, false),
-            at => End::new(1.0 / at, end.reached),
+        let one_over = |end: Limit, sign: f64| match end.at {
+            0.0 => Limit::new(sign * f64::INFINITY, false),
+            at if at.is_infinite() => Limit::new(0.0, false),
+            at => Limit::new(1.0 / at, end.reached),
         };
         let sign = if self.low.at >= 0.0 { 1.0 } else { -1.0 };
         Range { low: one_over(self.high, sign), high: one_over(self.low, sign) }
@@ -116,7 +116,7 @@ impl Range {
         } else if self.high.at <= 0.0 {
             self.negative()
         } else {
-            Range { low: End::new(0.0, true), high: greatest(&[self.low.negative(), self.high]) }
+            Range { low: Limit::new(0.0, true), high: greatest(&[self.low.negative(), self.high]) }
         }
     }
 
@@ -135,14 +135,14 @@ impl Range {
 
     /// Returns the range of a function that can round to its limits, which are then included.
     pub(crate) fn saturating(self, f: impl Fn(f64) -> f64, low: f64, high: f64) -> Self {
-        let end = |end: End| if end.at == low || end.at == high { End::new(end.at, true) } else { end };
+        let end = |end: Limit| if end.at == low || end.at == high { Limit::new(end.at, true) } else { end };
         let own = self.through(f);
         Range { low: end(own.low), high: end(own.high) }
     }
 
     pub(crate) fn shown(self) -> String {
         let end =
-            |end: End| if end.at.is_infinite() { "any size".to_string() } else { format!("{}", end.at) };
+            |end: Limit| if end.at.is_infinite() { "any size".to_string() } else { format!("{}", end.at) };
         match (self.low.at.is_infinite(), self.high.at.is_infinite()) {
             (true, true) => "any number".into(),
             (false, true) => format!("from {} on", end(self.low)),
@@ -152,31 +152,31 @@ impl Range {
     }
 }
 
-fn product(a: End, b: End) -> End {
+fn product(a: Limit, b: Limit) -> Limit {
     // An included zero stays zero in every product. Zero times infinity is a limit.
     if a.at == 0.0 || b.at == 0.0 {
         let reached = (a.at == 0.0 && a.reached) || (b.at == 0.0 && b.reached);
-        return End::new(0.0, reached);
+        return Limit::new(0.0, reached);
     }
     let at = a.at * b.at;
-    End::new(at, at == 0.0 || (a.reached && b.reached)) // what underflows is zero
+    Limit::new(at, at == 0.0 || (a.reached && b.reached)) // what underflows is zero
 }
 
-fn least(ends: &[End]) -> End {
+fn least(ends: &[Limit]) -> Limit {
     let at = ends.iter().map(|end| end.at).fold(f64::INFINITY, f64::min);
-    End::new(at, ends.iter().any(|end| end.at == at && end.reached))
+    Limit::new(at, ends.iter().any(|end| end.at == at && end.reached))
 }
 
-fn greatest(ends: &[End]) -> End {
+fn greatest(ends: &[Limit]) -> Limit {
     let at = ends.iter().map(|end| end.at).fold(f64::NEG_INFINITY, f64::max);
-    End::new(at, ends.iter().any(|end| end.at == at && end.reached))
+    Limit::new(at, ends.iter().any(|end| end.at == at && end.reached))
 }
 
 /// Returns the lower of two upper ends.
-fn lower_of(a: End, b: End) -> End {
+fn lower_of(a: Limit, b: Limit) -> Limit {
     match a.at.total_cmp(&b.at) {
         std::cmp::Ordering::Less => a,
         std::cmp::Ordering::Greater => b,
-        std::cmp::Ordering::Equal => End::new(a.at, a.reached && b.reached),
+        std::cmp::Ordering::Equal => Limit::new(a.at, a.reached && b.reached),
     }
 }

@@ -154,7 +154,7 @@ impl<R: Lane> Circuit<R> {
     }
 
     /// Adds a part whose nodes exist.
-    pub(crate) fn add<T: Kept<R>>(&mut self, part: T) -> PartId {
+    pub(crate) fn add<T: StoredPart<R>>(&mut self, part: T) -> PartId {
         self.shape_by(T::KIND as usize);
         for path in part.paths() {
             self.shape_by(path.from.0);

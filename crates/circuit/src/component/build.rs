@@ -6,7 +6,7 @@ use crate::circuit::{Circuit, Path};
 use crate::component::mechanics::end_stop::Ends;
 use crate::component::{Quantity, Starting, Timing};
 use crate::ground::{AxisId, Between, Error, GasId};
-use crate::part::{CheckValve, Edge, InputId, Kept, PartId, Wall};
+use crate::part::{CheckValve, Edge, InputId, PartId, StoredPart, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use physics::friction::Contact;
@@ -194,7 +194,7 @@ impl<P: Lane> Build<P> {
     }
 
     /// Adds a part with flow paths of the given conductances.
-    pub(super) fn flow_part<T: Kept<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
+    pub(super) fn flow_part<T: StoredPart<P>>(&mut self, part: T, conductances: &[P]) -> PartId {
         let paths = part.paths().iter().zip(conductances);
         self.paths.extend(paths.map(|(path, conductance)| (*conductance, path.from, path.to)));
         self.circuit.add(part)

@@ -58,9 +58,9 @@ fn valued<P: Lane>(own: &Instance<P>) -> (&'static OwnFormula, Vec<P>) {
 }
 
 /// A flow path by a formula.
-pub struct Restriction;
+pub struct FormulaRestriction;
 
-impl Component for Restriction {
+impl Component for FormulaRestriction {
     const KIND: Kind = Kind {
         key: "restriction/formula",
         title: "Flow path by a formula",

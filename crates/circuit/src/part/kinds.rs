@@ -1,6 +1,6 @@
 //! The kinds of part, and the loops of a circuit over its parts.
 
-use super::names::{Brought, Called, Names, place, side_by_side};
+use super::names::{Called, PartLayout, PartNames, place, side_by_side};
 use super::*;
 use crate::ground::{Between, Channel, Common, Given, Input, Net, Own, OwnMut, Part, Place, State};
 use math::{Lane, Over, Real};
@@ -36,7 +36,7 @@ pub(crate) struct EventId {
 }
 
 /// A part that a circuit keeps with those of its kind.
-pub(crate) trait Kept<P>: Part<P> + Sized
+pub(crate) trait StoredPart<P>: Part<P> + Sized
 where
     P: Real,
 {
@@ -132,7 +132,7 @@ macro_rules! parts {
             }
         }
 
-        $(impl<P: Real> Kept<P> for $part<P> {
+        $(impl<P: Real> StoredPart<P> for $part<P> {
             const KIND: PartKind = PartKind::$part;
 
             fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)> {
@@ -204,7 +204,7 @@ macro_rules! parts {
                 let mut parts = Vec::new();
                 $(for (place, part) in &mut self.$field {
                     let (states, channels) = (part.states(), part.channels());
-                    parts.push(Brought { kind: stringify!($part), place, states, channels });
+                    parts.push(PartLayout { kind: stringify!($part), place, states, channels });
                 })*
                 place(parts, called)
             }
@@ -232,7 +232,7 @@ macro_rules! parts {
 
             /// Returns every input, with the name of its part: "Cylinder 0: external force".
             pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
-                let (mut all, mut named) = (Vec::new(), Names::default());
+                let (mut all, mut named) = (Vec::new(), PartNames::default());
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
                     let owner = named.next(stringify!($part));
                     all.extend(Part::<P>::inputs(part).iter().enumerate().map(|(input, what)| {

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 
 /// Names of parts for users: every cylinder has the same name, independent of its friction.
 #[derive(Default)]
-pub(super) struct Names(BTreeMap<&'static str, usize>);
+pub(super) struct PartNames(BTreeMap<&'static str, usize>);
 
-impl Names {
+impl PartNames {
     /// Returns the name of the next part of this kind: "Cylinder 0", "Cylinder 1", ...
     pub(super) fn next(&mut self, kind: &'static str) -> String {
         let kind = kind.trim_start_matches("Other");
@@ -69,7 +69,7 @@ pub(super) fn side_by_side<R, T: Gather<R>>(each: &[&Vec<(Place, T)>]) -> Vec<(P
 }
 
 /// A part with its states and balances of a circuit.
-pub(super) struct Brought<'p> {
+pub(super) struct PartLayout<'p> {
     pub kind: &'static str,
     pub place: &'p mut Place,
     pub states: Vec<State>,
@@ -77,9 +77,9 @@ pub(super) struct Brought<'p> {
 }
 
 /// Gives every part its indices: the states' names and scales in that order, then the balances.
-pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
+pub(super) fn place(mut parts: Vec<PartLayout>, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
     let (mut states, mut channels) = (Vec::new(), Vec::new());
-    let (mut named, mut counted) = (Names::default(), Names::default());
+    let (mut named, mut counted) = (PartNames::default(), PartNames::default());
     for of_kind in parts.chunk_by_mut(|one, next| one.kind == next.kind) {
         let owners: Vec<usize> = of_kind.iter().map(|part| part.place.owner).collect();
         for (i, part) in of_kind.iter_mut().enumerate() {
@@ -89,7 +89,7 @@ pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, S
             states.extend(own.into_iter().map(|state| (called.state(&name, &state), state)));
         }
     }
-    for Brought { kind, place, channels: own, .. } in parts {
+    for PartLayout { kind, place, channels: own, .. } in parts {
         let number = counted.next(kind);
         let name = place.owner.checked_sub(1).map_or(number, |owner| called.owners[owner].clone());
         (place.first_account, place.accounts) = (channels.len(), own.len());

@@ -64,7 +64,7 @@ impl Element<f64> {
 
 stribeck_parameters! {
     /// Parameters of [`MaxwellSlip`] shared by all its elements.
-    pub struct Common {
+    pub struct SlipParameters {
         /// Stiffness sigma0 of all elements together; listed elements give it themselves
         bristle_stiffness: "N/m", at_least(f64::MIN_POSITIVE), default f64::INFINITY;
         /// Attraction C: how fast the level follows the Stribeck curve
@@ -101,14 +101,14 @@ stribeck_parameters! {
 #[derive(Clone, Debug)]
 pub struct MaxwellSlip<P> {
     /// Parameters shared by all elements.
-    pub common: Common<P>,
+    pub common: SlipParameters<P>,
     /// Elements in the order in which they slip.
     pub elements: Vec<Element<P>>,
 }
 
 impl<P: Copy> MaxwellSlip<P> {
     /// Name, unit, bounds, default and meaning of each parameter.
-    pub const PARAMETERS: &'static [Parameter] = Common::<P>::PARAMETERS;
+    pub const PARAMETERS: &'static [Parameter] = SlipParameters::<P>::PARAMETERS;
 }
 
 impl<R: Lane> MaxwellSlip<R> {
@@ -125,7 +125,7 @@ impl<R: Lane> MaxwellSlip<R> {
 
 impl Described for MaxwellSlip<f64> {
     fn build(values: &[f64], choices: &Choices) -> Self {
-        let common = Common::from_values(values, Shape::of(choices, values[3]));
+        let common = SlipParameters::from_values(values, Shape::of(choices, values[3]));
         let mut law = MaxwellSlip { common, elements: Element::tangents(USUAL_ELEMENTS) };
         if !choices.elements.is_empty() {
             law.set_elements(choices.elements.clone());

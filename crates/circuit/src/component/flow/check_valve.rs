@@ -5,9 +5,9 @@ use crate::component::{
 use math::Lane;
 
 /// A spring-loaded check valve.
-pub struct CheckValve;
+pub struct CheckValveComponent;
 
-impl Component for CheckValve {
+impl Component for CheckValveComponent {
     const KIND: Kind = Kind {
         key: "check-valve",
         title: "Check valve",

@@ -4,9 +4,9 @@ use crate::ground::Error;
 use math::Lane;
 
 /// A compressor with a pressure switch.
-pub struct Compressor;
+pub struct CompressorComponent;
 
-impl Component for Compressor {
+impl Component for CompressorComponent {
     const KIND: Kind = Kind {
         key: "compressor",
         title: "Compressor with a pressure switch",

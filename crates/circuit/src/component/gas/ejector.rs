@@ -6,9 +6,9 @@ use crate::component::{
 use math::Lane;
 
 /// A vacuum ejector.
-pub struct Ejector;
+pub struct EjectorComponent;
 
-impl Component for Ejector {
+impl Component for EjectorComponent {
     const KIND: Kind = Kind {
         key: "ejector",
         title: "Vacuum ejector",

@@ -5,9 +5,9 @@ use crate::component::{
 use math::Lane;
 
 /// Gas of constant pressure and temperature.
-pub struct Reservoir;
+pub struct ReservoirComponent;
 
-impl Component for Reservoir {
+impl Component for ReservoirComponent {
     const KIND: Kind = Kind {
         key: "reservoir",
         title: "Reservoir",

@@ -6,7 +6,7 @@ use crate::part::{Bumper as Elastomer, Meets};
 use math::{Lane, Real};
 
 /// An elastomer bumper that a mass hits.
-pub struct Bumper;
+pub struct BumperComponent;
 
 /// Side of an axis on which a contact is placed.
 pub(in crate::component) const SIDE: Choice = Choice {
@@ -45,7 +45,7 @@ fn damped<P: Real>(e: P) -> P {
     })
 }
 
-impl Component for Bumper {
+impl Component for BumperComponent {
     const KIND: Kind = Kind {
         key: "bumper",
         title: "Elastomer bumper",

@@ -8,9 +8,9 @@ use physics::{Bounds, above, between};
 use std::f64::consts::TAU;
 
 /// A servo axis that moves as commanded.
-pub struct Carriage;
+pub struct CarriageComponent;
 
-impl Component for Carriage {
+impl Component for CarriageComponent {
     const KIND: Kind = Kind {
         key: "carriage",
         title: "Carriage of a servo axis",

@@ -4,9 +4,9 @@ use math::Lane;
 use physics::mechanics::EndStop;
 
 /// A coupling of two masses, with or without play.
-pub struct Coupling;
+pub struct CouplingComponent;
 
-impl Component for Coupling {
+impl Component for CouplingComponent {
     const KIND: Kind = Kind {
         key: "coupling",
         title: "Coupling",

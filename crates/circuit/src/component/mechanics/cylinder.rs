@@ -3,7 +3,7 @@ mod cushion;
 mod drawing;
 
 use crate::component::flow::seal::leak;
-use crate::component::mechanics::end_stop::{Driven, Ends, ends};
+use crate::component::mechanics::end_stop::{EndStopDesign, Ends, ends};
 use crate::component::{
     Acts, Brings, Build, Choice, Component, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity,
     Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count, exhaust, join,
@@ -132,7 +132,7 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
 }
 
 /// A chamber of a cylinder.
-struct Chamber {
+struct CylinderChamber {
     gas: GasId,
     /// Letter of the chamber, as in the key of its dead volume.
     name: &'static str,
@@ -141,16 +141,16 @@ struct Chamber {
     has_rod: bool,
 }
 
-impl Chamber {
+impl CylinderChamber {
     fn new(gas: GasId, name: &'static str, has_rod: bool) -> Self {
-        Chamber { gas, name, grows: name.starts_with('a'), has_rod }
+        CylinderChamber { gas, name, grows: name.starts_with('a'), has_rod }
     }
 }
 
 /// Returns the pressurised area in one direction, and the part of the volume that an end stop may use, m3.
 fn one_side<P: Lane>(
     own: &Instance<P>,
-    chambers: &[Chamber],
+    chambers: &[CylinderChamber],
     sides: &[PistonSide<P>],
     grows: bool,
 ) -> (PistonSide<P>, P) {
@@ -165,7 +165,13 @@ fn one_side<P: Lane>(
 
 /// Adds faces, end stops, leaks and columns of a cylinder. Each pair of chambers has a piston in between. Gas leaves
 /// each chamber through at most `widest` m3/(s Pa).
-fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, widest: P, build: &mut Build<P>) {
+fn compose<P: Lane>(
+    own: &Instance<P>,
+    chambers: &[CylinderChamber],
+    axis: AxisId,
+    widest: P,
+    build: &mut Build<P>,
+) {
     let (bore, stroke, rod) = (own.number("bore"), own.number("stroke"), own.number("rod_diameter"));
     let mut sides: Vec<_> = chambers
         .iter()
@@ -188,7 +194,7 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
         .filter(|(of, ..)| *of == axis)
         .fold(P::zero(), |sum, (_, k, rest)| sum + *k * rest.abs().max((stroke - *rest).abs()));
     let (mass, force) = build.masses[axis.index()];
-    let ends = ends(&Driven {
+    let ends = ends(&EndStopDesign {
         sides: &sides,
         dead_volumes,
         mass,
@@ -270,7 +276,7 @@ macro_rules! cylinder {
                 let widest = build.widest(a).max(build.widest(b));
                 let [a, b] = [(a, "a"), (b, "b")].map(|(port, end)| cushion(own, end, (port, axis), build));
                 let [rod_a, rod_b] = $rods;
-                let chambers = [Chamber::new(a, "a", rod_a), Chamber::new(b, "b", rod_b)];
+                let chambers = [CylinderChamber::new(a, "a", rod_a), CylinderChamber::new(b, "b", rod_b)];
                 compose(own, &chambers, axis, widest, build);
             }
         }
@@ -320,7 +326,7 @@ impl Component for SingleActing {
             ..SINGLE_ROD
         },
         text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
-               chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
+               chamber b, F = F_0 + k x towards chamber a, drives back. CylinderChamber b breathes through a hole in its cover.",
         sources: &["bejan2016", "iso6358-2013"],
         ports: &[chamber("a"), exhaust("exhaust"), axis("rod", true)],
         parameters: table! {
@@ -357,7 +363,7 @@ impl Component for SingleActing {
         let stiffness = own.number("spring_stiffness");
         build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);
         let widest = build.widest(a).max(build.widest(b));
-        let chambers = [Chamber::new(a, "a", false), Chamber::new(b, "b", true)];
+        let chambers = [CylinderChamber::new(a, "a", false), CylinderChamber::new(b, "b", true)];
         compose(own, &chambers, axis, widest, build);
     }
 }
@@ -418,10 +424,10 @@ impl Component for Tandem {
         };
         let widest = [a, b, a2, b2].into_iter().fold(P::zero(), |most, gas| build.widest(gas).max(most));
         let chambers = [
-            Chamber::new(a, "a", false),
-            Chamber::new(b, "b", true),
-            Chamber::new(a2, "a2", true),
-            Chamber::new(b2, "b2", true),
+            CylinderChamber::new(a, "a", false),
+            CylinderChamber::new(b, "b", true),
+            CylinderChamber::new(a2, "a2", true),
+            CylinderChamber::new(b2, "b2", true),
         ];
         compose(own, &chambers, axis, widest, build);
     }

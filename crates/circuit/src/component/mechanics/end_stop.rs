@@ -69,7 +69,7 @@ pub struct Taken<P> {
 
 /// Design data of the ends of a cylinder, in SI units.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Driven<'a, P> {
+pub(crate) struct EndStopDesign<'a, P> {
     pub sides: &'a [PistonSide<P>; 2],
     pub dead_volumes: [P; 2],
     /// Moving mass and load.
@@ -108,9 +108,9 @@ pub(crate) struct Driven<'a, P> {
 /// A described stop may be too soft to keep such a piston within 0.8 of the dead length. In this case the covers behind
 /// the stop act.
 /// A cover is a contact of the same form, with d a tenth of the dead length, and v twice as large but at least 10 m/s.
-pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
+pub(crate) fn ends<P: Lane>(driven: &EndStopDesign<'_, P>) -> Ends<P> {
     let c = P::c;
-    let Driven { sides, mass, stroke, conductance, .. } = *driven;
+    let EndStopDesign { sides, mass, stroke, conductance, .. } = *driven;
     let [area_a, area_b] = [sides[0].area, sides[1].area];
     let (large, small) = (area_a.max(area_b), area_a.min(area_b));
     let weight = mass * c(STANDARD_GRAVITY) * driven.incline.sin().abs();

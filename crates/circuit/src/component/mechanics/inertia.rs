@@ -15,9 +15,9 @@ fn moves<P: Lane>(law: Inertia<P>, at: &Terminals, build: &mut Build<P>) {
 }
 
 /// A mass whose value depends on the position of an axis, from a table.
-pub struct Table;
+pub struct InertiaTable;
 
-impl Component for Table {
+impl Component for InertiaTable {
     const KIND: Kind = Kind {
         key: "inertia/table",
         title: "Position-dependent mass",

@@ -34,9 +34,9 @@ impl Component for Load {
 }
 
 /// A spring between a mass and the frame.
-pub struct Spring;
+pub struct LoadSpring;
 
-impl Component for Spring {
+impl Component for LoadSpring {
     const KIND: Kind = Kind {
         key: "spring",
         title: "Spring",

@@ -5,9 +5,9 @@ use crate::part::Motor as Part;
 use math::Lane;
 
 /// A motor that moves a mass at a prescribed velocity.
-pub struct Motor;
+pub struct MotorComponent;
 
-impl Component for Motor {
+impl Component for MotorComponent {
     const KIND: Kind = Kind {
         key: "motor",
         title: "Motor with a prescribed velocity",

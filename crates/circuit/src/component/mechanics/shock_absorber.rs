@@ -4,9 +4,9 @@ use crate::part::ShockAbsorber as Oil;
 use math::Lane;
 
 /// A hydraulic shock absorber that a mass hits.
-pub struct ShockAbsorber;
+pub struct ShockAbsorberComponent;
 
-impl Component for ShockAbsorber {
+impl Component for ShockAbsorberComponent {
     const KIND: Kind = Kind {
         key: "shock-absorber",
         title: "Hydraulic shock absorber",

@@ -52,9 +52,9 @@ pub(crate) fn forms<M: Mechanism<N>, P: Real, S: Over<P>, const N: usize>(
 
 /// Triangular factor of a symmetric matrix from its lower triangle, with the reciprocals of the diagonal.
 #[derive(Clone, Copy)]
-pub(crate) struct Factor<S, const N: usize>([[S; N]; N]);
+pub(crate) struct Cholesky<S, const N: usize>([[S; N]; N]);
 
-impl<S: Real, const N: usize> Factor<S, N> {
+impl<S: Real, const N: usize> Cholesky<S, N> {
     pub fn of(mut a: [[S; N]; N]) -> Self {
         for i in 0..N {
             for j in 0..=i {
@@ -62,7 +62,7 @@ impl<S: Real, const N: usize> Factor<S, N> {
                 a[i][j] = if i == j { S::one() / sum.sqrt() } else { sum * a[j][j] };
             }
         }
-        Factor(a)
+        Cholesky(a)
     }
 
     pub fn solve(&self, mut b: [S; N]) -> [S; N] {
@@ -78,7 +78,7 @@ impl<S: Real, const N: usize> Factor<S, N> {
 
 impl<S: Real, const N: usize> Forms<S, N> {
     /// Returns the factor of M + J^T D J.
-    pub fn factor(&self, inertia: &[S; N]) -> Factor<S, N> {
+    pub fn factor(&self, inertia: &[S; N]) -> Cholesky<S, N> {
         let mut matrix = self.mass;
         for (leg, inertia) in self.legs.iter().zip(inertia) {
             for a in 0..N {
@@ -87,11 +87,11 @@ impl<S: Real, const N: usize> Forms<S, N> {
                 }
             }
         }
-        Factor::of(matrix)
+        Cholesky::of(matrix)
     }
 
     /// Returns the accelerations of the coordinates under these forces on the legs, and the factor of their matrix.
-    pub fn accelerate(&self, force: &[S; N], inertia: &[S; N]) -> ([S; N], Factor<S, N>) {
+    pub fn accelerate(&self, force: &[S; N], inertia: &[S; N]) -> ([S; N], Cholesky<S, N>) {
         let mut right = self.forces.map(|h| -h);
         for (i, leg) in self.legs.iter().enumerate() {
             let rest = force[i] - inertia[i] * leg.a;
@@ -113,7 +113,7 @@ impl<S: Real, const N: usize> Forms<S, N> {
 pub(crate) struct Places<'g, P>(pub MechanismKind, pub &'g Geometry<P>);
 
 /// Accelerations of coordinates and legs, from coordinates, rates and forces on the legs.
-pub(crate) struct Rates<'g, P> {
+pub(crate) struct Accelerations<'g, P> {
     pub kind: MechanismKind,
     pub geometry: &'g Geometry<P>,
     /// Mass inside the friction of each leg, kg.
@@ -180,7 +180,7 @@ impl<P: Real, const N: usize> Residual<P, N> {
     }
 }
 
-impl<P: Real> Map<P> for Rates<'_, P> {
+impl<P: Real> Map<P> for Accelerations<'_, P> {
     fn at<S: Over<P>>(&self, x: &[S], out: &mut [S]) {
         each!(self.kind, M, N => {
             let forms = forms::<M, P, S, N>(self.geometry, &group(x, 0), &group(x, 1));

@@ -141,7 +141,7 @@ impl Platform<f64> {
                 for (a, row) in normal.iter_mut().enumerate() {
                     row[a] *= 1.0 + damping;
                 }
-                let step = super::dynamics::Factor::of(normal).solve(right);
+                let step = super::dynamics::Cholesky::of(normal).solve(right);
                 let trial = std::array::from_fn(|k| q[k] + step[k]);
                 let next = legs(&trial);
                 let after = square(&next);

@@ -2,7 +2,7 @@
 
 use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
 use crate::part::mechanics::axis::{GAUSS, at};
-use crate::part::mechanism::dynamics::{Factor, Places, Rates, forms};
+use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms};
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
 use ode::Accepted;
@@ -168,7 +168,7 @@ impl<P: Real> Platform<P> {
                         }
                     }
                 }
-                let factor = Factor::of(normal);
+                let factor = Cholesky::of(normal);
                 let step = factor.solve(by_x);
                 u = factor.solve(by_v);
                 for (q, step) in q.iter_mut().zip(step) {
@@ -269,7 +269,7 @@ impl<P: Real> Part<P> for Platform<P> {
             return;
         }
         let mut out = [S::zero(); 2 * MOST];
-        let rates = Rates { kind: self.kind, geometry: &self.geometry, inertia: &self.moved };
+        let rates = Accelerations { kind: self.kind, geometry: &self.geometry, inertia: &self.moved };
         S::mapped(&rates, &x[..3 * n], &mut out[..2 * n], &mut net.known[2 * self.nodes[0] + 1]);
         own[..n].copy_from_slice(&x[n..2 * n]);
         own[n..].copy_from_slice(&out[..n]);

@@ -24,7 +24,7 @@ impl OwnLaw {
 }
 
 /// A law during compilation.
-struct Work<'a> {
+struct LawCompiler<'a> {
     text: &'a Text,
     reader: Reader<'a>,
     states: Vec<Id>,
@@ -36,7 +36,7 @@ fn compile(text: &Text) -> Compiled<OwnLaw> {
     names(text)?;
     let levels = levels(text)?;
     let reader = Reader::new(&text.parameters, &text.lets)?;
-    let mut work = Work { text, reader, states: Vec::new(), used: Vec::new() };
+    let mut work = LawCompiler { text, reader, states: Vec::new(), used: Vec::new() };
     work.reader.later = text.states.iter().map(|state| format!("{}_rate", state.key)).collect();
     work.variables(&levels)?;
     let parameters_alone = work.reader.scope.clone();
@@ -118,7 +118,7 @@ fn level_range(bounds: &Bounds) -> Range {
     }
 }
 
-impl Work<'_> {
+impl LawCompiler<'_> {
     /// Gives nodes and names to parameters, variables, levels and states.
     fn variables(&mut self, levels: &[Option<usize>; 3]) -> Compiled<()> {
         let text = self.text;
