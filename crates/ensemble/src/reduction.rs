@@ -39,7 +39,7 @@ pub enum What {
     },
     /// Samples at a fixed rate, 1/s, from the start to the end.
     Samples {
-        /// 1/s.
+        /// Rate, 1/s.
         rate: f64,
     },
 }

@@ -109,7 +109,7 @@ impl Range {
         Range { low: one_over(self.high, sign), high: one_over(self.low, sign) }
     }
 
-    /// |x|.
+    /// Returns the range of |x|.
     pub(crate) fn size(self) -> Self {
         if self.low.at >= 0.0 {
             self

@@ -125,9 +125,9 @@ pub struct Harmonic {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PositionPoint {
-    /// m.
+    /// Position, m.
     pub position_m: f64,
-    /// -.
+    /// Factor on the levels, -.
     pub factor: f64,
 }
 
@@ -173,9 +173,9 @@ pub struct SideLoad {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StribeckShape {
-    /// exp(-(v/vs)^2).
+    /// A square: exp(-(v/vs)^2).
     Gaussian,
-    /// exp(-|v/vs|).
+    /// No power: exp(-|v/vs|).
     Exponential,
     /// 1/(1 + (v/vs)^2).
     Lorentzian,

@@ -72,7 +72,7 @@ pub struct Virial {
 pub struct GasState {
     /// Pa absolute.
     pub pressure_pa: f64,
-    /// K.
+    /// Temperature, K.
     pub temperature_k: f64,
 }
 

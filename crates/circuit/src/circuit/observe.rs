@@ -24,7 +24,7 @@ impl<R: Lane> Work for Observe<'_, R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Returns the nodes at state `y`, with flows, forces and accelerations.
+    /// Evaluates the nodes at state `y`, with flows, forces and accelerations.
     pub fn observe(&self, y: &[R], net: &mut Net<R>) {
         R::within(Observe { circuit: self, y, net });
     }

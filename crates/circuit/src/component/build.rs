@@ -284,14 +284,14 @@ impl<P: Lane> Build<P> {
         each.fold(P::zero(), |widest, (conductance, ..)| widest.max(*conductance))
     }
 
-    /// Returns the input at this index of the kind's table.
+    /// Adds the input at this index of the kind's table.
     pub fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
         let (name, _, meaning) = of.kind().inputs[input];
         let name = if self.is_like { String::new() } else { format!("{}.{name}", of.name) };
         self.inputs.push((name, meaning, acts));
     }
 
-    /// Returns the output at this index of the kind's table.
+    /// Adds the output at this index of the kind's table.
     pub fn column(&mut self, of: &Instance<P>, output: usize, quantity: Quantity) {
         if self.is_like {
             return;

@@ -1,4 +1,4 @@
-//! Errors.
+//! Errors of descriptions and runs.
 
 /// Errors of a description or a run.
 #[derive(Debug, thiserror::Error)]

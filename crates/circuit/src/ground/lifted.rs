@@ -176,7 +176,7 @@ fn number(value: &mut Value, last: &mut f64) {
     }
 }
 
-/// Returns the paths of all numbers of a table.
+/// Adds the paths of all numbers of a table to `out`.
 fn numbers(value: &Value, path: &str, out: &mut Vec<String>) {
     let key = |key: &str| if path.is_empty() { key.to_string() } else { format!("{path}.{key}") };
     match value {

@@ -10,7 +10,7 @@ const SMALLEST_RATIO: f64 = 1e-12;
 pub enum Shape {
     /// exp(-(v/vs)^2): a square instead of a power.
     Gaussian,
-    /// exp(-|v/vs|^n).
+    /// Free exponent: exp(-|v/vs|^n).
     Power,
     /// 1/(1 + (v/vs)^2): a heavier tail.
     Lorentzian,

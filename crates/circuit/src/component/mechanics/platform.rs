@@ -283,6 +283,12 @@ fn on_circle<P: Lane>(radius: P, angle: P) -> [P; 3] {
     [radius * angle.cos(), radius * angle.sin(), P::zero()]
 }
 
+/// Returns a vector of length one.
+fn unit<P: Lane>([x, y, z]: [P; 3]) -> [P; 3] {
+    let size = (x * x + y * y + z * z).sqrt();
+    [x, y, z].map(|x| x / size)
+}
+
 /// Returns the geometry of a platform whose legs move these masses, kg.
 fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Geometry<P> {
     let has = |key: &str| own.kind().parameters.iter().any(|row| row.key == key);
@@ -308,11 +314,7 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
         let across = || [-(y / size), x / size, zero];
         own.given(&format!("hinge_{}", i + 1)).map_or_else(across, |angle| on_circle(P::one(), angle))
     };
-    let carriage = |i: usize| {
-        let [x, y, z] = vector(own, "direction", i).unwrap_or([zero, zero, P::one()]);
-        let size = (x * x + y * y + z * z).sqrt();
-        [x, y, z].map(|x| x / size)
-    };
+    let carriage = |i: usize| unit(vector(own, "direction", i).unwrap_or([zero, zero, P::one()]));
     let directions = match kind {
         MechanismKind::Rps3 => (0..n).map(hinge).collect(),
         MechanismKind::LinearDelta => (0..n).map(carriage).collect(),

@@ -8,7 +8,7 @@ physics::parameters! {
     pub struct Reservoir {
         /// Absolute pressure
         pressure: "Pa", physics::above(0.0);
-        /// Temperature
+        /// Temperature of the gas
         temperature: "K", physics::above(0.0);
     } with {
         /// Index among the gas nodes of the net

@@ -312,7 +312,7 @@ impl<R: Lane> Axis<R> {
         self.stops() && !goes_on
     }
 
-    /// Returns the mode at these nodes, without a known mode: stick if the velocity is zero and the force too small. A
+    /// Sets the mode at these nodes, without a known mode: stick if the velocity is zero and the force too small. A
     /// mass in stick has no velocity and no derivative of the velocity.
     pub(crate) fn find_mode_in(&mut self, (motion, z): (&mut [R], &mut [R]), net: &Net<R>) {
         self.mode = self.contact().first_mode(&at(&net.axis[self.node]), z);

@@ -7,13 +7,13 @@ use math::{Over, Real};
 pub(crate) const CHANNELS: [(&str, Kind); 2] =
     [("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)];
 
-/// Returns the rates of the balances for this power, W, on the part. The energy in its springs is not an integral.
+/// Writes the rates of the balances for this power, W, on the part. The energy in its springs is not an integral.
 pub(crate) fn account<P: Real, S: Over<P>>(work: S, common: &Common<P>, out: &mut [S]) {
     out[0] = -work;
     out[1] = work / S::from(common.ambient_temperature);
 }
 
-/// Returns the part of the balances outside the integrals. Heat is the work done minus the energy of the springs, J.
+/// Adds the part of the balances outside the integrals. Heat is the work done minus the energy of the springs, J.
 pub(crate) fn standing<P: Real, S: Over<P>>(spring: S, common: &Common<P>, out: &mut [S]) {
     account(-spring, common, out);
 }

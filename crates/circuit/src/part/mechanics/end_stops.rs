@@ -211,7 +211,7 @@ impl<P: Real> Part<P> for EndStops<P> {
         damper::CHANNELS.to_vec()
     }
 
-    /// Returns the work done on the stop. A piston that leaves faster than the stop can follow has no contact, and
+    /// Writes the work done on the stop. A piston that leaves faster than the stop can follow has no contact, and
     /// steps may be long. The energy that the spring holds and gives to the damper is therefore not an integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];

@@ -17,7 +17,7 @@ use physics::constants::STANDARD_GRAVITY;
 pub(crate) struct Forms<S, const N: usize> {
     /// M. Only the lower triangle is used.
     pub mass: [[S; N]; N],
-    /// h.
+    /// Forces h on the coordinates by motion and gravity.
     pub forces: [S; N],
     /// Positions of the legs.
     pub legs: [Jet<S, N>; N],

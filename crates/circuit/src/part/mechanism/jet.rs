@@ -18,7 +18,7 @@ pub trait Smooth<P>: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output
 /// A function of the coordinates q, along a motion q(t) with rates u and q'' = 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet<S, const N: usize> {
-    /// Value.
+    /// Value of the function.
     pub x: S,
     /// Derivatives by q.
     pub by_q: [S; N],
