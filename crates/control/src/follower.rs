@@ -75,7 +75,7 @@ pub struct Answer {
     pub wanted: Wanted,
     /// Estimated velocity, m/s, and disturbance, N.
     pub velocity: f64,
-    /// Disturbance, N.
+    /// N.
     pub disturbance: f64,
     /// It holds.
     pub holds: bool,

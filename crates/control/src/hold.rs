@@ -48,7 +48,7 @@ pub(crate) struct Resting<S> {
     pub stands: S,
     /// Error of the position, m.
     pub error: S,
-    /// Velocity, m/s.
+    /// m/s.
     pub velocity: S,
     /// Force of the gas, N.
     pub gas: S,

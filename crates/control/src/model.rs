@@ -23,7 +23,7 @@ pub struct Model {
     pub supply: Held,
     /// Chambers a and b.
     pub sides: [Side; 2],
-    /// Stroke, m.
+    /// m.
     pub stroke: f64,
     /// Moving mass, kg.
     pub mass: f64,
@@ -31,7 +31,7 @@ pub struct Model {
     pub load: f64,
     /// Heat-transfer coefficient to the walls, W/(m2 K).
     pub heat_transfer: f64,
-    /// Wall temperature, K.
+    /// K.
     pub wall_temperature: f64,
     /// The valve.
     pub valve: Valve,

@@ -6,13 +6,13 @@ use std::f64::consts::TAU;
 /// Wanted state of a drive at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wanted<S = f64> {
-    /// Position, m.
+    /// m.
     pub position: S,
-    /// Velocity, m/s.
+    /// m/s.
     pub velocity: S,
-    /// Acceleration, m/s2.
+    /// m/s2.
     pub acceleration: S,
-    /// Jerk, m/s3.
+    /// m/s3.
     pub jerk: S,
 }
 
@@ -72,23 +72,23 @@ pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> 
 pub enum Reference {
     /// Moves, one after the other. The reference rests at the start before the first move.
     Moves {
-        /// Position at the start, m.
+        /// m.
         start: f64,
         /// The entries in the order of their times.
         moves: Vec<Move>,
     },
     /// A sine about a centre. Its amplitude grows from zero within the first period.
     Sine {
-        /// Centre, m.
+        /// m.
         centre: f64,
-        /// Amplitude, m.
+        /// m.
         amplitude: f64,
-        /// Frequency, Hz.
+        /// Hz.
         frequency: f64,
     },
     /// Polynomials, one after the other. Between two of them, the reference rests where the first one ends.
     Pieces {
-        /// Position at the start, m.
+        /// m.
         start: f64,
         /// The entries in the order of their times.
         pieces: Vec<Piece>,
@@ -111,7 +111,7 @@ pub struct Efforts {
 /// Moving mass and load of a drive at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
-    /// Mass, kg.
+    /// kg.
     pub mass: f64,
     /// Force in +x that neither gas nor friction gives, N.
     pub load: f64,
@@ -149,7 +149,7 @@ const MOMENTS: u32 = 200;
 /// A polynomial: position, m, over the elapsed fraction of its duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// Time at which it begins, s.
+    /// s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,
@@ -176,11 +176,11 @@ impl Piece {
 /// A move to a position, from the end of the previous move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Time at which it begins, s.
+    /// s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,
-    /// Target position, m.
+    /// m.
     pub to: f64,
 }
 

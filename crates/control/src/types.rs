@@ -8,9 +8,9 @@ use physics::chamber::GasState;
 /// Readings of the sensors at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<S = f64> {
-    /// Time, s.
+    /// s.
     pub time: f64,
-    /// Position, m.
+    /// m.
     pub position: S,
     /// Pressures in chambers a and b, Pa absolute; `None`: they come from the model.
     pub pressures: Option<[S; 2]>,
@@ -19,18 +19,18 @@ pub struct Sample<S = f64> {
 /// The time of a sample, and the period until the next one, s.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
-    /// Time, s.
+    /// s.
     pub time: f64,
-    /// Period, s.
+    /// s.
     pub period: f64,
 }
 
 /// The state of a drive that a law receives.
 #[derive(Clone, Copy, Debug)]
 pub struct State<S = f64> {
-    /// Position, m.
+    /// m.
     pub position: S,
-    /// Velocity, m/s.
+    /// m/s.
     pub velocity: S,
     /// Force that is not part of the model, N in +x.
     pub disturbance: S,
@@ -38,7 +38,7 @@ pub struct State<S = f64> {
     pub friction: S,
     /// Pa absolute.
     pub pressures: [S; 2],
-    /// Temperatures, K.
+    /// K.
     pub temperatures: [S; 2],
 }
 

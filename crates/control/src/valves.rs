@@ -249,7 +249,7 @@ impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
 struct Choosing {
     /// Samples for which a mode stays.
     stays: f64,
-    /// Period, s.
+    /// s.
     period: f64,
     /// Force that is missing when a valve switches, N.
     dead_band: f64,

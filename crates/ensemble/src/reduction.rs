@@ -39,7 +39,7 @@ pub enum What {
     },
     /// Samples at a fixed rate, 1/s, from the start to the end.
     Samples {
-        /// Rate, 1/s.
+        /// 1/s.
         rate: f64,
     },
 }

@@ -32,7 +32,7 @@ impl Law {
         Ok(Law { controller, reference, inputs, t0, time: t0, tick: 0, answer: None })
     }
 
-    /// Returns the present time, s.
+    /// s.
     pub fn time(&self) -> f64 {
         self.time
     }

@@ -52,7 +52,7 @@ pub struct Variable {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "role", rename_all = "lowercase")]
 pub enum Role {
-    /// Time, s.
+    /// s.
     Time,
     /// An input of the session. A discrete input has a history and changes only at events.
     Input {

@@ -14,7 +14,7 @@ specification::from_json!(Controller, Motion, Setup);
 pub struct Controller {
     /// Its word.
     pub law: String,
-    /// Period, s.
+    /// s.
     pub period_s: f64,
     /// Gains by their keys; gains that are left out are derived from the drive.
     #[serde(default)]
@@ -54,9 +54,9 @@ fn yes() -> bool {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hold {
-    /// Band, m.
+    /// m.
     pub band_m: f64,
-    /// Waiting time, s.
+    /// s.
     pub after_s: f64,
 }
 
@@ -66,23 +66,23 @@ pub struct Hold {
 pub enum Motion {
     /// Moves, one after the other.
     Moves {
-        /// Position at the start, m.
+        /// m.
         start_m: f64,
         /// Begin, s, duration, s, and position, m, of each.
         moves: Vec<[f64; 3]>,
     },
     /// A sine about a centre.
     Sine {
-        /// Centre, m.
+        /// m.
         centre_m: f64,
-        /// Amplitude, m.
+        /// m.
         amplitude_m: f64,
-        /// Frequency, Hz.
+        /// Hz.
         frequency_hz: f64,
     },
     /// Polynomials, one after the other.
     Pieces {
-        /// Position at the start, m.
+        /// m.
         start_m: f64,
         /// For each polynomial: begin, s, duration, s, and coefficients, m, of the powers of the elapsed fraction of
         /// the duration.
@@ -97,7 +97,7 @@ pub enum Motion {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionEfforts {
-    /// Period, s.
+    /// s.
     pub period_s: f64,
     /// Mass, kg, load, N, and its rate, N/s, at each time.
     pub rows: Vec<[f64; 3]>,
@@ -143,7 +143,7 @@ impl From<&Motion> for Reference {
 pub struct PositionSensor {
     /// m; zero: none.
     pub resolution_m: f64,
-    /// Standard deviation of the noise, m.
+    /// m.
     pub noise_m: f64,
 }
 
@@ -161,11 +161,11 @@ pub struct PressureSensor {
     pub range_pa: [f64; 2],
     /// Resolution over the range; zero: none.
     pub bits: u32,
-    /// Standard deviation of the noise, Pa.
+    /// Pa.
     pub noise_pa: f64,
-    /// Offset at zero pressure, Pa.
+    /// Pa.
     pub zero_pa: f64,
-    /// Relative error of the gain, -.
+    /// Relative.
     pub gain_error: f64,
     /// Time constant, s.
     pub lag_s: f64,
@@ -270,7 +270,7 @@ pub struct Fault {
     pub kind: FaultKind,
     /// Channel of the fault.
     pub channel: Option<Channel>,
-    /// Time at which it begins, s.
+    /// s.
     pub begin_s: f64,
     /// End of the fault, s; `None`: it is permanent.
     pub end_s: Option<f64>,
@@ -315,11 +315,11 @@ impl From<Answering> for Reaction {
 pub struct Supervision {
     /// Positions that the drive may reach, m; none: those of its stroke.
     pub position_m: Option<[f64; 2]>,
-    /// Speed, m/s.
+    /// m/s.
     pub speed_m_s: Option<f64>,
     /// Pa absolute.
     pub pressure_pa: Option<[f64; 2]>,
-    /// Stop deceleration, m/s2.
+    /// m/s2.
     pub stop_deceleration_m_s2: f64,
     /// Error within which a motion is complete, m, the time for which it must be within, s, and the time allowed for
     /// this, s.

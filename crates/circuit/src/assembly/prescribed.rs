@@ -37,9 +37,9 @@ pub struct Mechanics<'m> {
     pub begin: &'m [f64],
     /// Positions at its end under `forces`, m.
     pub end: &'m [f64],
-    /// Force on each axis, N.
+    /// N.
     pub forces: &'m [f64],
-    /// Accelerations by the forces, row by row, 1/kg.
+    /// 1/kg.
     pub mobility: &'m [f64],
 }
 

@@ -211,7 +211,7 @@ impl<P: Lane> Assembly<P> {
         each.collect()
     }
 
-    /// Writes one row of the columns.
+    /// Returns one row of the columns.
     pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: R, y: &[R], net: &mut Net<R>, row: &mut [R]) {
         circuit.observe(y, net);
         for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {

@@ -28,7 +28,7 @@ const REJECTED: f64 = 4.0;
 /// Constants of a guard.
 #[derive(Clone, Copy, Debug)]
 pub struct Fixed {
-    /// Period, s.
+    /// s.
     pub period: f64,
     /// Time after which the present command acts, s.
     pub ahead: f64,
@@ -36,7 +36,7 @@ pub struct Fixed {
     pub grain: f64,
     /// Highest speed of the drive, m/s.
     pub fastest: f64,
-    /// Stroke, m.
+    /// m.
     pub stroke: f64,
     /// Pressure of the supply, Pa absolute.
     pub supply: f64,

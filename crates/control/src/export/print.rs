@@ -6,7 +6,7 @@ use super::{Function, Given, Graph, MOVE, Node, Operator, Program, RESULTS, alon
 /// Output language of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Language {
-    /// C by its standard of 1999.
+    /// C99.
     C,
     /// Structured text of IEC 61131-3.
     St,

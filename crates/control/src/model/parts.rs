@@ -11,7 +11,7 @@ use physics::friction::AnyLaw;
 pub struct Held {
     /// Pa absolute.
     pub pressure: f64,
-    /// Temperature, K.
+    /// K.
     pub temperature: f64,
 }
 

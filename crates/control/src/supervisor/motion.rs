@@ -44,7 +44,7 @@ pub struct Motion {
 /// Error along a reference that moves, within a time.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swings {
-    /// Duration, s.
+    /// s.
     lasts: f64,
     /// Sign of the last error beyond the tolerance, and the number of its changes.
     side: f64,

@@ -55,11 +55,11 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
 /// A reading, and the state of its sensor and of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
-    /// Time, s.
+    /// s.
     pub time: f64,
-    /// Reading, m.
+    /// m.
     pub reading: f64,
-    /// Period, s.
+    /// s.
     pub period: f64,
     /// Standard deviation of the time of a reading, s.
     pub jitter: f64,

@@ -40,7 +40,7 @@ impl Reaction {
 pub struct Rules {
     /// Positions that the drive may reach, m.
     pub position: [f64; 2],
-    /// Speed, m/s.
+    /// m/s.
     pub speed: f64,
     /// Pa absolute.
     pub pressure: [f64; 2],

@@ -48,7 +48,7 @@ impl Glances {
         Some(Glances { columns, edges })
     }
 
-    /// Writes one row of the columns, with the same bits as [`Assembly::row`].
+    /// Returns one row of the columns, with the same bits as [`Assembly::row`].
     #[inline(always)]
     pub fn row(&self, circuit: &Circuit<f64>, t: f64, y: &[f64], row: &mut [f64]) {
         let mut values = [0.0; VALUES];
