@@ -8,36 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.files.toml import value_text
-from pneudrive.signals.columns import (
-    INDEX,
-    NAME,
-    PHYSICS,
-    ROLES,
-    SECOND_NAME,
-    SECONDARY,
-    UNIT,
-    Candidate,
-    FileColumn,
-    HeaderUnit,
-    chamber_of,
-    families,
-    header_unit,
-    role_of,
-    side_of,
-    split_name,
-    words_of,
-)
+from pneudrive.signals import columns as headers
+from pneudrive.signals import times as timing
+from pneudrive.signals.columns import NAME, SECONDARY, Candidate, FileColumn, words_of
 from pneudrive.signals.motion import FEWEST, Directions, is_held, same_signal, unevenness
-from pneudrive.signals.times import (
-    COUNTERS,
-    DATE_TIME,
-    clocks_of,
-    filled,
-    on_clock,
-    rate_of_stamps,
-    samples_of_a_stamp,
-    unwrapped,
-)
+from pneudrive.signals.times import rate_of_stamps, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -87,7 +62,7 @@ class Question:
     @property
     def text(self) -> str:
         """The question as one sentence."""
-        names = families(str(choice.column) for choice in self.choices)
+        names = headers.families(str(choice.column) for choice in self.choices)
         return f"{self.role}: {self.why}" + (f" ({', '.join(names)})" if names else "")
 
 
@@ -158,19 +133,22 @@ class RoleSearch:
 
     def candidates(self, role: str) -> list[Candidate]:
         """Return the columns that may have a role by name or unit, the best first."""
-        quantity, found = ROLES[role].si, []
+        quantity, found = headers.ROLES[role].si, []
         for column in self.columns:
             unit, score, evidence = column.unit, 0.0, ()
             if column.index in self.taken:
                 continue
             if column.role == role:
-                score, evidence = (SECOND_NAME if SECONDARY.search(words_of(column.bare)) else NAME), ("name",)
+                score, evidence = (
+                    (headers.SECOND_NAME if SECONDARY.search(words_of(column.bare)) else NAME),
+                    ("name",),
+                )
             if unit is not None:
                 fits = unit.si in ("V", "A") if role == "command" else unit.si == quantity
                 is_raw = quantity is not None and column.is_raw
                 if not (fits or is_raw or (role == "command" and unit.unit == "-")):
                     continue
-                score += UNIT if (fits and quantity) or (fits and score) else 0
+                score += headers.UNIT if (fits and quantity) or (fits and score) else 0
                 evidence += ("unit",) if fits else ()
             if score:
                 found.append(Candidate(column, score, evidence))
@@ -189,12 +167,12 @@ class RoleSearch:
         times = self.times
         if column.index in self.taken:
             return column.values
-        values, _ = unwrapped(column.values, COUNTERS)
+        values, _ = unwrapped(column.values, timing.COUNTERS)
         if (clock := times.clocks.get(column.index)) is not None:
-            return on_clock(times.values, raw[clock], values)
+            return timing.on_clock(times.values, raw[clock], values)
         if late := self._late(column):
-            return on_clock(times.values, times.values + late * (times.rate_hz or 0.0), values)
-        return filled(times.values, values)
+            return timing.on_clock(times.values, times.values + late * (times.rate_hz or 0.0), values)
+        return timing.filled(times.values, values)
 
     def _late(self, column: FileColumn) -> float:
         """Return the start of a channel without times, s after the first."""
@@ -217,7 +195,7 @@ class RoleSearch:
         close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
         held = next((one for one in signals if is_held(one.values)), None)
         if len(close) > 1 and held is not None and len(signals) > FEWEST:
-            self._accept("command", Candidate(held, PHYSICS, HELD), "")
+            self._accept("command", Candidate(held, headers.PHYSICS, HELD), "")
             rest, why = [one.index for one in signals if one is not held], "numbers alone do not distinguish them"
             return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
         chosen = self._only_one("position", close, "even strokes", "these columns move alike")
@@ -227,7 +205,7 @@ class RoleSearch:
 
     def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
         """Return the candidate among columns without names; ask the user if there are several."""
-        some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
+        some = [Candidate(self.columns[index], headers.PHYSICS, (evidence,)) for index in close]
         if len(some) > 1:
             self._ask(role, why, some)
             self.taken |= set(close)
@@ -265,7 +243,7 @@ class RoleSearch:
             return None, ""
         best = self.columns[ranked[0][1]]
         if is_held(best.values) and len(signals) >= FEWEST:
-            self._accept("command", Candidate(best, PHYSICS, HELD), "")
+            self._accept("command", Candidate(best, headers.PHYSICS, HELD), "")
             return None, ""
         close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
         most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
@@ -277,13 +255,13 @@ class RoleSearch:
             rest, has_position = different_signals(self._without_role()), self.guess("position") is not None
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
             why = "more constant than the force" if has_position else "the only signal besides the time"
-            named = [Candidate(one, PHYSICS, (why,)) for one in rest if has_position or is_alone]
+            named = [Candidate(one, headers.PHYSICS, (why,)) for one in rest if has_position or is_alone]
         if not named:
             return
         sides: dict[str, list[Candidate]] = {"": []}
         for one in named:
-            sides.setdefault(chamber_of(one.column.bare), []).append(one)
-        has_digits = any(side_of(one.column.bare) in ("1", "2") for one in named)
+            sides.setdefault(headers.chamber_of(one.column.bare), []).append(one)
+        has_digits = any(headers.side_of(one.column.bare) in ("1", "2") for one in named)
         good = {side: [one for one in some if one.score > named[0].score - CLEAR] for side, some in sides.items()}
         if len(sides) == 1 or (has_digits and len(sides) == 2):  # 1 and 2 are a and b if these are the only numbers
             self._without_names([one for some in good.values() for one in some])
@@ -385,7 +363,7 @@ class RoleSearch:
         """Ask for channels whose names state an open role, but whose lengths differ from the others."""
         known = [guess.role for guess in self.guesses]
         for name, length in self.form.other_lengths.items():
-            role = role_of(name)
+            role = headers.role_of(name)
             is_open = sum("pressure" in text for text in known) < 2 if role == "pressure" else role not in known
             if role is not None and is_open and length > 1 and not SECONDARY.search(words_of(name)):  # 1: a constant
                 usual = self.columns[0].values.size
@@ -434,7 +412,7 @@ class RoleSearch:
         unit, gauge, is_named = _unit(column, role)
         keys = [] if is_named or role == "command" else ["guessed = true"]
         if not unit and role != "command":  # volts or counts
-            unit, keys = ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
+            unit, keys = headers.ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
             keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
         if (clock := self.times.clocks.get(column.index)) is not None:
             keys.append(f"clock = {value_text(self.columns[clock].place)}")
@@ -471,7 +449,7 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
         span = float(np.ptp(finite))
         size = span if kind == "position" else float(np.abs(finite).max())
         whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
-    by_size = ROLES[kind].by_size if kind in ROLES and not whole else ()
+    by_size = headers.ROLES[kind].by_size if kind in headers.ROLES and not whole else ()
     return next((name for most, name in by_size if size < most), ""), None, False
 
 
@@ -497,16 +475,16 @@ def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
     names = form.names
     name = names[index] if index < len(names) else ""
     short = name.rpartition("/")[2] if form.format in GROUPED else name
-    bare, unit = split_name(short)
+    bare, unit = headers.split_name(short)
     cell = form.units[index].strip() if index < len(form.units) else ""
     opened = short.rpartition("[")[2].partition("]")
     is_unit = opened[1] and not opened[2].strip() and not opened[0].isdigit()
     unknown = opened[0] if unit is None and is_unit else ""
     if cell.strip("[]()- "):
-        bare, unit = (short if unit is None else bare), header_unit(cell)
+        bare, unit = (short if unit is None else bare), headers.header_unit(cell)
         unknown = "" if unit else cell
     elif unit is None and form.format in GROUPED and short == "time":
-        unit = HeaderUnit("s", "s")
+        unit = headers.HeaderUnit("s", "s")
     is_unique = bool(name) and names.count(name) == 1 and (form.form.header or form.format != "csv")
     return FileColumn(index, name if is_unique else index, name, bare, unit, unknown, values)
 
@@ -551,7 +529,7 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
         return _without_column(form, columns[0].values.size, numbered)
     best = candidates[0]
     times = _time(form, best.column, dates)
-    if best.score > PHYSICS:
+    if best.score > headers.PHYSICS:
         clocks = [one.column for one in candidates if one.score >= best.score]
         times.clocks = _clocks_of(form, columns, best.column, clocks)
     rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else "no other candidate"
@@ -577,15 +555,15 @@ def _candidates(
             dates.append(column)
             continue
         is_named, has_unit = column.role == "time", is_date or unit is not None
-        score = NAME * is_named + UNIT * has_unit
+        score = NAME * is_named + headers.UNIT * has_unit
         evidence = ("name",) * is_named + ("unit",) * has_unit
-        if _rises(values, clocks_of(form.dates[column.index]) if is_date else COUNTERS):
-            if score == 0 and (_counts(values) or INDEX.match(words_of(column.name))):
+        if _rises(values, timing.clocks_of(form.dates[column.index]) if is_date else timing.COUNTERS):
+            if score == 0 and (_counts(values) or headers.INDEX.match(words_of(column.name))):
                 numbered.append(column)
                 continue
             if score == 0 and not _is_even(values):
                 continue
-            score, evidence = score + PHYSICS, (*evidence, "even steps")
+            score, evidence = score + headers.PHYSICS, (*evidence, "even steps")
         elif score == 0 or not is_named:
             continue
         if column.role not in (None, "time") and not has_unit:
@@ -636,7 +614,10 @@ def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> boo
 
 
 def _clocks_of(
-    form: FileForm, columns: Sequence[FileColumn], best: FileColumn, clocks: Sequence[FileColumn]
+    form: FileForm,
+    columns: Sequence[FileColumn],
+    best: FileColumn,
+    clocks: Sequence[FileColumn],
 ) -> dict[int, int]:
     """Return the clock of each column that does not use the best clock: the nearest clock to its left."""
     other = {one.index for one in clocks if one is not best and not _is_same_clock(form, best, one)}
@@ -647,18 +628,21 @@ def _clocks_of(
 
 def _time(form: FileForm, column: FileColumn, dates: Sequence[FileColumn]) -> Times:
     """Return the time of a column."""
-    unit, factor, moduli = "", 1.0, COUNTERS
+    unit, factor, moduli = "", 1.0, timing.COUNTERS
     if column.index in form.dates:
-        unit, moduli = DATE_TIME, clocks_of(form.dates[column.index])
+        unit, moduli = timing.DATE_TIME, timing.clocks_of(form.dates[column.index])
     elif column.unit is not None:
         unit, factor = column.unit.unit, converter(column.unit.unit, "s")[0]
     times = Times(column.index, unwrapped(column.values, moduli, forward=True)[0], unit)
-    if unit == DATE_TIME and dates:
+    if unit == timing.DATE_TIME and dates:
         times.date = dates[0].index
         times.values = column.values + dates[0].values
     count = samples_of_a_stamp(times.values)
     if count > 1.0:  # stamps that many samples share are replaced by the rate of the samples, if it is even
-        shared, rate = f"{count:g} samples share each stamp of column {column.place!r}", rate_of_stamps(times.values)
+        shared, rate = (
+            f"{count:g} samples share each stamp of column {column.place!r}",
+            rate_of_stamps(times.values),
+        )
         if rate is None or not unit:
             times.question = f'{shared}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
         else:
