@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.datasheet.strokes import StrokeNumbers
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.simulation.run_limits import ExhaustAir
     from pneudrive.views import View
 

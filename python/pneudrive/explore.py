@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.describe import Initial
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.simulation.command import Commands
 
 #: What a live notebook needs: the widget of any notebook, and the server's own way of packing curves.

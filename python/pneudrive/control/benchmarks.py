@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 
     from pneudrive.control.mismatch import Mismatch, Truth
     from pneudrive.control.motion import Reference
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.progress import Flag
 
     References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]

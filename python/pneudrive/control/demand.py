@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
     from pneudrive.control.setup import Setup
     from pneudrive.control.tuning import Tuning
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).
 SHARE = 0.85

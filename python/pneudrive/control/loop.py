@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.control.tuning import Controller, Plant
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.progress import Flag
 
 MOST_SAMPLES = 20_000_000

@@ -31,8 +31,7 @@ from pneudrive.views import VALUE, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
 
 
 #: Of a controller whose file says nothing; both assumed.

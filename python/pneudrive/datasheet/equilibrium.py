@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.simulation.session import Linear, Session
 
 

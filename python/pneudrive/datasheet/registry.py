@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Characteristic
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.progress import Flag
 
 

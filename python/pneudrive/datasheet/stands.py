@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.describe.files.catalogue import Entry
 
 

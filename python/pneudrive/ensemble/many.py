@@ -41,9 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.ensemble.design import Rows
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.progress import Flag

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Drive, Initial
     from pneudrive.ensemble.many import EnsembleStudy, Executor
     from pneudrive.ensemble.outputs import Output
     from pneudrive.progress import Flag

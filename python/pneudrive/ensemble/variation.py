@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.free.parameters import DriveFamily
 
 #: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.

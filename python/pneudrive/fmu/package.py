@@ -25,9 +25,7 @@ from pneudrive.simulation.trajectory import check_target, whole
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.fmu.variables import FmuPlan
 
 

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive._core import Session as CoreSession
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Initial
 
 #: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")

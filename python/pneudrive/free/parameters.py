@@ -35,12 +35,10 @@ if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
     from pneudrive.arrays import Array
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.base import Described
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
     from pneudrive.describe.system import ShortNames
     from pneudrive.describe.tables.derived import Derived
-    from pneudrive.describe.tables.parts import Initial
     from pneudrive.progress import Watch
 
 

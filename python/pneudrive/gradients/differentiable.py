@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.ensemble.outputs import Output, Reduction
     from pneudrive.free.parameters import Sensitivities
     from pneudrive.simulation.command import Commands

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
 _CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")

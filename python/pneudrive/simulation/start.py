@@ -11,9 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive._core import Circuit as CoreCircuit
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.tables.parts import Initial
+    from pneudrive.describe import Circuit, Drive, Initial
 
 RTOL_BOUNDS = (1e-13, 1e-1)
 

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, Given

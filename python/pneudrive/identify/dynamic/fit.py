@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.arrays import Array, Bools
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.identify.follow.fit import FollowFit

@@ -51,9 +51,8 @@ if TYPE_CHECKING:
     import jinja2
 
     from pneudrive.arrays import Array
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Drive, Friction
     from pneudrive.describe.files.provenance import GivenNumber
-    from pneudrive.describe.tables.friction import Friction
 
 
 # --- Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain.

@@ -14,8 +14,7 @@ from pneudrive.report import style
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.components import Component
+    from pneudrive.describe import Circuit, Component
 
 MODULE_IN = 0.1  # inch, height of a module on paper
 NAME_PT, TEXT_PT = 7.0, 6.0

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     import matplotlib.figure
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.report.circuit.blocks import Block, Box
     from pneudrive.report.circuit.layout import Net
 
