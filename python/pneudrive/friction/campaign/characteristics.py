@@ -496,7 +496,7 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
     if per_kelvin is None or not per_kelvin.differs:
         return
-    sliding = found.cycles.filter(pl.col("friction_n", "temperature_k").is_finite())
+    sliding = found.cycles.filter(pl.all_horizontal(pl.col("friction_n", "temperature_k").is_finite()))
     level = float((sliding["friction_n"] - viscous_n_s_m * sliding["speed_m_s"]).to_numpy().mean())
     kelvin = float(sliding["temperature_k"].to_numpy().mean())
     if level <= 0.0:

@@ -259,7 +259,8 @@ def find_stops(
     found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
     rows = sorted((s for s in found if isinstance(s, dict)), key=lambda row: row["index"])
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
-    return pl.DataFrame(rows, infer_schema_length=None), tuple(skipped)
+    texts = {"flags": pl.List(pl.String)}
+    return pl.DataFrame(rows, schema_overrides=texts, infer_schema_length=None), tuple(skipped)
 
 
 def read_stops(
