@@ -19,9 +19,8 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array, Mask
 
-    from pneudrive.arrays import Array
 
 ALTERNATIONS, CONVERGED = 50, 1e-9
 MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
@@ -57,7 +56,7 @@ class Grid:
         return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=np.float64)
 
     @property
-    def is_in_window(self) -> NDArray[np.bool_]:
+    def is_in_window(self) -> Mask:
         """Whether each bin is in the window."""
         number = np.arange(self.first, self.stop)
         return (number >= 0) & (number < self.in_window)
@@ -80,7 +79,7 @@ class Profile:
     offset_n: Array
     up_strokes_n: Array
     down_strokes_n: Array
-    in_window: NDArray[np.bool_]
+    in_window: Mask
 
     def strokes_n(self, direction: int) -> Array:
         """Return the balance of the strokes of one direction, shape (strokes, m)."""
@@ -95,7 +94,7 @@ def grid_of(edges_m: Array) -> Grid:
 
 
 def bin_means(
-    position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: NDArray[np.bool_] | None = None
+    position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: Mask | None = None
 ) -> Array:
     """Return the mean of ``values`` in each position bin over the samples of some parts, NaN in empty bins.
 
@@ -136,7 +135,7 @@ def mean_profile(strokes_n: Array) -> Array:
     return profile
 
 
-def stroke_means(strokes_n: Array, bins: NDArray[np.bool_]) -> Array:
+def stroke_means(strokes_n: Array, bins: Mask) -> Array:
     """Return the mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
     part = strokes_n[:, bins]
     profile = mean_profile(part)
@@ -179,7 +178,7 @@ class Spread:
         return self.trend_p < TREND_LEVEL
 
 
-def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:
+def spread_of(stroke_means_n: Array) -> Spread:
     """Describe the means of successive strokes, shape (strokes,), NaN ignored."""
     values = stroke_means_n[np.isfinite(stroke_means_n)]
     n = values.size
@@ -194,7 +193,7 @@ def spread_of(stroke_means_n: NDArray[np.float64]) -> Spread:
     return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, slope, p)
 
 
-def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
+def _trend(values: Array) -> tuple[float, float]:
     n = values.size
     some = np.unique(np.linspace(0, n - 1, MOST_PAIRED).astype(np.int64)) if n > MOST_PAIRED else np.arange(n)
     first, second = (some[index] for index in np.triu_indices(some.size, 1))
@@ -206,7 +205,7 @@ def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
     return slope, float(np.asarray(kendalltau(np.arange(n), values))[1])
 
 
-def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
+def _effective_number(values: Array, *, has_trend: bool) -> float:
     """Estimate the number of independent strokes: fewer if neighbouring strokes are significantly correlated."""
     n = values.size
     away = values - values.mean()
@@ -233,7 +232,7 @@ def pair_stderr(up: Spread, down: Spread) -> float:
     return 0.5 * float(np.sqrt(sum(parts)))
 
 
-def profile_stderr(profile_n: NDArray[np.float64]) -> float:
+def profile_stderr(profile_n: Array) -> float:
     """Estimate the standard error of a profile's mean for a single stroke, from the profile alone.
 
     A straight line is removed, because the pattern over position is not random, in particular its coarse part.
@@ -247,7 +246,7 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
     return stderr_of_mean(values - (intercept + slope * x)) * float(np.sqrt((n - 1) / (n - 2)))
 
 
-def within_stderr(strokes_n: NDArray[np.float64]) -> float:
+def within_stderr(strokes_n: Array) -> float:
     """Estimate the standard error of the mean of all strokes from noise inside the strokes only.
 
     The spread of two or three stroke means may be small by chance, but their error is never below this.

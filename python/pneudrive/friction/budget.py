@@ -25,17 +25,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.strokes import CLOCK_S
+from pneudrive.friction.strokes import CLOCK_S, Side
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.friction.strokes import Side
+    from pneudrive.arrays import Array
     from pneudrive.signals.recording import Recording
 
-    Array = NDArray[np.float64]
 
 COVERAGE_FACTOR = 2.0
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)

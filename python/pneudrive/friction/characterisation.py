@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -15,7 +15,7 @@ from pneudrive.estimate.estimates import changed
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import rows_to_dataset
+from pneudrive.friction.friction_map import Row, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.pressure import (
     CONFOUNDED,
@@ -31,21 +31,14 @@ from pneudrive.friction.pressure import (
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import LongFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
-from pneudrive.views import Viewed
+from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
     import xarray as xr
-
-    from pneudrive.friction.friction_map import Row
-    from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
-    from pneudrive.progress import Flag
-    from pneudrive.views import View
 
     Reader = Callable[[], Recording | LongFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset

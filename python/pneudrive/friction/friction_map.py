@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
     import polars as pl
     import xarray as xr
-    from numpy.typing import NDArray
+
+    from pneudrive.arrays import Array, Whole
 
 
 # Column -> (unit, meaning), in the order of the files; the labels of the recordings follow them.
@@ -237,7 +238,7 @@ def group_of(labels: Mapping[str, str]) -> str:
     return ", ".join(labels[name] for name in LEVELS if labels.get(name)) or ALL_RECORDINGS
 
 
-def classify_pressures(pairs: NDArray[np.float64]) -> str:
+def classify_pressures(pairs: Array) -> str:
     """Return the slopes that pressure pairs determine: both, one, their sum, or one along a line."""
     away = pairs - pairs.mean(axis=0)
     scale = max(float(np.abs(pairs).max()), 1e-12)
@@ -268,8 +269,8 @@ class MapGroup(NamedTuple):
     """
 
     assembly: str
-    rows: NDArray[np.int64]
-    gauges: NDArray[np.float64]
+    rows: Whole
+    gauges: Array
 
     @property
     def label(self) -> str:
@@ -324,7 +325,7 @@ def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
     return groups
 
 
-def alike(pairs: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def alike(pairs: Array) -> list[Whole]:
     """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
     left, out = np.arange(len(pairs)), []
     while len(left):

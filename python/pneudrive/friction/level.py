@@ -20,30 +20,23 @@ import numpy as np
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
-from pneudrive.friction.bins import MIDDLE, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import group_of
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import RIPPLE_LIMIT
-from pneudrive.friction.strokes import RecordedMotion, Strokes, stroke_grid, stroke_use
-from pneudrive.progress import UNWATCHED
+from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
+from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
 from pneudrive.signals.pressure_delay import pressure_delay
-from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, clean
+from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, Recording, clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.friction.bins import Profile
-    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
-    from pneudrive.friction.strokes import SampleChoice, Side, Strokes, StrokeUse
-    from pneudrive.progress import Watch
+    from pneudrive.arrays import Array, Mask
     from pneudrive.signals.load import LongFile
-    from pneudrive.signals.motion import Stroke
-    from pneudrive.signals.recording import Recording
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
 
@@ -97,7 +90,7 @@ class Level(Shown):
     table: Strokes
     strokes: tuple[Stroke, ...]
     sides: dict[int, Side]
-    bins: NDArray[np.bool_]
+    bins: Mask
     uses_window: bool
     sample_flags: tuple[str, ...]
     budget: tuple[BudgetEntry, ...]
@@ -180,13 +173,13 @@ class Level(Shown):
         return self.labels.get("run", "1")
 
     @property
-    def stroke_friction_n(self) -> dict[int, NDArray[np.float64]]:
+    def stroke_friction_n(self) -> dict[int, Array]:
         """Mean friction of each used stroke in the window by direction, direction * (stroke - offset), N."""
         offset = self.offset_n if len(self.sides) == 2 else 0.0
         return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
 
     @property
-    def stroke_times_s(self) -> dict[int, NDArray[np.float64]]:
+    def stroke_times_s(self) -> dict[int, Array]:
         """Begin of each used stroke by direction, s."""
         times = self.table.frame["time_s"].to_numpy()
         return {way: times[rows] for way, rows in self.table.directions.items()}
@@ -500,7 +493,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]
     """Read a recording part by part, each with its counted strokes; the next part is read in the background."""
     name, first, count = file.file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
-    left: dict[str, NDArray[np.float64]] = {}
+    left: dict[str, Array] = {}
     is_first = True
     for block, read in zip(blocks, in_advance(file.read, blocks, 1, ahead=1), strict=True):
         watch.tell(block[0], count, f"rows of {name}")

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import (
+    Stroke,
     find_strokes,
     local_slope,
     middle,
@@ -23,10 +24,8 @@ from pneudrive.signals.motion import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Mask
     from pneudrive.friction.bins import Profile
-    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
 
@@ -70,7 +69,7 @@ class ReversalPeak:
 
 
 def find_reversal_peaks(
-    recording: Recording, strokes: Sequence[Stroke], balance_n: NDArray[np.float64], profile: Profile
+    recording: Recording, strokes: Sequence[Stroke], balance_n: Array, profile: Profile
 ) -> list[ReversalPeak]:
     """Find the peak after each reversal at which one of ``strokes`` begins.
 
@@ -110,7 +109,7 @@ class _PeakSearch:
     """The samples of a level, with its sliding friction, time step, and noise of balance and pressures."""
 
     recording: Recording
-    balance_n: NDArray[np.float64]
+    balance_n: Array
     profile: Profile
 
     @cached_property
@@ -129,7 +128,7 @@ class _PeakSearch:
         return noise_level(self.balance_n)
 
     @cached_property
-    def pressures(self) -> list[tuple[NDArray[np.float64], float, float]]:
+    def pressures(self) -> list[tuple[Array, float, float]]:
         """Pressure, area and noise of both chambers."""
         r = self.recording
         sides = ((r.pressure_a_pa, r.area_a_m2), (r.pressure_b_pa, r.area_b_m2))
@@ -197,7 +196,7 @@ class _PeakSearch:
         return mass * (speed / float(time[reached] - time[0]))
 
 
-def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
+def _rise(friction_n: Array) -> tuple[int, int, int]:
     """Find a peak and its rise: last sample below 10 % of the change of force, first sample above 90 %, and the peak.
 
     A slow drift between the rise and the peak does not belong to the rise.
@@ -254,9 +253,9 @@ class StickSlip(Shown):
 
 
 def find_stick_slip(
-    time_s: NDArray[np.float64],
-    position_m: NDArray[np.float64],
-    velocity_m_s: NDArray[np.float64] | None = None,
+    time_s: Array,
+    position_m: Array,
+    velocity_m_s: Array | None = None,
     *,
     trim: float = 0.1,
 ) -> list[StickSlip]:
@@ -294,7 +293,7 @@ def find_stick_slip(
     ]
 
 
-def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
+def middle_of(stroke: Stroke, position_m: Array, trim: float = 0.1) -> slice | None:
     """Return the samples of a stroke without a fraction of its travel at each end. None if too few remain."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
     inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
@@ -303,9 +302,7 @@ def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1
     return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
 
 
-def measure_stick_slip(
-    time_s: NDArray[np.float64], position_m: NDArray[np.float64], velocity_m_s: NDArray[np.float64] | None = None
-) -> StickSlip:
+def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | None = None) -> StickSlip:
     """Measure stick-slip in one section that moves in one direction, shape (n,) each, n at least 3."""
     duration = float(time_s[-1] - time_s[0])
     distance = float(position_m[-1] - position_m[0])
@@ -344,7 +341,7 @@ def measure_stick_slip(
     )
 
 
-def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mean: float) -> int:
+def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
     """Return half width of the slope window at which position noise gives at most 5 % of the mean speed."""
     step = float(time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
     noise = noise_level(position_m)
@@ -358,7 +355,7 @@ def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mea
     return max(time_s.size // 20, 1)
 
 
-def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spacing(time_s: Array) -> Array:
     """Return the duration that each sample represents: half the time between its neighbours."""
     if time_s.size < 2:
         return np.ones(time_s.size)
@@ -368,9 +365,7 @@ def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     return spacing
 
 
-def _slips(
-    speed: NDArray[np.float64], stuck: NDArray[np.bool_], slipping: NDArray[np.bool_]
-) -> tuple[list[int], list[float]]:
+def _slips(speed: Array, stuck: Mask, slipping: Mask) -> tuple[list[int], list[float]]:
     """Return the first sample of each slip that follows a stick, and each slip's peak speed."""
     if not stuck.any() or not slipping.any():
         return [], []
@@ -412,13 +407,13 @@ def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> dict[str,
     }
 
 
-def swing_of(position_m: NDArray[np.float64], balance_n: NDArray[np.float64], strokes: Sequence[Stroke]) -> float:
+def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[Stroke]) -> float:
     """Return the usual range of the balance in the middle of some strokes, without its lowest and highest 2 %."""
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
     return median([float(np.diff(quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
 
 
-def _even(time_s: NDArray[np.float64], *values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
     """Return evenly spaced values of uneven samples: means over equal intervals."""
     steps = np.diff(time_s)
     if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * middle(steps):  # the first one is quick

@@ -17,22 +17,15 @@ import polars as pl
 
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import find_reversal_peaks, median, sliding_of, stroke_slip
-from pneudrive.signals.motion import find_strokes, local_slope, speed_levels, straight_line, thinned
-from pneudrive.signals.recording import refuse_impossible
+from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, find_reversal_peaks, median, sliding_of, stroke_slip
+from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
+from pneudrive.signals.recording import Recording, refuse_impossible
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
-    from pneudrive.signals.motion import Stroke
-
-    Array = NDArray[np.float64]
-
+    from pneudrive.arrays import Array, Mask
     from pneudrive.signals.pressure_delay import PressureDelay
-    from pneudrive.signals.recording import Recording
 
 
 # Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
@@ -140,7 +133,7 @@ class Strokes:
         counting = [way if counts else 0 for way, counts in table]
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
-    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], NDArray[np.bool_]]:
+    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Mask]:
         """Combine the strokes of each direction. Return no side if none counts, or the directions share no bin.
 
         Parameters
@@ -386,7 +379,7 @@ class SampleChoice(Protocol):
         """
         ...
 
-    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
         """Return the mask of chosen samples, shape (n,), and the balance to average, shape (n,)."""
         ...
 
@@ -414,7 +407,7 @@ class RecordedMotion:
     strokes: tuple[Stroke, ...]
     raw_balance_n: Array
     balance_n: Array
-    settled: NDArray[np.bool_]
+    settled: Mask
     delay: PressureDelay | None
 
     @classmethod
@@ -500,7 +493,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n, swings = motion.position_m, motion.balance_n, _swings(motion)
         mask = np.zeros(position_m.size, dtype=bool)
@@ -535,7 +528,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
         """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()

@@ -19,15 +19,15 @@ from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
-from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
+from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.friction_map import BOTH, LEVELS, Condition
-from pneudrive.friction.strokes import SAMPLE_CHOICES, Settled
+from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
@@ -35,17 +35,11 @@ if TYPE_CHECKING:
 
     import polars as pl
     import xarray as xr
-    from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.result import Asymmetry
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.strokes import SampleChoice
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 STEPS = 3  # cycles, models, stops

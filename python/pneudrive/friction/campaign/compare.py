@@ -30,9 +30,9 @@ from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
-from pneudrive.friction.sentences import capitalised, say
+from pneudrive.friction.sentences import Statement, capitalised, say
 from pneudrive.lazy_names import upper
-from pneudrive.views import Viewed
+from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,12 +40,10 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.sentences import Statement
-    from pneudrive.views import View
 
-    Array = NDArray[np.float64]
 
 TABLE = Path(__file__).with_name("checks.toml")
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.estimate.mixed import MixedModel, RandomEffect
+from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.budget import CycleTerms, SharedTerms
 from pneudrive.friction.campaign import smooth
-from pneudrive.friction.campaign.cycles import GROWING
+from pneudrive.friction.campaign.cycles import GROWING, CycleTable, Gain
 from pneudrive.friction.campaign.points import (
     NAMES,
     OUTLIER,
@@ -37,21 +37,13 @@ from pneudrive.friction.campaign.result import (
     StickSlipThreshold,
     UncertaintySource,
 )
-from pneudrive.friction.friction_map import BOTH
+from pneudrive.friction.friction_map import BOTH, Condition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.estimate.estimates import Estimate
-    from pneudrive.estimate.mixed import Predicted
-    from pneudrive.friction.campaign.cycles import CycleTable, Gain
-    from pneudrive.friction.campaign.points import CurvePoints
-    from pneudrive.friction.friction_map import Condition
+    from pneudrive.arrays import Array
     from pneudrive.signals.force_calibration import ForceCalibration
-
-    Array = NDArray[np.float64]
 
 
 POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter

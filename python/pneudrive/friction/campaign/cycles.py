@@ -23,7 +23,7 @@ from pneudrive.estimate.autocorrelation import levels
 from pneudrive.friction.bins import Grid, bin_means, grid_of, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
 from pneudrive.friction.stick_slip import swing_of
-from pneudrive.friction.strokes import Side, Strokes, balance_of
+from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
@@ -31,12 +31,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Mask
     from pneudrive.friction.friction_map import Condition
-    from pneudrive.friction.strokes import RecordedMotion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-    Array = NDArray[np.float64]
     Row = dict[str, Any]
 
     from pneudrive.rig.interface import Identity
@@ -126,7 +125,7 @@ class CycleTable:
         return replace(self, columns=self.columns | columns)
 
     @property
-    def moves(self) -> NDArray[np.bool_]:
+    def moves(self) -> Mask:
         """Mark the directions that a cycle has, shape (n, 2)."""
         return np.isfinite(self["velocity_m_s"])
 

@@ -17,7 +17,7 @@ from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import CycleTable, mean_of_sides
 from pneudrive.friction.campaign.result import ExcludedPoint
-from pneudrive.friction.friction_map import PA_PER_BAR
+from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
 from pneudrive.friction.sentences import Said, named
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
@@ -27,11 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Mask, Whole
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.friction_map import Condition
 
-    Array = NDArray[np.float64]
-    Whole = NDArray[np.int64]
 
 SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
 SWING_FLOOR = 3.0  # times the noise while standing
@@ -72,10 +70,10 @@ FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, uni
 
 
 def implausible_friction(
-    condition: NDArray[np.int64],
-    speed_m_s: NDArray[np.float64],
-    friction_n: NDArray[np.float64],
-    stderr_n: NDArray[np.float64],
+    condition: Whole,
+    speed_m_s: Array,
+    friction_n: Array,
+    stderr_n: Array,
 ) -> NDArray:
     """Return for each cycle of a campaign, shape (n,), the reason why its friction is impossible.
 
@@ -164,7 +162,7 @@ class Pattern:
     """
 
     position_m: Array
-    common: NDArray[np.bool_]
+    common: Mask
     friction: Array
     offset_n: Array
 
@@ -179,7 +177,7 @@ class Pattern:
         return unseen_n(self.offset_n[self.common], float(self.common.mean()))
 
 
-def reduce(cycles: CycleTable, edges_m: Array, steady: NDArray[np.bool_]) -> tuple[Pattern, dict[str, Array]]:
+def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, dict[str, Array]]:
     """Bring cycles with both directions to the common range of position.
 
     Parameters
@@ -201,7 +199,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: NDArray[np.bool_]) -> tup
     covered = np.isfinite(friction)
     air = np.where(covered, -(air_up - air_down) / 2.0, np.nan)
     tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
-    common: NDArray[np.bool_] = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
+    common: Mask = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
     if not common.any():
         common = np.asarray(covered.any(axis=0))
     pattern = _relative_pattern(friction[tells], common)
@@ -238,7 +236,7 @@ def _pair_stderr(deviation: Array, effective: Array) -> Array:
     return np.where(np.isfinite(pooled), 0.5 * np.sqrt(parts[:, 0] + parts[:, 1]), np.nan)
 
 
-def _relative_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
+def _relative_pattern(values: Array, common: Mask) -> Array:
     """Return the relative deviation from the mean of each row, mean over rows; zero with too few rows."""
     bins = values.shape[1]
     level = _additive_means(values, np.zeros(bins), common)
@@ -252,7 +250,7 @@ def _relative_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
     return pattern
 
 
-def _additive_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
+def _additive_pattern(values: Array, common: Mask) -> Array:
     pattern = np.zeros(values.shape[1])
     if values.shape[0] < ENOUGH_CYCLES:
         return pattern
@@ -262,26 +260,26 @@ def _additive_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
     return pattern
 
 
-def _relative_means(values: Array, pattern: Array, common: NDArray[np.bool_]) -> Array:
+def _relative_means(values: Array, pattern: Array, common: Mask) -> Array:
     """Return the mean of each row over the common bins, with missing bins filled from the pattern."""
     here = np.isfinite(values) & _used(values, common)
     total = np.where(here, values, 0.0).sum(axis=1)
     return total / (here * (1.0 + pattern)).sum(axis=1)
 
 
-def _additive_means(values: Array, pattern: Array, common: NDArray[np.bool_]) -> Array:
+def _additive_means(values: Array, pattern: Array, common: Mask) -> Array:
     here = np.isfinite(values) & _used(values, common)
     total = (np.where(here, values, 0.0) - here * pattern).sum(axis=1)
     return total / here.sum(axis=1)
 
 
-def _used(values: Array, common: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _used(values: Array, common: Mask) -> Mask:
     """Mark the common bins; all bins in a row without them."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
     return np.where(has[:, None], common[None, :], True)
 
 
-def _by_chance(scatter: Array, rest: Array, common: NDArray[np.bool_], speed: Array) -> Array:
+def _by_chance(scatter: Array, rest: Array, common: Mask, speed: Array) -> Array:
     """Return `chance_n` of each row's mean, shrunk towards its trend over speed."""
     used = _used(rest, common) & np.isfinite(rest)
     count, own = used.sum(axis=1), np.zeros(rest.shape[0])
@@ -343,7 +341,7 @@ class CurvePoints(CycleTable):
         return np.array([some.size for some in self.members], dtype=float)
 
     @property
-    def use(self) -> NDArray[np.bool_]:
+    def use(self) -> Mask:
         """Cycles that are points of F(v)."""
         return np.asarray(self["reason"] == "", dtype=bool)
 
@@ -526,8 +524,8 @@ class CurveSpeeds:
     index: int
     condition: Condition
     speed_m_s: Array
-    measured: NDArray[np.bool_]
-    cycles: NDArray[np.int64]
+    measured: Mask
+    cycles: Whole
     excluded: tuple[ExcludedPoint, ...]
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from pneudrive.batching import many_objects, share_out
-from pneudrive.campaign.storage.folder import CycleFile, read_samples
+from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
@@ -28,6 +28,8 @@ from pneudrive.friction.campaign.cycles import (
     CycleTable,
     Gain,
     Loop,
+    PressureZero,
+    Row,
     chosen_loops,
     corrected,
     cycle_row,
@@ -38,23 +40,17 @@ from pneudrive.friction.campaign.cycles import (
     without_zeros,
 )
 from pneudrive.friction.friction_map import LEVELS, Condition, Skipped
-from pneudrive.friction.strokes import RecordedMotion, stroke_rows
-from pneudrive.rig.interface import SHARED, Hold, Identity, Move
+from pneudrive.friction.strokes import RecordedMotion, SampleChoice, stroke_rows
+from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
 from pneudrive.signals.recording import Recording, clean, refuse_channels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.campaign.storage.folder import Campaign, Head
-    from pneudrive.friction.campaign.cycles import PressureZero, Row
+    from pneudrive.arrays import Array, Mask, Whole
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.friction.strokes import SampleChoice
-    from pneudrive.rig.interface import Samples
 
-    Array = NDArray[np.float64]
     Read = tuple[float, Row | Skipped | None, Loop | None]
     """Path length of a cycle's moves, its row or the reason for a missing one, and its loop."""
 
@@ -121,7 +117,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     return recording, flags
 
 
-def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
+def _forwards(samples: Samples) -> tuple[Mask, int]:
     """Mark the samples with increasing time, and count the others.
 
     Repeated samples are dropped. After a clock jumped back, times are wrong:
@@ -146,7 +142,7 @@ def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
     return mask, int(finite.sum()) - longest.size
 
 
-def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+def steps_of(recording: Recording, samples: Samples) -> Whole:
     """Return the step of the cycle to which each cleaned sample belongs."""
     order = np.argsort(samples.time_s, kind="stable")
     place = np.searchsorted(samples.time_s[order], recording.time_s)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.friction_map import BOTH, CHAMBERS, Condition
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, FTest
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, Condition, Skipped
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Shown
 from pneudrive.views import ShownCurve, View, Viewed
@@ -19,13 +19,10 @@ if TYPE_CHECKING:
 
     import polars as pl
     import xarray as xr
-    from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
-    from pneudrive.estimate.estimates import Estimate, FTest
+    from pneudrive.arrays import Array, Mask, Whole
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.friction_map import Skipped
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 
@@ -322,8 +319,8 @@ class Curve(Shown):
     high_n: Array
     stderr_n: Array
     u_systematic_n: Array
-    measured: NDArray[np.bool_]
-    cycles: NDArray[np.int64]
+    measured: Mask
+    cycles: Whole
     excluded: tuple[ExcludedPoint, ...] = ()
     contains_air: bool = False
     complete: bool = True

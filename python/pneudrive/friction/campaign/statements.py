@@ -7,21 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
-from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER
+from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints
 from pneudrive.friction.campaign.smooth import CARRIED
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
-from pneudrive.friction.sentences import NAMED, named, say_all
+from pneudrive.friction.sentences import NAMED, Said, Statement, named, say_all
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from pneudrive.friction.campaign.curves import CurveBand, Fits
-    from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
     from pneudrive.friction.campaign.trends import Causes, Pure
-    from pneudrive.friction.sentences import Said, Statement
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve

@@ -13,25 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
-from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
-from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, shares_of
+from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, Condition, classify_pressures
-from pneudrive.friction.sentences import say_all
+from pneudrive.friction.sentences import Said, say_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.estimate.estimates import FTest
+    from pneudrive.arrays import Array, Mask, Whole
     from pneudrive.friction.campaign.curves import Fits
-    from pneudrive.friction.campaign.points import CurvePoints
-    from pneudrive.friction.sentences import Said
 
-    Array = NDArray[np.float64]
 
 HOUR_S = 3600.0
 UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes
@@ -59,7 +54,7 @@ class Causes:
     """
 
     columns: dict[str, Array]
-    interrupted: NDArray[np.bool_]
+    interrupted: Mask
     together: tuple[tuple[str, str, float], ...]
 
 
@@ -220,9 +215,7 @@ def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def _describe(
-    points: CurvePoints, title: str, condition: Condition | None, members: NDArray[np.bool_]
-) -> PositionPattern | None:
+def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Mask) -> PositionPattern | None:
     common, here = points.pattern.common, points.at(members)
     rows = here["relative_n"][:, common]
     position = points.pattern.position_m[common]
@@ -385,10 +378,10 @@ class _Design:
     pressure, and show the effect of time. Their ``level`` is -1.
     """
 
-    used: NDArray[np.bool_]
+    used: Mask
     kind: str
     speeds: Array
-    level: NDArray[np.int64]
+    level: Whole
     gauge: Array
     place: Array
     equal: Array
@@ -396,7 +389,7 @@ class _Design:
     pairs: tuple[tuple[float, float], ...]
 
     @property
-    def compared(self) -> NDArray[np.bool_]:
+    def compared(self) -> Mask:
         """Return the cycles at speeds that were measured at all pressure pairs."""
         return self.level >= 0
 
@@ -419,7 +412,7 @@ def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ..
     return tuple(effect for effect in found if effect is not None)
 
 
-def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+def _effects(ambient_pa: float, fits: Fits, members: Mask, title: str) -> PressureEffects | None:
     design = _design(ambient_pa, fits, members)
     if design is None:
         return None
@@ -477,7 +470,7 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
     return replace(found, statement=" ".join(one.text for one in said))
 
 
-def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> _Design | None:
+def _design(ambient_pa: float, fits: Fits, members: Mask) -> _Design | None:
     """Select the speeds that were measured at all pressure pairs, and classify the effects that the pairs determine."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
@@ -528,7 +521,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     return MixedModel(y, x, here["friction_stderr_n"] ** 2, tuple(components)).fit()
 
 
-def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
+def accuracy_n(fits: Fits, members: Mask) -> float:
     """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
     here = fits.points.at(members)
     return float(np.mean(np.hypot(here["u_gain_n"], here["u_hysteresis_n"])))

@@ -32,22 +32,18 @@ from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
-from pneudrive.friction.friction_map import Skipped
-from pneudrive.rig.interface import Hold, Move
+from pneudrive.friction.friction_map import Condition, Skipped
+from pneudrive.rig.interface import Hold, Identity, Move, Samples
 from pneudrive.signals.motion import middle, noise_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Whole
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
-    from pneudrive.friction.friction_map import Condition
-    from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 
-    Array = NDArray[np.float64]
 
 Row = dict[str, Any]
 NOTHING = float("nan")
@@ -97,7 +93,7 @@ class Phases:
         return self.restart_s - self.rest_s
 
 
-def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> Phases | str:
+def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Whole) -> Phases | str:
     """Find the stop of a cycle.
 
     Parameters
@@ -139,7 +135,7 @@ def stop_step(cycle: Cycle) -> int | None:
     return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
-def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> int | None:
+def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: Whole) -> int | None:
     """Find the stop only from the steps of the samples: a rest before a move, with the planned duration."""
     if not cycle.stop_s or not cycle.speed_m_s:
         return None
@@ -275,7 +271,7 @@ class UninterruptedStroke:
 
 
 def strokes_of(
-    file: CycleFile, recording: Recording, step: NDArray[np.int64], *, leave: int | None = None
+    file: CycleFile, recording: Recording, step: Whole, *, leave: int | None = None
 ) -> list[UninterruptedStroke]:
     """Return the strokes of a cycle at its planned speed.
 

@@ -35,22 +35,19 @@ from pneudrive.friction.friction_map import (
     LEVELS,
     PA_PER_BAR,
     TOLD,
+    Condition,
     classify_pressures,
     conditions_of,
 )
-from pneudrive.friction.sentences import say
+from pneudrive.friction.sentences import Statement, say
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import polars as pl
-    from numpy.typing import NDArray
 
-    from pneudrive.friction.friction_map import Condition
-    from pneudrive.friction.sentences import Statement
-
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array
 
 
 def inertia_of(stops: pl.DataFrame) -> float:

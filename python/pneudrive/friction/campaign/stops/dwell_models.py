@@ -41,16 +41,15 @@ from pneudrive.estimate.mixed import (
     refined,
     scan,
 )
-from pneudrive.friction.friction_map import conditions_of
+from pneudrive.friction.friction_map import Condition, conditions_of
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.friction.friction_map import Condition
+    from pneudrive.arrays import Array, Whole
 
-    Array = NDArray[np.float64]
 
 KATO_EXPONENT = 0.4  # assumed if not free: stops of a few decades do not determine it
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
@@ -316,7 +315,7 @@ class DwellData:
         return np.log10(self["dwell_s"])
 
     @cached_property
-    def condition(self) -> NDArray[np.int64]:
+    def condition(self) -> Whole:
         """Index of the condition of each stop."""
         return np.array([self.conditions.index(c) for c in conditions_of(self.stops)], dtype=np.int64)
 

@@ -30,31 +30,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.batching import share_out
-from pneudrive.campaign.storage.folder import CycleFile
+from pneudrive.campaign.storage.folder import Campaign, CycleFile
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.mixed import scan
+from pneudrive.estimate.mixed import Scan, scan
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
 from pneudrive.friction.campaign.stops import course
-from pneudrive.friction.friction_map import Skipped
+from pneudrive.friction.friction_map import Condition, Skipped
 from pneudrive.friction.strokes import moving_average
-from pneudrive.rig.interface import Move
+from pneudrive.rig.interface import Identity, Move, Samples
 from pneudrive.signals.motion import noise_level, straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import polars as pl
-    from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Mask
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.friction.friction_map import Condition
-    from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
-
-    Array = NDArray[np.float64]
-
-    from pneudrive.estimate.mixed import Scan
 
 
 #: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
@@ -620,7 +613,7 @@ class Noise:
         return float(np.sqrt(variance))
 
 
-def _run(mask: NDArray[np.bool_], at: int) -> int:
+def _run(mask: Mask, at: int) -> int:
     """Return the length of the run of marked samples around a sample; single gaps do not end it."""
     filled = mask.copy()
     filled[1:-1] |= mask[:-2] & mask[2:]
