@@ -24,9 +24,9 @@ from pneudrive.friction.campaign.points import (
     OUTLIER,
     STICK_SLIP,
     CurvePoints,
-    CurveSpeeds,
     block_shares,
-    curve_speeds,
+    excluded_from,
+    speeds_of,
 )
 from pneudrive.friction.campaign.result import (
     AirShare,
@@ -38,16 +38,18 @@ from pneudrive.friction.campaign.result import (
     UncertaintySource,
 )
 from pneudrive.friction.friction_map import BOTH, Condition
+from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Mask, Whole
     from pneudrive.signals.force_calibration import ForceCalibration
 
 
 POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles
+OF_SLIPS = ("period_s", "step_m")
 #: Least standard error at a speed, share of the scatter of its cycles, even if neighbouring speeds and
 #: other pressures seem to determine the curve better (assumed).
 OWN_SHARE = 0.8
@@ -60,8 +62,6 @@ class Fits:
     Attributes
     ----------
     points : CurvePoints
-    speeds : tuple of CurveSpeeds
-        Speeds of each curve.
     friction : CurveFit
         Fit of half the difference of both directions.
     offset : CurveFit
@@ -75,7 +75,6 @@ class Fits:
     """
 
     points: CurvePoints
-    speeds: tuple[CurveSpeeds, ...]
     friction: smooth.CurveFit
     offset: smooth.CurveFit
     drift_share: float
@@ -141,7 +140,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     if use.sum() < FEWEST:
         return None
     curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
-    (blocks, kind), speeds = block_shares(points), curve_speeds(points)
+    blocks, kind = block_shares(points)
     ones = np.ones(int(use.sum()))
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
@@ -150,7 +149,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     offset = smooth.CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     offset = _with_tares(tares, offset)
     carries = smooth.carried_drift(offset) < smooth.CARRIED or (offset.curve < 0).sum() > 1
-    return Fits(points, speeds, fitted, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
+    return Fits(points, fitted, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:
@@ -219,7 +218,11 @@ class CurveBand:
 
     Attributes
     ----------
-    at : CurveSpeeds
+    number, index : int
+        Index of the curve in the models, and of its condition among those of the points.
+    condition : Condition
+    speed_m_s, measured, cycles : ndarray
+        See `speeds_of`.
     value_n, low_n, high_n, cycle_n : ndarray
         Curve, its 95 % interval by chance, and the standard deviation of a single cycle.
     offset : Predicted
@@ -227,7 +230,12 @@ class CurveBand:
     shared : SharedTerms
     """
 
-    at: CurveSpeeds
+    number: int
+    index: int
+    condition: Condition
+    speed_m_s: Array
+    measured: Mask
+    cycles: Whole
     value_n: Array
     low_n: Array
     high_n: Array
@@ -238,12 +246,14 @@ class CurveBand:
 
 def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
     """Return the bands of all curves, in the order of the conditions."""
-    found = []
-    for at in fits.speeds:
-        value, low, high = by_chance(fits, fits.friction, at)
-        offset = fits.offset.at(at.number, at.speed_m_s)
-        cycle = deviation_n(fits, "cycle", value)
-        found.append(CurveBand(at, value, low, high, cycle, offset, systematic(fits, value, offset.mean, at.index)))
+    points, found = fits.points, []
+    for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
+        speed, measured, cycles = speeds_of(points, index)
+        value, low, high = by_chance(fits, fits.friction, number, speed, cycles)
+        offset, cycle = fits.offset.at(number, speed), deviation_n(fits, "cycle", value)
+        shared = systematic(fits, value, offset.mean, index)
+        of_speed = (points.conditions[index], speed, measured, cycles)
+        found.append(CurveBand(number, index, *of_speed, value, low, high, cycle, offset, shared))
     return tuple(found)
 
 
@@ -251,7 +261,9 @@ def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> 
     """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
     curves: list[Curve] = []
     for band in bands:
-        at, value, shared = band.at, band.value_n, band.shared
+        same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "measured", "cycles")}
+        same |= {"excluded": excluded_from(fits.points, band.index), "contains_air": contains_air}
+        value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
         for direction in (BOTH, 1, -1):
             centre, below, above = value, value - band.low_n, band.high_n - value
             u = shared.friction_n() if direction == BOTH else shared.direction_n()
@@ -260,23 +272,9 @@ def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> 
                     centre = value + direction * band.offset.mean
                 reach = band.offset.half_width()
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
-            curves.append(
-                Curve(
-                    condition=at.condition,
-                    direction=direction,
-                    speed_m_s=at.speed_m_s,
-                    friction_n=centre,
-                    low_n=centre - np.hypot(below, NORMAL_95 * u),
-                    high_n=centre + np.hypot(above, NORMAL_95 * u),
-                    stderr_n=(below + above) / (2.0 * NORMAL_95),
-                    u_systematic_n=u,
-                    measured=at.measured,
-                    cycles=at.cycles,
-                    excluded=at.excluded,
-                    contains_air=contains_air,
-                    complete=fits.drift_share < smooth.CARRIED,
-                )
-            )
+            low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
+            values = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u, "complete": complete}
+            curves.append(Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values))
     return tuple(curves)
 
 
@@ -304,7 +302,9 @@ def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Arr
     return found.mean, found.mean - half, found.mean + half
 
 
-def by_chance(fits: Fits, fit: smooth.CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
+def by_chance(
+    fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Whole
+) -> tuple[Array, Array, Array]:
     """Return value, low and high end of the 95 % interval from chance, N.
 
     The scatter at the point gives a lower limit of its width.
@@ -313,9 +313,9 @@ def by_chance(fits: Fits, fit: smooth.CurveFit, at: CurveSpeeds) -> tuple[Array,
     cycles at this point alone. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles
     is interpolated.
     """
-    value, low, high = in_newton(fit, fit.at(at.number, at.speed_m_s))
-    known, u = at.cycles > 0, np.log(at.speed_m_s)
-    among = np.interp(u, u[known], at.cycles[known])
+    value, low, high = in_newton(fit, fit.at(number, speed_m_s))
+    known, u = cycles > 0, np.log(speed_m_s)
+    among = np.interp(u, u[known], cycles[known])
     least = OWN_SHARE * NORMAL_95 * deviation_n(fits, "cycle", value) / np.sqrt(among)
     return value, np.minimum(low, value - least), np.maximum(high, value + least)
 
@@ -330,27 +330,25 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
 
 def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tuple[AirShare, ...]:
     """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
-    points, asked = fits.points, [band.at for band in bands]
-    unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
-    here = [points.use & (points["curve"] == at.index) for at in asked]
-    sensors = [np.full_like(nan, np.mean(points["u_air_n"][own])) for own, nan in zip(here, unknown, strict=True)]
-    whole: list[tuple[Array, Array, Array]] = []
-    total = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True)
-    for at in asked:  # the whole drag drifts like friction
-        value, low, high = by_chance(fits, total, at)
-        whole.append(_with_u(value, low, high, systematic(fits, value, value, at.index).friction_n()))
+    points = fits.points
+    total, whole = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True), []
+    for band in bands:  # the whole drag drifts like friction
+        value, low, high = by_chance(fits, total, band.number, band.speed_m_s, band.cycles)
+        whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
     del total  # one model after the other: each needs much memory
-    part = seal = [(nan, nan, nan) for nan in unknown]
-    if separated:
-        air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False)
-        part = [
-            _with_u(*in_newton(air, air.at(at.number, at.speed_m_s)), u) for at, u in zip(asked, sensors, strict=True)
-        ]
-        seal = [_with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n()) for band in bands]
-    least = [np.maximum(high - np.minimum.accumulate(low), 0.0) for _, low, high in whole]
-    bounds = unknown if separated else least
-    each = zip(asked, whole, part, seal, bounds, strict=True)
-    return tuple(AirShare(at.condition, separated, at.speed_m_s, *w, *p, *s, bound) for at, w, p, s, bound in each)
+    air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False) if separated else None
+    found = []
+    for band, (value, low, high) in zip(bands, whole, strict=True):
+        bound = np.full(value.size, np.nan)
+        parts = [bound] * 6
+        if air is None:
+            bound = np.maximum(high - np.minimum.accumulate(low), 0.0)
+        else:
+            u = np.full(value.size, np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
+            parts = [*_with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)]
+            parts += _with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n())
+        found.append(AirShare(band.condition, separated, band.speed_m_s, value, low, high, *parts, bound))
+    return tuple(found)
 
 
 def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
@@ -368,7 +366,7 @@ def sources(
     points = fits.points
 
     def over(part: Callable[[CurveBand], Array]) -> list[Array]:
-        return [part(band)[band.at.measured] for band in bands]
+        return [part(band)[band.measured] for band in bands]
 
     scatter = over(lambda band: (band.high_n - band.low_n) / (2.0 * NORMAL_95))
     gains, turns = over(lambda band: band.shared.gain_n), over(lambda band: band.shared.hysteresis_n)
@@ -409,58 +407,51 @@ def _rms(parts: list[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def stick_slip_points(points: CurvePoints) -> tuple[StickSlipPoint, ...]:
-    """Return the conditions and speeds at which sliding was not steady."""
-    found = []
+def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]]:
+    """Return the points of each condition and speed level."""
     for index, condition in enumerate(points.conditions):
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
             here = points.at((points["curve"] == index) & (points["level"] == level))
-            share = float(np.isin(here["reason"].tolist(), NAMES).mean()) if len(here) else 0.0
-            if not share:
-                continue
+            if len(here):
+                yield condition, speed, here
+
+
+def stick_slip_points(points: CurvePoints) -> tuple[StickSlipPoint, ...]:
+    """Return the conditions and speeds at which sliding was not steady."""
+    found = []
+    for condition, speed, here in _cells(points):
+        share = float(np.isin(here["reason"].tolist(), NAMES).mean())
+        if share:
             slipping = here["stick_slip"] == 1.0
             ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
-            period, step = (
-                float(np.median(here[name][slipping])) if slipping.any() else float("nan")
-                for name in ("period_s", "step_m")
-            )
-            swing = float(np.median(here["swing_n"]))
-            found.append(
-                StickSlipPoint(condition, speed, share, ripple.size, float(np.median(ripple)), period, step, swing)
-            )
+            usual = [float(np.median(here[name][slipping])) if slipping.any() else np.nan for name in OF_SLIPS]
+            medians = (float(np.median(ripple)), *usual, float(np.median(here["swing_n"])))
+            found.append(StickSlipPoint(condition, speed, share, ripple.size, *medians))
     return tuple(found)
 
 
 def thresholds(points: CurvePoints) -> tuple[StickSlipThreshold, ...]:
     """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
-    found = []
-    for index, condition in enumerate(points.conditions):
-        with_it, without = [], []
-        for level, speed in enumerate(points.level_speeds_m_s.tolist()):
-            reasons = points["reason"][(points["curve"] == index) & (points["level"] == level)].tolist()
-            # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
-            if sum(reason in STICK_SLIP for reason in reasons) > 0.5 * len(reasons):
-                with_it.append(speed)
-            elif reasons and sum(reason not in NAMES for reason in reasons) >= 0.5 * len(reasons):
-                without.append(speed)
-        if with_it or without:
-            found.append(_threshold(condition, with_it, without))
-    return tuple(found)
+    slipping: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
+    steady: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
+    for condition, speed, here in _cells(points):
+        reasons = here["reason"].tolist()
+        # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
+        if np.isin(reasons, STICK_SLIP).mean() > 0.5:
+            slipping[condition].append(speed)
+        elif np.isin(reasons, NAMES, invert=True).mean() >= 0.5:
+            steady[condition].append(speed)
+    known = [c for c in points.conditions if slipping[c] or steady[c]]
+    return tuple(_threshold(c, max(slipping[c], default=0.0), sorted(steady[c])) for c in known)
 
 
-def _threshold(condition: Condition, with_it: list[float], without: list[float]) -> StickSlipThreshold:
-    if not with_it:
-        lowest = min(without)
-        return StickSlipThreshold(condition, 0.0, lowest, f"no stick-slip down to {1e3 * lowest:.3g} mm/s")
-    top = max(with_it)
-    above = [speed for speed in without if speed > top]
-    if not above:
-        return StickSlipThreshold(condition, top, float("inf"), f"stick-slip up to {1e3 * top:.3g} mm/s, the highest")
-    text = f"stick-slip starts between {1e3 * top:.3g} and {1e3 * min(above):.3g} mm/s"
-    mixed = [speed for speed in without if speed < top]
-    if mixed:
-        text += f"; none at the lower speed of {', '.join(f'{1e3 * v:.3g}' for v in sorted(mixed))} mm/s"
-    return StickSlipThreshold(condition, top, min(above), text)
+def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> StickSlipThreshold:
+    above, mixed = min((v for v in steady if v > top), default=float("inf")), [v for v in steady if v < top]
+    kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
+    text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
+    if mixed and kind == "between":
+        text += sentence("threshold.mixed", speeds=", ".join(f"{1e3 * v:.3g}" for v in mixed))
+    return StickSlipThreshold(condition, top, above, text)
 
 
 HOUR_S = 3600.0
@@ -483,15 +474,15 @@ def asymmetries(fits: Fits, bands: Sequence[CurveBand]) -> tuple[Asymmetry, ...]
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in bands:
-        at, measured = band.at, band.at.measured
-        speeds, value = at.speed_m_s[measured], band.offset.mean[measured]
+        measured, speeds = band.measured, band.speed_m_s[band.measured]
+        value = band.offset.mean[measured]
         # Without zero runs it includes the zero, and no statement on symmetry is possible.
         u = band.shared.zero_n[measured]
         half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
-        mean = fits.offset.over(at.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
+        mean = fits.offset.over(band.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
         found.append(
             Asymmetry(
-                condition=at.condition,
+                condition=band.condition,
                 speed_m_s=speeds,
                 half_difference_n=value,
                 low_n=value - half,

@@ -36,11 +36,10 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-    Row = dict[str, Any]
-
     from pneudrive.rig.interface import Identity
 
 
+Row = dict[str, Any]
 NOTHING = float("nan")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = (1, -1)  # directions, in the order of the columns of both

@@ -503,41 +503,17 @@ def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     return shares / shares.sum(axis=1, keepdims=True)
 
 
-@dataclass(frozen=True, eq=False)
-class CurveSpeeds:
-    """Speeds of one curve: the measured ones and some in between, shape (m,) each.
+def speeds_of(points: CurvePoints, index: int) -> tuple[Array, Mask, Whole]:
+    """Return the speeds of the curve of one condition: the measured ones and some in between.
 
-    Attributes
-    ----------
-    number, index : int
-        Index of the curve in the models, and of its condition among those of the points.
-    condition : Condition
-    speed_m_s : ndarray
-    measured : ndarray of bool
-    cycles : ndarray of int
+    Returns
+    -------
+    speed_m_s : ndarray, shape (m,)
+    measured : ndarray of bool, shape (m,)
+    cycles : ndarray of int, shape (m,)
         0 between the measured speeds.
-    excluded : tuple of ExcludedPoint
-        Cycles of the condition that are not points of the curve, slowest first.
     """
-
-    number: int
-    index: int
-    condition: Condition
-    speed_m_s: Array
-    measured: Mask
-    cycles: Whole
-    excluded: tuple[ExcludedPoint, ...]
-
-
-def curve_speeds(points: CurvePoints) -> tuple[CurveSpeeds, ...]:
-    """Return the speeds of all curves, in the order of the models' numbers."""
-    kept = sorted(set(points["curve"][points.use].tolist()))
-    return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
-
-
-def _speeds(points: CurvePoints, number: int, index: int) -> CurveSpeeds:
-    here = np.asarray(points["curve"] == index)
-    members = points.use & here
+    members = points.use & (points["curve"] == index)
     levels = [members & (points["level"] == k) for k in sorted(set(points["level"][members]))]
     speeds = np.array([points["speed_m_s"][level].mean() for level in levels])
     counts = np.array([points.count[level].sum() for level in levels], dtype=np.int64)
@@ -546,9 +522,12 @@ def _speeds(points: CurvePoints, number: int, index: int) -> CurveSpeeds:
     every = np.concatenate([speeds, between[apart]])
     cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
     order = np.argsort(every)
-    out = points.at(np.flatnonzero(here & ~points.use))
+    return every[order], order < speeds.size, cycles[order]
+
+
+def excluded_from(points: CurvePoints, index: int) -> tuple[ExcludedPoint, ...]:
+    """Return the cycles of one condition that are not points of its curve, slowest first."""
+    out = points.at(np.flatnonzero((points["curve"] == index) & ~points.use))
     ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
     columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
-    excluded = sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s)
-    numbers = every[order], order < speeds.size, cycles[order]
-    return CurveSpeeds(number, index, points.conditions[index], *numbers, tuple(excluded))
+    return tuple(sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s))
