@@ -17,7 +17,7 @@ from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
 from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
-from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of, suspicions
+from pneudrive.friction.campaign.points import CurvePoints, points_of
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
@@ -154,32 +154,28 @@ def recorded_characteristics(found: Characterisation) -> CampaignCharacteristics
 
 @many_objects()
 def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharacteristics:
-    points = points_of(reading)
-    large = points is not None and points.is_large
-    fitted = condensed(points) if points is not None and large else points
-    fits = campaign_curves.fit_points(fitted, reading.tares, condensed=large) if fitted is not None else None
-    if fits is not None and not large:
-        points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays so
-    rig, why, pure, bands, parts = reading.identity, None, None, (), {}
-    terms = None if points is None else campaign_curves.cycle_terms(points, fits)
+    points, fits = campaign_curves.fitted(points_of(reading), reading.tares)
+    rig, parts = reading.identity, {}
     if fits is not None:
-        bands, separated = campaign_curves.bands_of(fits), rig.pressure_measured_at == "chamber"
-        parts["curves"] = campaign_curves.curves_of(fits, bands, contains_air=not separated)
-        parts["air"] = campaign_curves.air_shares(fits, bands, separated=separated)
-        parts["asymmetry"] = campaign_curves.asymmetries(fits, bands)
-    parts["zero"] = campaign_curves.sensor_zero(reading.tares)
-    if fits is not None:
-        why, pure = trends.causes(fits), trends.pure_scatter(fits)
-        parts["drift"] = trends.drift_of(fits, why)
-        parts["repeatability"] = trends.repeatability(fits, pure)
-        parts["pressure"] = trends.pressure_effects(fits, rig.ambient_pressure_pa)
-        parts["sources"] = campaign_curves.sources(fits, bands, reading.gain, rig.force_calibration)
+        separated = rig.pressure_measured_at == "chamber"
+        parts |= {
+            "curves": campaign_curves.curves_of(fits, contains_air=not separated),
+            "air": campaign_curves.air_shares(fits, separated=separated),
+            "asymmetry": campaign_curves.asymmetries(fits),
+            "drift": trends.drift_of(fits),
+            "repeatability": trends.repeatability(fits),
+            "pressure": trends.pressure_effects(fits, rig.ambient_pressure_pa),
+            "sources": campaign_curves.sources(fits, reading.gain, rig.force_calibration),
+        }
     if points is not None:
-        parts["position"] = trends.position_dependence(points)
-        parts["stick_slip"] = campaign_curves.stick_slip_points(points)
-        parts["stick_slip_thresholds"] = campaign_curves.thresholds(points)
-        parts["loops"] = _loops(reading, points)
+        parts |= {
+            "position": trends.position_dependence(points),
+            "stick_slip": campaign_curves.stick_slip_points(points),
+            "stick_slip_thresholds": campaign_curves.thresholds(points),
+            "loops": _loops(reading, points),
+        }
     cycles = _cycles(reading, points)
+    terms = None if points is None else campaign_curves.cycle_terms(points, fits)
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,
@@ -188,12 +184,12 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         cycles=cycles,
         skipped=reading.skipped,
         flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
+        zero=campaign_curves.sensor_zero(reading.tares),
         ranges=_ranges(reading),
         friction_map=friction_map(reading, points, fits, terms, choice.name),
         **parts,
     )
-    doubts = suspicions(reading.sliding, rig.accuracy, rig.ambient_pressure_pa)
-    return replace(found, statements=statements(found, reading, doubts, points, fits, bands, why, pure))
+    return replace(found, statements=statements(found, reading, points, fits))
 
 
 def _loops(reading: CampaignData, points: CurvePoints) -> tuple[Loop, ...]:

@@ -10,6 +10,7 @@ the chambers, the force of the air is known and subtracted. If they are measured
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ from pneudrive.friction.campaign.points import (
     STICK_SLIP,
     CurvePoints,
     block_shares,
+    condensed,
     excluded_from,
     speeds_of,
 )
@@ -81,6 +83,11 @@ class Fits:
     block_kind: str
     doubtful: tuple[int, ...] = ()
 
+    @cached_property
+    def bands(self) -> tuple[CurveBand, ...]:
+        """Bands of all curves, in the order of the conditions."""
+        return bands_of(self)
+
     def rest(self) -> Array:
         """Return the residuals of the used cycles without drift, in the response's unit, shape (used,)."""
         return self.friction.data.y - self.friction.drift - self.friction.steady()
@@ -109,15 +116,22 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(points: CurvePoints, tares: CycleTable, *, condensed: bool = False) -> Fits | None:
-    """Fit the models; return None with too few points of F(v).
+def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints | None, Fits | None]:
+    """Return the points with their outliers, and the models; no models with too few points of F(v).
 
-    A cycle that differs much from all others (a failed sensor) is removed, and the remaining ones are fitted again.
-    In a large campaign, neighbouring repeats are merged into one point, and outliers among them are not sought.
+    In a large campaign, neighbouring repeats are merged into one point of the models, and outliers are not sought.
     """
+    if points is None or points.is_large:
+        return points, None if points is None else _fit_points(condensed(points), tares)
+    fits = _without_wild(points, tares)
+    return (points if fits is None else fits.points), fits
+
+
+def _without_wild(points: CurvePoints, tares: CycleTable) -> Fits | None:
+    """Fit the models without cycles that differ much from all others (a failed sensor)."""
     fits = _fit_points(points, tares)
-    if fits is None or condensed:
-        return fits
+    if fits is None:
+        return None
     rows = np.flatnonzero(points.use)
     found, readings = smooth.wild_cycles(fits.friction.data)
     if found:
@@ -257,10 +271,10 @@ def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
     return tuple(found)
 
 
-def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> tuple[Curve, ...]:
+def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
     """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
     curves: list[Curve] = []
-    for band in bands:
+    for band in fits.bands:
         same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "measured", "cycles")}
         same |= {"excluded": excluded_from(fits.points, band.index), "contains_air": contains_air}
         value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
@@ -328,17 +342,17 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)
 
 
-def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tuple[AirShare, ...]:
+def air_shares(fits: Fits, *, separated: bool) -> tuple[AirShare, ...]:
     """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
     points = fits.points
     total, whole = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True), []
-    for band in bands:  # the whole drag drifts like friction
+    for band in fits.bands:  # the whole drag drifts like friction
         value, low, high = by_chance(fits, total, band.number, band.speed_m_s, band.cycles)
         whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
     del total  # one model after the other: each needs much memory
     air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False) if separated else None
     found = []
-    for band, (value, low, high) in zip(bands, whole, strict=True):
+    for band, (value, low, high) in zip(fits.bands, whole, strict=True):
         bound = np.full(value.size, np.nan)
         parts = [bound] * 6
         if air is None:
@@ -359,14 +373,12 @@ def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Arr
 CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are equal at all forces
 
 
-def sources(
-    fits: Fits, bands: Sequence[CurveBand], gain: Gain, known: ForceCalibration | None
-) -> tuple[UncertaintySource, ...]:
+def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
 
     def over(part: Callable[[CurveBand], Array]) -> list[Array]:
-        return [part(band)[band.measured] for band in bands]
+        return [part(band)[band.measured] for band in fits.bands]
 
     scatter = over(lambda band: (band.high_n - band.low_n) / (2.0 * NORMAL_95))
     gains, turns = over(lambda band: band.shared.gain_n), over(lambda band: band.shared.hysteresis_n)
@@ -470,10 +482,10 @@ def sensor_zero(tares: CycleTable) -> SensorZero:
     return SensorZero(time, zero, stderr, drift, "tare" if len(tares) else "not measured")
 
 
-def asymmetries(fits: Fits, bands: Sequence[CurveBand]) -> tuple[Asymmetry, ...]:
+def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
-    for band in bands:
+    for band in fits.bands:
         measured, speeds = band.measured, band.speed_m_s[band.measured]
         value = band.offset.mean[measured]
         # Without zero runs it includes the zero, and no statement on symmetry is possible.

@@ -33,10 +33,9 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Mask
     from pneudrive.friction.friction_map import Condition
+    from pneudrive.rig.interface import Identity
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
-
-    from pneudrive.rig.interface import Identity
 
 
 Row = dict[str, Any]

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
-from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints
+from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
 from pneudrive.friction.campaign.smooth import CARRIED
+from pneudrive.friction.campaign.trends import causes, pure_scatter
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Said, Statement, named, say_all
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator
 
-    from pneudrive.friction.campaign.curves import CurveBand, Fits
+    from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
-    from pneudrive.friction.campaign.trends import Causes, Pure
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
@@ -30,34 +30,20 @@ KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 
 
 def statements(
-    found: CampaignCharacteristics,
-    reading: CampaignData,
-    doubts: Iterable[Said],
-    points: CurvePoints | None,
-    fits: Fits | None,
-    bands: Sequence[CurveBand] = (),
-    causes: Causes | None = None,
-    pure: Pure | None = None,
+    found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None, fits: Fits | None
 ) -> tuple[Statement, ...]:
     """Return statements on the determined and undetermined effects."""
-    said = [*_data(found, reading, points, doubts), *_ranges(found)]
+    said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
         return tuple(say_all([*said, ("curve.none", {})]))
-    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits, bands)]
-    said += [
-        *_left(fits, pure),
-        *_drift(found, fits, causes),
-        *_pressure_zeros(reading),
-        *_directions(found),
-        *_pressure(found),
-    ]
-    said += [*_air(found), *_position(found), *_stick_slip(found), *_excluded(found)]
+    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
+    said += [*_drift(found, fits), *_pressure_zeros(reading)]
+    for effects in (_directions, _pressure, _air, _position, _stick_slip, _excluded):
+        said += effects(found)
     return tuple(say_all(said))
 
 
-def _data(
-    found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None, doubts: Iterable[Said]
-) -> Iterator[Said]:
+def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None) -> Iterator[Said]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
@@ -74,7 +60,7 @@ def _data(
         yield "data.strokes", {"count": some.sum(), "keys": named(keys[some]), **numbers}
     if points is not None and (bad := points["reason"] == NEGATIVE).any():
         yield "data.negative", {"negative": bad.sum(), "count": len(points), "keys": named(points["key"][bad])}
-    yield from doubts
+    yield from suspicions(reading.sliding, reading.identity.accuracy, reading.identity.ambient_pressure_pa)
     if reading.notes:
         yield "data.notes", {"notes": named(reading.notes, "; ")}
     if found.synthetic:
@@ -126,27 +112,23 @@ def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
         yield kind, percent
 
 
-def _scatter(
-    found: CampaignCharacteristics, reading: CampaignData, fits: Fits, bands: Sequence[CurveBand]
-) -> Iterator[Said]:
+def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
         kind = "within" if repeat.between is None else "within_and_between"
         yield f"repeatability.{kind}", {"r": repeat, "kind": fits.block_kind}
-        yield from _once(found, repeat, fits, bands)
+        yield from _once(found, repeat, fits)
     if fits.blocks is None:
         yield ("repeatability.one_block_each" if reading.several else "repeatability.one_block"), {}
 
 
-def _once(
-    found: CampaignCharacteristics, repeat: Repeatability, fits: Fits, bands: Sequence[CurveBand]
-) -> Iterator[Said]:
+def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Said]:
     """Return a statement on unrepeated points whose band is narrow because neighbours contribute."""
     if repeat.basis == "smooth curve":
         yield "repeatability.nothing_repeated", {}
     elif repeat.basis == "sentinels":
         shares = [np.zeros(0)]  # width of the band at a point measured once, over the 95 % scatter of a single cycle
-        for curve, band in zip((c for c in found.curves if c.direction == BOTH), bands, strict=True):
+        for curve, band in zip((c for c in found.curves if c.direction == BOTH), fits.bands, strict=True):
             once = curve.measured & (curve.cycles == 1)
             shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * band.cycle_n[once]))
         share = np.concatenate(shares)
@@ -156,9 +138,9 @@ def _once(
             yield "repeatability.measured_once", numbers
 
 
-def _left(fits: Fits, pure: Pure | None) -> Iterator[Said]:
+def _left(fits: Fits) -> Iterator[Said]:
     """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
-    points = fits.points
+    points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
         data = fits.friction.data
         scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
@@ -173,7 +155,7 @@ def _left(fits: Fits, pure: Pure | None) -> Iterator[Said]:
         yield "curve.doubtful", {"count": len(fits.doubtful), "keys": keys}
 
 
-def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) -> Iterator[Said]:
+def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
     drift = found.drift
     if drift is None:
         return
@@ -189,7 +171,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
     for cause, effect in effects.items():
         if effect is not None:
             yield "drift.effect", {"cause": cause, "effect": effect}
-    for a, b, r in causes.together if causes is not None else ():
+    for a, b, r in causes(fits).together:
         yield "drift.together", {"first": a.title(), "second": b, "r": r}
     if drift.interrupted is not None:
         yield "drift.interrupted", {"effect": drift.interrupted}

@@ -78,9 +78,9 @@ def causes(fits: Fits) -> Causes:
     return Causes(columns, interrupted, tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
 
 
-def drift_of(fits: Fits, found: Causes) -> Drift:
+def drift_of(fits: Fits) -> Drift:
     """Describe the drift. Undetermined effects have the value None."""
-    points, fit, scale = fits.points, fits.friction, fits.scale_n
+    points, fit, scale, found = fits.points, fits.friction, fits.scale_n, causes(fits)
     carried = fits.drift_share < CARRIED
     effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}
     number, interrupted = int(found.interrupted.sum()), None
@@ -115,9 +115,9 @@ def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
     return replace(model, x=x).fit().contrast(fits.scale_n * np.eye(x.shape[1])[-1], unit)
 
 
-def repeatability(fits: Fits, pure: Pure | None) -> Repeatability:
+def repeatability(fits: Fits) -> Repeatability:
     """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
-    fit = fits.friction
+    fit, pure = fits.friction, pure_scatter(fits)
     scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
         within = pure.estimate.scaled(scale)
