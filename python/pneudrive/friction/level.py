@@ -60,43 +60,46 @@ class Level(Shown):
 
     Attributes
     ----------
-    recording : str
-    labels : dict
-        Labels of the recording.
+    motion : RecordedMotion
+        Motion of the recording, with the samples that are kept.
     index : int
         Place of the class among those of the recording, slowest first.
     window_m : tuple of float
         Positions between which friction is averaged.
     table : Strokes
         All strokes of the class, also unused ones.
-    strokes : tuple of Stroke
-        Strokes whose samples are kept: all, except in long recordings.
     sides : dict of Side
         Used strokes by direction, +1 or -1.
     bins : ndarray of bool, shape (m,)
         Bins of the window that all directions have.
     uses_window : bool
-    sample_flags : tuple of str
-        Faults of single samples.
     budget : tuple of BudgetEntry
-    ambient_pressure_pa, weight_n : float
-    areas_m2 : tuple of float
     """
 
-    recording: str
-    labels: dict[str, str]
+    motion: RecordedMotion
     index: int
     window_m: tuple[float, float]
     table: Strokes
-    strokes: tuple[Stroke, ...]
     sides: dict[int, Side]
     bins: Mask
     uses_window: bool
-    sample_flags: tuple[str, ...]
     budget: tuple[BudgetEntry, ...]
-    ambient_pressure_pa: float
-    areas_m2: tuple[float, float]
-    weight_n: float
+
+    @property
+    def recording(self) -> str:
+        """Name of the recording."""
+        return self.motion.recording.name
+
+    @property
+    def ambient_pressure_pa(self) -> float:
+        """Absolute pressure around the rod."""
+        return self.motion.recording.ambient_pressure_pa
+
+    @property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """Strokes whose samples are kept: all, except in long recordings."""
+        kept = set(map(id, self.motion.strokes))
+        return tuple(row.stroke for row in self.table.rows if id(row.stroke) in kept)
 
     @cached_property
     def profile(self) -> Profile:
@@ -160,17 +163,18 @@ class Level(Shown):
     @cached_property
     def flags(self) -> tuple[str, ...]:
         """Names of the flags: of the samples, of the level, of its doubtful values."""
-        return (*self.sample_flags, *level_flags(self), *self.doubts)
+        samples = (kind for kind, count in self.motion.recording.flags.items() if count)
+        return (*samples, *level_flags(self), *self.doubts)
 
     @property
     def seal(self) -> str:
         """Assembly: mounting, seal and drive."""
-        return group_of(self.labels)
+        return group_of(self.motion.recording.labels)
 
     @property
     def run(self) -> str:
         """Label of the run."""
-        return self.labels.get("run", "1")
+        return self.motion.recording.labels.get("run", "1")
 
     @property
     def stroke_friction_n(self) -> dict[int, Array]:
@@ -181,21 +185,20 @@ class Level(Shown):
     @property
     def stroke_times_s(self) -> dict[int, Array]:
         """Begin of each used stroke by direction, s."""
-        times = self.table.frame["time_s"].to_numpy()
+        times = np.array([row.time_s for row in self.table.rows])
         return {way: times[rows] for way, rows in self.table.directions.items()}
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
         """Peaks after the reversals before the strokes whose samples are kept."""
-        kept = set(map(id, self.strokes))
-        pairs = zip(self.table.strokes, self.table.peaks, strict=True)
-        return tuple(peak for stroke, peak in pairs if peak and id(stroke) in kept)
+        kept = set(map(id, self.motion.strokes))
+        return tuple(row.peak for row in self.table.rows if row.peak and id(row.stroke) in kept)
 
     @property
     def stick_slip(self) -> tuple[StickSlip, ...]:
         """Sliding of the axis in each used stroke."""
-        slips = [self.table.slips[row] for rows in self.table.directions.values() for row in rows]
-        return tuple(slip[0] for slip in slips if slip)
+        used = (self.table.rows[i] for rows in self.table.directions.values() for i in rows)
+        return tuple(row.slip[0] for row in used if row.slip)
 
     @property
     def speed_m_s(self) -> float:
@@ -205,7 +208,7 @@ class Level(Shown):
     @property
     def speed_stderr_m_s(self) -> float:
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
-        speeds = [[s.speed_m_s for s in self.table.strokes if s.direction == d] for d in (1, -1)]
+        speeds = [[s.speed_m_s for s in (r.stroke for r in self.table.rows) if s.direction == d] for d in (1, -1)]
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
 
     @property
@@ -224,7 +227,7 @@ class Level(Shown):
         """Rows of the friction map, one per present direction."""
         rows = []
         for way, side in self.sides.items():
-            peaks = [peak for peak in self.table.peaks if peak and peak.direction == way]
+            peaks = [row.peak for row in self.table.rows if row.peak and row.peak.direction == way]
             spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
             own = {"recording": self.recording, "direction": way, "balance_n": side.spread.mean_n}
             own |= {"position_from_m": self.window_m[0], "position_to_m": self.window_m[1]}
@@ -256,7 +259,6 @@ def level_of(
     uses_window : bool
         Whether the means of strokes are over equal positions.
     """
-    recording, kept = motion.recording, set(map(id, motion.strokes))
     sides, bins = table.sides(uses_window=uses_window)
     if not sides:
         return None
@@ -265,26 +267,11 @@ def level_of(
     up, down = (sides.get(way, only) for way in (1, -1))
     known = bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
-    entries = systematic_budget(recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
+    entries = systematic_budget(motion.recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
     single = profile.up_n if 1 in sides else profile.down_n
     friction, offset = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
     window = window_entry(friction[bins], offset[bins], float(bins.mean()))
-    return Level(
-        recording=recording.name,
-        labels=recording.labels,
-        index=index,
-        window_m=window_m,
-        table=table,
-        strokes=tuple(stroke for stroke in table.strokes if id(stroke) in kept),
-        sides=sides,
-        bins=bins,
-        uses_window=uses_window,
-        sample_flags=tuple(kind for kind, count in recording.flags.items() if count),
-        budget=(*entries, window),
-        ambient_pressure_pa=recording.ambient_pressure_pa,
-        areas_m2=(recording.area_a_m2, recording.area_b_m2),
-        weight_n=recording.weight_n,
-    )
+    return Level(motion, index, window_m, table, sides, bins, uses_window, (*entries, window))
 
 
 def level_flags(level: Level) -> list[str]:
@@ -314,9 +301,10 @@ def doubts_of(level: Level) -> dict[str, str]:
 
     A recording with zero areas has no pressure force, so its force is the friction.
     """
-    ambient, areas, gauge = level.ambient_pressure_pa, level.areas_m2, level.gauge_pa
+    recording, ambient, gauge = level.motion.recording, level.ambient_pressure_pa, level.gauge_pa
+    areas = recording.area_a_m2, recording.area_b_m2
     lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
-    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + level.weight_n
+    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + recording.weight_n
     speed = level.speed_m_s
     friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN if one direction is missing
     unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n) and abs(pushed) > friction
@@ -398,7 +386,7 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
     # The parts number their strokes separately: classes of the whole recording are found by place.
     whole, classes = Strokes.joined(tables), speed_levels([replace(s, index=i) for i, s in enumerate(strokes)])
     level_of_stroke = {id(strokes[s.index]): number for number, members in enumerate(classes) for s in members}
-    numbers = [level_of_stroke[id(stroke)] for stroke in whole.strokes]
+    numbers = [level_of_stroke[id(row.stroke)] for row in whole.rows]
     rows = ([row for row, at in enumerate(numbers) if at == number] for number in range(len(classes)))
     return _result(motion, strokes, [whole.at(some) for some in rows if some], window, choice)
 
@@ -446,7 +434,7 @@ def _result(
     place = {id(stroke): i for i, stroke in enumerate(strokes)}
     levels, used, counting = [], set(), set()
     for table in tables:
-        rows = {place[id(table.strokes[row])] for rows in table.directions.values() for row in rows}
+        rows = {place[id(table.rows[row].stroke)] for rows in table.directions.values() for row in rows}
         counting |= rows
         level = level_of(motion, len(levels), table, window, uses_window=choice.uses_window)
         if level is not None:

@@ -72,11 +72,13 @@ class LevelPoint:
     def of(cls, level: Level) -> LevelPoint:
         """Return the point of a speed level."""
         names = ("recording", "seal", "run", "pressure_pa", "speed_m_s", "friction_n", "expanded_n")
-        names += ("speed_stderr_m_s", "offset_n", "weight_n", "areas_m2")
+        names += ("speed_stderr_m_s", "offset_n")
         known = {entry.source: entry.standard_uncertainty for entry in level.budget}
         u_a, u_b = (known.get(f"pressure {side}: common error", 0.0) for side in "ab")
-        gauge = level.gauge_pa
-        return cls(**{name: getattr(level, name) for name in names}, gauge_pa=(gauge["a"], gauge["b"]), u_pa=(u_a, u_b))
+        recording, gauge = level.motion.recording, level.gauge_pa
+        pressures = {"gauge_pa": (gauge["a"], gauge["b"]), "u_pa": (u_a, u_b), "weight_n": recording.weight_n}
+        areas_m2 = recording.area_a_m2, recording.area_b_m2
+        return cls(**{name: getattr(level, name) for name in names}, **pressures, areas_m2=areas_m2)
 
     @property
     def half_sum_force_n(self) -> float:

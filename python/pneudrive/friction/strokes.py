@@ -1,6 +1,6 @@
-"""The frame of strokes: a row for each stroke of a speed class or cycle, with its means over the settled samples.
+"""The table of strokes: a row for each stroke of a speed class or cycle, with its means over the settled samples.
 
-`Strokes` holds the frame and the balance of each stroke over bins of position; `Side` combines one direction of it.
+`Strokes` holds the rows and the balance of each stroke over bins of position; `Side` combines one direction of it.
 
 `RecordedMotion` is the motion of a recording, made once: strokes, force balance, and the samples that count. A sample
 counts if its stroke has settled (`Settled`), or by the source paper's protocol (`SourcePaper`).
@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import polars as pl
 
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
 from pneudrive.friction.sentences import sentence
@@ -34,15 +33,32 @@ MINIMUM_BINS, MAXIMUM_BINS, SAMPLES_PER_BIN = 5, 100, 4
 CUT_SHARE = 0.1  # of a bin: largest part of it that may lie outside the settled part
 MOST_NAMED = 12  # recordings with a sentence of their own on unused strokes
 MEANS = ("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "parallel_n", "late_n")
-COLUMNS = {  # of the frame: null in strokes that do not count, except for the first three
-    "direction": pl.Int64,
-    "time_s": pl.Float64,  # of its start
-    "counts": pl.Boolean,  # has settled in a quarter of the window
-    "mean_n": pl.Float64,  # balance of all chosen samples
-    "samples": pl.Int64,
-    **dict.fromkeys(MEANS, pl.Float64),
-    "pressure_moves_n": pl.Float64,  # usual range of the pressure force
-}
+
+
+@dataclass(frozen=True)
+class MeasuredStroke:
+    """A stroke with its means over the settled samples.
+
+    Attributes
+    ----------
+    stroke : Stroke
+        Numbered within the samples that were read together.
+    time_s : float
+        Of its start.
+    means : dict
+        `MEANS`, ``mean_n`` (balance of all chosen samples), ``samples`` and ``pressure_moves_n`` (usual range of the
+        pressure force). Empty for a stroke that does not count: it has not settled in a quarter of the window.
+    slip : (StickSlip, StickSlip or None) or None
+        Sliding of axis and piston; None for strokes that do not count or are short.
+    peak : ReversalPeak or None
+        Peak of friction after the preceding reversal.
+    """
+
+    stroke: Stroke
+    time_s: float
+    means: dict[str, float]
+    slip: tuple[StickSlip, StickSlip | None] | None
+    peak: ReversalPeak | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,24 +68,14 @@ class Strokes:
     Attributes
     ----------
     grid : Grid
-    strokes : tuple of Stroke
-        Numbered within the samples that were read together.
-    frame : DataFrame
-        `COLUMNS`, one row for each stroke.
+    rows : tuple of MeasuredStroke
     balance_n : ndarray, shape (strokes, bins)
         Mean balance of the settled samples in each bin; NaN without any.
-    slips : tuple of (StickSlip, StickSlip or None) or None
-        Sliding of axis and piston; None for strokes that do not count or are short.
-    peaks : dict
-        Index of a stroke -> peak of friction after the preceding reversal.
     """
 
     grid: Grid
-    strokes: tuple[Stroke, ...]
-    frame: pl.DataFrame
+    rows: tuple[MeasuredStroke, ...]
     balance_n: Array
-    slips: tuple[tuple[StickSlip, StickSlip | None] | None, ...]
-    peaks: tuple[ReversalPeak | None, ...]
 
     @classmethod
     def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid) -> Strokes:
@@ -78,49 +84,32 @@ class Strokes:
         covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
         for stroke, covers in zip(strokes, covered.tolist(), strict=True):
             means = _means(motion, stroke, window) if covers else {}
-            time = float(motion.time_s[stroke.start])
-            rows.append({"direction": stroke.direction, "time_s": time, "counts": bool(means), **means})
-        slips = tuple(stroke_slip(motion.recording, s) if c else None for s, c in zip(strokes, covered, strict=True))
-        frame = pl.DataFrame({name: [row.get(name) for row in rows] for name in COLUMNS}, COLUMNS)
-        table = cls(grid, tuple(strokes), frame, balance, slips, (None,) * len(strokes))
+            slip = stroke_slip(motion.recording, stroke) if means else None
+            rows.append(MeasuredStroke(stroke, float(motion.time_s[stroke.start]), means, slip))
+        table = cls(grid, tuple(rows), balance)
         if len(table.directions) < 2:
             return table
         found = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
         peaks = {peak.stroke: peak for peak in found}
-        return replace(table, peaks=tuple(peaks.get(stroke.index) for stroke in strokes))
+        return replace(table, rows=tuple(replace(row, peak=peaks.get(row.stroke.index)) for row in rows))
 
     @classmethod
     def joined(cls, tables: Sequence[Strokes]) -> Strokes:
         """Join the strokes of several parts of a recording, whose grids have equal windows."""
         first, stop = min(t.grid.first for t in tables), max(t.grid.stop for t in tables)
         padded = [((0, 0), (t.grid.first - first, stop - t.grid.stop)) for t in tables]
-        return cls(
-            replace(tables[0].grid, first=first, stop=stop),
-            tuple(stroke for table in tables for stroke in table.strokes),
-            pl.concat([table.frame for table in tables]),
-            np.concatenate(
-                [np.pad(t.balance_n, pad, constant_values=np.nan) for t, pad in zip(tables, padded, strict=True)]
-            ),
-            tuple(slip for table in tables for slip in table.slips),
-            tuple(peak for table in tables for peak in table.peaks),
-        )
+        balance = [np.pad(t.balance_n, pad, constant_values=np.nan) for t, pad in zip(tables, padded, strict=True)]
+        grid, rows = replace(tables[0].grid, first=first, stop=stop), tuple(row for t in tables for row in t.rows)
+        return cls(grid, rows, np.concatenate(balance))
 
     def at(self, rows: Sequence[int]) -> Strokes:
         """Return some of the strokes."""
-        places = list(rows)
-        return Strokes(
-            self.grid,
-            tuple(self.strokes[i] for i in places),
-            self.frame[places],
-            self.balance_n[places],
-            tuple(self.slips[i] for i in places),
-            tuple(self.peaks[i] for i in places),
-        )
+        return Strokes(self.grid, tuple(self.rows[i] for i in rows), self.balance_n[list(rows)])
 
     @property
     def profile(self) -> Profile:
         """Both directions of all strokes, paired at equal position."""
-        way, edges = self.frame["direction"].to_numpy(), self.grid.edges_m
+        way, edges = np.array([row.stroke.direction for row in self.rows]), self.grid.edges_m
         up_n, down_n = (self.balance_n[way == direction] for direction in (1, -1))
         up, down = mean_profile(up_n), mean_profile(down_n)
         centres, in_window = (edges[:-1] + edges[1:]) / 2, self.grid.is_in_window
@@ -129,8 +118,7 @@ class Strokes:
     @property
     def directions(self) -> dict[int, list[int]]:
         """Rows of the strokes that count, by direction; only directions that have any."""
-        table = zip(self.frame["direction"].to_list(), self.frame["counts"].to_list(), strict=True)
-        counting = [way if counts else 0 for way, counts in table]
+        counting = [row.stroke.direction if row.means else 0 for row in self.rows]
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
     def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Mask]:
@@ -155,23 +143,23 @@ class Strokes:
             return {}, bins
         sides = {}
         for way, rows in ways.items():  # strokes have equal weight
-            some = self.at(rows)
-            columns = {name: some.frame[name].to_numpy() for name in ("mean_n", *MEANS, "samples", "pressure_moves_n")}
-            means = stroke_means(some.balance_n, bins) if uses_window else columns["mean_n"]
-            peaks = [peak for peak in some.peaks if peak]
+            some, balance = [self.rows[i] for i in rows], self.balance_n[rows]
+            columns = {name: np.array([row.means[name] for row in some]) for name in some[0].means}
+            means = stroke_means(balance, bins) if uses_window else columns["mean_n"]
+            peaks = [row.peak for row in some if row.peak]
             sides[way] = Side(
                 **{name: float(columns[name].mean()) for name in MEANS},
                 samples=int(columns["samples"].sum()),
                 strokes=len(rows),
-                strokes_recorded=sum(s.direction == way for s in self.strokes),
-                used=some.strokes,
+                strokes_recorded=sum(row.stroke.direction == way for row in self.rows),
+                used=tuple(row.stroke for row in some),
                 means_n=means,
                 spread=spread_of(means),
                 pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
                 breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
-                dwell_s=median([s.dwell_s for s in some.strokes if s.index > 0]),
+                dwell_s=median([row.stroke.dwell_s for row in some if row.stroke.index > 0]),
                 loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
-                **sliding_of([slip for slip in some.slips if slip]),
+                **sliding_of([row.slip for row in some if row.slip]),
             )
         return sides, bins
 

@@ -173,7 +173,7 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
             speed = abs(level.sides[way].velocity_m_s) if way in level.sides else math.nan
             yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", speed, "m/s")
         used = sum(side.strokes for side in level.sides.values())
-        yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.strokes)}")
+        yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.rows)}")
         values = {"friction": (level.friction_n, level.expanded_n)}
         values |= {"offset": (level.offset_n, COVERAGE_FACTOR * level.u_offset_n)}
         for name, (value, u) in values.items():
