@@ -21,11 +21,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.describe.files.toml import read
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
 from pneudrive.estimate.design import DesignSpace, exchange, information
@@ -51,14 +53,9 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Whole
 
 
-KATO_EXPONENT = 0.4  # assumed if not free: stops of a few decades do not determine it
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
 PER_DECADE = 10  # points of the first profile over a time
 FINE = 64  # and of the second one, over the range of the first
-#: A time is searched from the shortest stop divided by the first factor to the longest times the second: beyond the
-#: first the law is a straight line over log t, beyond the second a straight line over t (or a power of it).
-REACH = {"log": (100.0, 10.0), "kato": (100.0, 1e5), "kato-free": (100.0, 1e5)}
-USUAL_REACH = (30.0, 30.0)
 LEAST_DURATIONS = 3
 CONCLUSIVE = 10.0  # difference of AICc beyond which a law has essentially no support [burnham2002]
 EMPTY = np.zeros((1, 0))  # the shape of a law without parameters
@@ -79,6 +76,8 @@ class DwellForm:
         Parameters of its shape: time, and exponent if free, with their units.
     exponent : float
         Exponent if not free.
+    reach : tuple of float
+        Factors on the shortest and longest stop between which a time is searched.
     """
 
     name: str
@@ -88,6 +87,7 @@ class DwellForm:
     growth: str
     units: dict[str, str]
     exponent: float = 1.0
+    reach: tuple[float, float] = (30.0, 30.0)
 
     def __str__(self) -> str:
         """Return the title."""
@@ -114,30 +114,7 @@ class DwellForm:
         return float(np.log(10.0) * duration_s * self.derivatives(np.array([duration_s]), *shape)[0, 1])
 
 
-STRETCHED = "a + B [1 − exp(−(t/τ)^m)]"
-FORMS = (
-    DwellForm("log", "logarithmic", "a + B ln(1 + t/t0)", "dieterich1979", "log", {"t0": "s"}),
-    DwellForm(
-        "kato",
-        f"stretched exponential, m = {KATO_EXPONENT:g}",
-        STRETCHED,
-        "kato1972",  # the form is that of slideways
-        "saturating",
-        {"tau": "s"},
-        KATO_EXPONENT,
-    ),
-    DwellForm(
-        "kato-free",
-        "stretched exponential, m free",
-        STRETCHED,
-        "kato1972",
-        "saturating",
-        {"tau": "s", "m": ""},
-    ),
-    DwellForm("hyperbolic", "hyperbolic", "a + B t/(t + γ)", "armstrong1994", "hyperbolic", {"gamma": "s"}),
-    DwellForm("exponential", "exponential", "a + B [1 − exp(−t/τ)]", "", "saturating", {"tau": "s"}),
-    DwellForm("none", "no dependence", "a", "", "", {}),
-)
+FORMS = tuple(DwellForm(name, **row) for name, row in read(Path(__file__).with_name("dwell_laws.toml"))[0].items())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -216,8 +193,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
     n, conditions = len(curve.data), len(curve.data.conditions)
     shortest, longest = float(curve.data["dwell_s"].min()), float(curve.data["dwell_s"].max())
-    below, above = REACH.get(form.name, USUAL_REACH)
-    limits = {"s": (shortest / below, longest * above), "": (EXPONENTS[0], np.inf)}
+    limits = {"s": (shortest / form.reach[0], longest * form.reach[1]), "": (EXPONENTS[0], np.inf)}
     linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
     count = linear + len(form.units) + 1
     freedom = max(n - count + 1, 1)
@@ -510,7 +486,7 @@ def _standardised(curve: DwellCurve) -> Array:
 DURATIONS, DIGITS = 120, 2
 #: Draws of the time constant over which the criterion is averaged, in standard deviations of its logarithm.
 DRAWS = np.linspace(-1.5, 1.5, 9)
-#: Kato's exponent if it is a parameter: the middle of the values for slideways [kato1972].
+#: Exponent if it is a parameter: the middle of the values for slideways [kato1972].
 KATO_M = 0.4
 
 
