@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe.files.toml import read
 from pneudrive.errors import RecordingError
 from pneudrive.files.csv_tables import read_csv
 from pneudrive.files.inputs import INPUTS, located, stored_beside
@@ -27,29 +28,12 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Whole
 
 
-# Column -> (unit, meaning), in the order of the files; the labels of the recordings follow them.
-COLUMNS: dict[str, tuple[str, str]] = {
-    "recording": ("", "name of the recording"),
-    "direction": ("1", "+1 if position grows, -1 if it falls"),
-    "velocity_m_s": ("m/s", "mean speed in the window, with the sign of the direction"),
-    "pressure_a_pa": ("Pa", "mean absolute pressure in chamber a"),
-    "pressure_b_pa": ("Pa", "mean absolute pressure in chamber b"),
-    "balance_n": ("N", "mean of force + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - weight"),
-    "friction_n": ("N", "half the difference of both directions at equal position, positive against motion"),
-    "offset_n": ("N", "half the sum of both directions at equal position"),
-    "stderr_n": ("N", "statistical standard uncertainty of friction_n"),
-    "u_systematic_n": ("N", "systematic standard uncertainty of friction_n"),
-    "samples": ("1", "samples used for the mean"),
-    "strokes": ("1", "strokes used for the mean"),
-    "strokes_recorded": ("1", "strokes of this direction and speed class in the recording"),
-    "position_from_m": ("m", "lower end of the window"),
-    "position_to_m": ("m", "upper end of the window"),
-    "breakaway_n": ("N", "median peak of friction after reversal, NaN without a usable peak"),
-    "dwell_s": ("s", "median time at rest before the stroke"),
-    "loading_rate_n_s": ("N/s", "median rate at which friction rises after reversal"),
-    "flags": ("", "names of flags, separated by commas"),
-    "ambient_pressure_pa": ("Pa", "absolute pressure around the rod"),
-}
+#: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
+COLUMNS: dict[str, tuple[str, str]]
+COLUMNS, LEVEL_COLUMNS = (
+    {name: (unit, meaning) for name, (unit, meaning) in table.items()}
+    for table in read(Path(__file__).with_name("columns.toml"))[0].values()
+)
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 FILE = "file"  # attribute: path of the map

@@ -12,7 +12,7 @@ from pneudrive.describe.files.toml import sections
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import TRACE
-from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVELS, columns_to_dataset, write_map
+from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVEL_COLUMNS, LEVELS, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.simulation.trajectory import check_target, write_frame, write_whole
 
@@ -29,23 +29,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
 
 STOPS_FILE = "stops.parquet"
-#: Further columns -> (unit, meaning), after those of every friction map.
-LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
-    "friction_low_n": ("N", "lower end of the 95 % band of the curve from this cycle alone"),
-    "friction_high_n": ("N", "upper end of the 95 % band of the curve from this cycle alone"),
-    "friction_direction_n": ("N", "friction of this direction alone, without the zero of the sensor if tares show it"),
-    "friction_direction_low_n": ("N", "lower end of its 95 % band"),
-    "friction_direction_high_n": ("N", "upper end of its 95 % band"),
-    "air_n": ("N", "force of the air against the motion, half the difference of both directions"),
-    "kind": ("", "kind of the cycle"),
-    "mounting": ("", "level of the factor"),
-    "seal": ("", "level of the factor"),
-    "drive": ("", "level of the factor"),
-    "block": ("1", "block of the plan"),
-    "repeat": ("1", "repeat of the plan"),
-    "began_s": ("s", "beginning of the cycle by the rig's clock"),
-    "temperature_k": ("K", "mean temperature"),
-}
 COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
 BANDS = tuple(name for name in LEVEL_COLUMNS if name.endswith("_n"))
 
