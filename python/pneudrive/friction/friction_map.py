@@ -28,12 +28,11 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Whole
 
 
+_TABLES = read(Path(__file__).with_name("columns.toml"))[0]
 #: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
-COLUMNS: dict[str, tuple[str, str]]
-COLUMNS, LEVEL_COLUMNS = (
-    {name: (unit, meaning) for name, (unit, meaning) in table.items()}
-    for table in read(Path(__file__).with_name("columns.toml"))[0].values()
-)
+COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["map"].items()}
+LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["campaign"].items()}
+CYCLE_COLUMNS: dict[str, Any] = _TABLES["cycle"]  # column of a cycle -> value of a cycle without it
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 FILE = "file"  # attribute: path of the map

@@ -15,10 +15,9 @@ from pneudrive.estimate.estimates import Estimate, mean_estimate
 from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
-from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, points_of
-from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
+from pneudrive.friction.campaign.reading import CampaignData, loop_of, read_campaign, reading_of
 from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
+    from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.signals.layout import Layout
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 
 STEPS = 3  # cycles, models, stops
+SHOWN_CONDITIONS, SHOWN_SPEEDS = 2, 3  # of loops
+CANDIDATES = 3  # cycles of each shown condition and speed, as one may have no loop
 
 
 def campaign_friction(
@@ -172,7 +174,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
             "position": trends.position_dependence(points),
             "stick_slip": campaign_curves.stick_slip_points(points),
             "stick_slip_thresholds": campaign_curves.thresholds(points),
-            "loops": _loops(reading, points),
+            "loops": tuple(_loops(reading, points, choice)),
         }
     cycles = _cycles(reading, points)
     terms = None if points is None else campaign_curves.cycle_terms(points, fits)
@@ -192,18 +194,18 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     return replace(found, statements=statements(found, reading, points, fits))
 
 
-def _loops(reading: CampaignData, points: CurvePoints) -> tuple[Loop, ...]:
+def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
     """Return the loops, without offset, of the slowest, a middle and the fastest cycle of the first conditions."""
-    loops = []
-    for index in range(len(points.conditions[:SHOWN_CONDITIONS])):
-        shown: dict[int, int] = {}  # level -> its first cycle with a loop
-        for i in np.flatnonzero(points["curve"] == index).tolist():
-            if points["key"][i] in reading.loops:
-                shown.setdefault(int(points["level"][i]), i)
-        for _, i in sorted(shown.items()):
-            loop = reading.loops[points["key"][i]]
-            loops.append(replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i])))
-    return tuple(loops)
+    for index in range(SHOWN_CONDITIONS if reading.files else 0):
+        rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
+        levels = np.unique(points["level"][rows])
+        for level in (
+            levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))] if levels.size else ()
+        ):
+            for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
+                if (loop := loop_of(reading, points["key"][i], choice)) is not None:
+                    yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))
+                    break
 
 
 def _with_stops(
@@ -222,7 +224,7 @@ def _with_stops(
 #: sum of both directions over the common range of position, NaN if a direction is missing; `stderr_n` is the standard
 #: error of `friction_n` from noise within the cycle only. `began_s` counts from the first cycle, `travel_m` up to the
 #: middle of the cycle. `flags` include the reason why a cycle is not a point of F(v).
-CYCLE_COLUMNS = {
+SUMMARY = {
     **dict.fromkeys(("index", "block", "repeat", "day"), "Int64"),
     **dict.fromkeys(("key", "kind", *LEVELS), "String"),
     **dict.fromkeys(("pressure_a_pa", "pressure_b_pa", "speed_m_s", "began_s", "travel_m", "temperature_k"), "Float64"),
@@ -235,7 +237,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     """Return a summary of all cycles that were read, in the order in which they were run."""
     import polars as pl
 
-    columns: dict[str, list[Any]] = {name: [] for name in CYCLE_COLUMNS}
+    columns: dict[str, list[Any]] = {name: [] for name in SUMMARY}
     for cycles in (reading.sliding, reading.tares):
         found = {**cycles.columns, "began_s": cycles["elapsed_s"], "speed_m_s": cycles.over_sides("velocity_m_s")}
         found |= {f.name: np.array([getattr(c, f.name) for c in cycles["condition"]]) for f in fields(Condition)}
@@ -251,7 +253,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
         columns[name] = of_points(name=of, nothing=float("nan"))
     each = zip(columns["flags"], of_points("reason", ""), strict=True)
     columns["flags"] = [[*flags, *([reason] if reason else [])] for flags, reason in each]
-    types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in CYCLE_COLUMNS.items()}
+    types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in SUMMARY.items()}
     return pl.DataFrame(columns, schema=types).sort("index", maintain_order=True)
 
 

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.autocorrelation import levels
 from pneudrive.friction.bins import Grid, bin_means, grid_of, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
+from pneudrive.friction.friction_map import CYCLE_COLUMNS, Condition
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
 from pneudrive.repr_tables import Card, Shown
@@ -32,48 +32,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Mask
-    from pneudrive.friction.friction_map import Condition
     from pneudrive.rig.interface import Identity
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
 
 Row = dict[str, Any]
-NOTHING = float("nan")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = (1, -1)  # directions, in the order of the columns of both
-#: Columns of a cycle -> value of a cycle without them. Uncertainties are standard ones of friction, N.
-COLUMNS: dict[str, Any] = {
-    "key": "",
-    "kind": "sweep",
-    "index": 0,  # in running order
-    "block": 1,
-    "repeat": 1,
-    "day": 1,
-    "set_speed_m_s": NOTHING,
-    "set_a_pa": NOTHING,  # absolute
-    "set_b_pa": NOTHING,
-    "began_s": 0.0,  # by the rig's clock
-    "elapsed_s": 0.0,  # since the first cycle of the campaign
-    "order": 0.0,  # place in the campaign, 0 to 1
-    "travel_m": 0.0,  # of the seal up to the middle of the cycle
-    "rest_s": NOTHING,  # before the cycle
-    "weight_n": 0.0,  # known weight on the force sensor
-    "duration_s": 0.0,
-    "temperature_k": NOTHING,
-    "standing_n": NOTHING,  # mean force (vented: of the balance) while standing released: zero of the sensor
-    "standing_stderr_n": NOTHING,
-    "standing_sd_n": NOTHING,
-    **{f"open_{side}_{name}pa": NOTHING for side in "ab" for name in ("", "stderr_", "change_")},  # of a zero run
-    "u_gain_n": 0.0,  # proportional to friction
-    "u_hysteresis_n": 0.0,  # equal at all frictions, such as hysteresis and residuals of a calibration curve
-    "u_offset_n": 0.0,  # of half the sum of both directions without zero
-    "u_pressure_a_n": 0.0,  # part of the transducer in it
-    "u_pressure_b_n": 0.0,
-    "u_air_n": 0.0,  # of the chambers' force in half the difference
-    **{f"force: {name}": NOTHING for name in ("gain", "creep", "linearity", "hysteresis")},  # named by a calibration
-    "assumed": False,  # accuracy of the force sensor
-}
 #: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.
 OF_SIDES = (
     *("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "samples", "strokes", "strokes_recorded"),
@@ -87,7 +53,7 @@ OF_BINS = ("balance_n", "air_n")
 
 @dataclass(frozen=True, eq=False)
 class CycleTable:
-    """Cycles by columns of equal length: `COLUMNS`, `OF_SIDES`, `OF_BINS`, and the objects ``condition``, ``flags``."""
+    """Cycles by columns of equal length: `CYCLE_COLUMNS`, `OF_SIDES`, `OF_BINS`, and objects (condition, flags)."""
 
     columns: dict[str, NDArray]
 
@@ -95,12 +61,12 @@ class CycleTable:
     def of(cls, rows: Sequence[Row], bins: int) -> CycleTable:
         """Make the table of some rows, with this number of bins of position."""
         columns: dict[str, NDArray] = {}
-        for name, default in {**COLUMNS, "condition": None, "flags": None}.items():
+        for name, default in {**CYCLE_COLUMNS, "condition": None, "flags": None}.items():
             kind = type(default) if isinstance(default, int | float) else object
             columns[name] = np.array([row.get(name, default) for row in rows], dtype=kind)
         both = [[row["sides"].get(way, {}) for way in WAYS] for row in rows]
         for name in OF_SIDES:
-            columns[name] = np.array([[side.get(name, NOTHING) for side in p] for p in both], float).reshape(-1, 2)
+            columns[name] = np.array([[side.get(name, np.nan) for side in p] for p in both], float).reshape(-1, 2)
         empty = np.full(bins, np.nan)
         for name in OF_BINS:
             columns[name] = np.array([[side.get(name, empty) for side in p] for p in both]).reshape(len(rows), 2, bins)
@@ -217,14 +183,10 @@ def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Ro
     }
 
 
-SHOWN_CONDITIONS = 2
-SHOWN_SPEEDS = 3
 SHOWN_SAMPLES = 400
 BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
 SPEED_BINS = 8  # between 20 % and 80 % of the speed, range for comparing speeding up and slowing down
 PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference is presliding
-SAME_LEVEL = 0.05  # set speeds closer than this are one level
-CANDIDATES = 3  # cycles of each shown condition and speed, as one may be unreadable
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -263,18 +225,6 @@ class Loop(Shown):
             ("width", f"{self.width_n:.3g} N"),
         ]
         return Card(f"loop of cycle {self.key}", ("quantity", "value"), rows)
-
-
-def chosen_loops(plans: Sequence[Row]) -> frozenset[str]:
-    """Return the keys of the slowest, middle and fastest cycles of the first conditions."""
-    keys: list[str] = []
-    for condition in sorted({plan["condition"] for plan in plans})[:SHOWN_CONDITIONS]:
-        members = [plan for plan in plans if plan["condition"] == condition and plan["set_speed_m_s"] > 0]
-        level = levels(np.log([plan["set_speed_m_s"] for plan in members]), float(np.log1p(SAME_LEVEL)))
-        known = np.unique(level)
-        for one in known[np.unique(np.linspace(0, known.size - 1, SHOWN_SPEEDS).astype(int))] if known.size else ():
-            keys += [members[i]["key"] for i in np.flatnonzero(level == one)[:CANDIDATES].tolist()]
-    return frozenset(keys)
 
 
 def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loop | None:

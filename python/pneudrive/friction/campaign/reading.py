@@ -30,7 +30,6 @@ from pneudrive.friction.campaign.cycles import (
     Loop,
     PressureZero,
     Row,
-    chosen_loops,
     corrected,
     cycle_row,
     pressure_zeros,
@@ -51,8 +50,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
-    Read = tuple[float, Row | Skipped | None, Loop | None]
-    """Path length of a cycle's moves, its row or the reason for a missing one, and its loop."""
+    Read = tuple[float, Row | Skipped | None]
+    """Path length of a cycle's moves, and its row or the reason for a missing one."""
 
 T = TypeVar("T")
 LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
@@ -241,8 +240,6 @@ class CampaignData:
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
         Bins of position.
-    loops : dict
-        Key -> friction around the first reversal of the chosen cycles.
     several : bool
         Whether the campaign has several blocks or days.
     """
@@ -258,7 +255,6 @@ class CampaignData:
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...]
     edges_m: Array
-    loops: dict[str, Loop]
     several: bool
 
 
@@ -301,16 +297,15 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     light = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
     wanted = [f for f in light if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
-    shown = chosen_loops([plan for plan in plans.values() if plan["kind"] in SLIDING])
-    options = (plans, campaign.identity, choice, edges, shown)
+    options = (plans, campaign.identity, choice, edges)
     read = share_out(read_part, wanted, *options, least=WORTH_WORKERS, processes=processes)
     found = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
-    rows = {key: data for key, (_, data, _) in found.items() if isinstance(data, dict)}
-    travel = _travel(files, {key: way for key, (way, _, _) in found.items()})
+    rows = {key: data for key, (_, data) in found.items() if isinstance(data, dict)}
+    travel = _travel(files, {key: way for key, (way, _) in found.items()})
     rests = _rests(files, {key: row["duration_s"] for key, row in rows.items() if row["kind"] != "weight"})
     whole = [row | {"travel_m": travel[key], "rest_s": rests[key]} for key, row in rows.items()]
     cycles = CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
-    skipped += [data for _, data, _ in found.values() if isinstance(data, Skipped)]
+    skipped += [data for _, data in found.values() if isinstance(data, Skipped)]
     kinds = cycles["kind"]
     tares = cycles.at(kinds == "tare")
     gain = sensor_gain(campaign.identity, cycles.at(kinds == "weight"), tares)
@@ -328,7 +323,6 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,
-        loops={key: loop for key, (_, _, loop) in found.items() if loop is not None},
         several=any(len({plan[name] for plan in plans.values()}) > 1 for name in ("day", "block")),
     )
 
@@ -377,36 +371,45 @@ def read_part(
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,
-    shown: frozenset[str],
 ) -> list[Read]:
     """Read some cycles one after the other; an unusable cycle gives its reason.
 
     The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
     """
 
-    def read(file: CycleFile, samples: Samples) -> tuple[Row, Loop | None]:
+    def read(file: CycleFile, samples: Samples) -> Row:
         recording, flags = recording_of(file, identity, samples)
-        plan, loop = plans[file.head.cycle.key], None
+        plan = plans[file.head.cycle.key]
         if plan["kind"] in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
-            # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
-            # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
-            row = reduce_cycle(motion, edges_m, uses_window=choice.uses_window)
-            loop = reversal_loop(motion, plan["key"], plan["condition"]) if plan["key"] in shown else None
+            row = reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
         temperature = float(known.mean()) if known.size else float("nan")
-        return plan | row | {"flags": flags, "temperature_k": temperature}, loop
+        return plan | row | {"flags": flags, "temperature_k": temperature}
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
         cycle = file.head.cycle
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
-        result = read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else (None, None)
-        row, loop = (result, None) if isinstance(result, Skipped) else result
-        found.append((way, row, loop))
+        found.append((way, read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else None))
     return found
+
+
+def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
+    """Return the motion of a cycle.
+
+    In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from positions would
+    only add their noise. The source paper's protocol keeps the ramp at the end.
+    """
+    return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
+
+
+def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> Loop | None:
+    """Return friction around the first reversal of a cycle, see `reversal_loop`."""
+    file = next(file for file in reading.files if file.head.cycle.key == key)
+    recording, _ = recording_of(file, reading.identity, file.samples())
+    return reversal_loop(_motion(recording, choice), key, condition_of(file.head))
 
 
 def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
@@ -486,7 +489,6 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         notes=(),
         edges_m=edges,
-        loops={},
         several=len({row["block"] for row in rows}) > 1,
     )
 
