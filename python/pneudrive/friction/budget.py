@@ -9,12 +9,12 @@ A row of a recording, one speed level:
 
 A row of a campaign, one cycle:
 
-    stderr_n        type A   `CycleTerms`: `chance_n` of its strokes, scatter from cycle to cycle
+    stderr_n        type A   `cycle_terms`: `chance_n` of its strokes, scatter from cycle to cycle
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 
 The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). With zero
-runs and known weights, some of these parts are measured instead (``campaign/sensors.py``).
+runs and known weights, some of these parts are measured instead (``campaign/cycles.py``).
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.strokes import CLOCK_S, Side
 
 if TYPE_CHECKING:
@@ -260,45 +259,6 @@ class SharedTerms:
     def direction_n(self) -> Array:
         """Return the uncertainty of one direction."""
         return np.hypot(self.friction_n(), np.hypot(self.zero_n, self.half_sum_n))
-
-
-@dataclass(frozen=True, eq=False)
-class CycleTerms(SharedTerms):
-    """Standard uncertainties of the rows of a campaign, N, shape (n,), by cycle; NaN for cycles without a curve.
-
-    Attributes
-    ----------
-    noise_n, cycle_n, block_n : ndarray
-        Noise within the cycle, scatter from cycle to cycle, and of blocks or days.
-    offset_n : ndarray
-        Half the sum of both directions, only for one direction.
-    """
-
-    noise_n: Array
-    cycle_n: Array
-    block_n: Array
-    offset_n: Array
-
-    @property
-    def stderr_n(self) -> Array:
-        """Statistical standard uncertainty of friction."""
-        return np.hypot(self.noise_n, self.cycle_n)
-
-    @property
-    def u_systematic_n(self) -> Array:
-        """Systematic standard uncertainty of friction. A cycle has its own state, and a curve the mean state."""
-        return np.hypot(self.friction_n(), np.hypot(self.state_n, self.block_n))
-
-    @property
-    def half_n(self) -> Array:
-        """Half width of the 95 % band of friction."""
-        return NORMAL_95 * np.hypot(self.stderr_n, self.u_systematic_n)
-
-    @property
-    def half_direction_n(self) -> Array:
-        """Half width of the 95 % band of a single direction."""
-        one_sided = self.offset_n**2 + self.zero_n**2 + self.half_sum_n**2
-        return NORMAL_95 * np.sqrt(self.stderr_n**2 + self.u_systematic_n**2 + one_sided)
 
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:

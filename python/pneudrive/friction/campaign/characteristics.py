@@ -177,7 +177,6 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
             "loops": tuple(_loops(reading, points, choice)),
         }
     cycles = _cycles(reading, points)
-    terms = None if points is None else campaign_curves.cycle_terms(points, fits)
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,
@@ -188,7 +187,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
         zero=campaign_curves.sensor_zero(reading.tares),
         ranges=_ranges(reading),
-        friction_map=friction_map(reading, points, fits, terms, choice.name),
+        friction_map=friction_map(reading, points, fits, choice.name),
         **parts,
     )
     return replace(found, statements=statements(found, reading, points, fits))

@@ -9,7 +9,7 @@ the chambers, the force of the air is known and subtracted. If they are measured
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
-from pneudrive.friction.budget import CycleTerms, SharedTerms
+from pneudrive.friction.budget import SharedTerms
 from pneudrive.friction.campaign import smooth
 from pneudrive.friction.campaign.cycles import GROWING, CycleTable, Gain
 from pneudrive.friction.campaign.points import (
@@ -292,20 +292,30 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
     return tuple(curves)
 
 
-def cycle_terms(points: CurvePoints, fits: Fits | None) -> CycleTerms:
-    """Return the uncertainty budget of each cycle."""
-    terms = {field.name: np.full(len(points), np.nan) for field in fields(CycleTerms)}
-    terms |= {"noise_n": points["friction_stderr_n"], "cycle_n": np.zeros(len(points))}
+def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, Array]:
+    """Return the uncertainty budget of each cycle, shape (n,) each; NaN for cycles without a curve.
+
+    Returns
+    -------
+    stderr_n : ndarray
+        Noise within the cycle, and scatter from cycle to cycle.
+    u_systematic_n : ndarray
+        A cycle has its own state, and a curve the mean state of the campaign.
+    one_sided_n2 : ndarray
+        Further variance of a single direction: half the sum of both directions, and the zero of the sensor.
+    """
+    noise, one_sided = points["friction_stderr_n"], np.full(len(points), np.nan)
     if fits is None:
-        return CycleTerms(**terms)
-    terms |= {f"{name}_n": deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block")}
+        return noise, one_sided, one_sided
+    systematic_n = one_sided.copy()
+    cycle, block = (deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block"))
     for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
-        members = points["curve"] == number
-        shared = systematic(fits, points["friction_n"][members], points["offset_n"][members], number)
-        offset = np.hypot(points["offset_stderr_n"][members], fits.offset.sd["cycle"])
-        for name, values in (*vars(shared).items(), ("offset_n", offset)):
-            terms[name][members] = values
-    return CycleTerms(**terms)
+        here = points["curve"] == number
+        shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
+        offset = np.hypot(points["offset_stderr_n"][here], fits.offset.sd["cycle"])
+        systematic_n[here] = np.hypot(shared.friction_n(), np.hypot(shared.state_n, block[here]))
+        one_sided[here] = offset**2 + shared.zero_n**2 + shared.half_sum_n**2
+    return np.hypot(noise, cycle), systematic_n, one_sided
 
 
 def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:

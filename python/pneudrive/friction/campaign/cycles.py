@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
-WAYS = (1, -1)  # directions, in the order of the columns of both
+WAYS = np.array([1, -1])  # directions, in the order of the columns of both
 #: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.
 OF_SIDES = (
     *("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "samples", "strokes", "strokes_recorded"),

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.files.toml import sections
+from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.bins import known_mean
+from pneudrive.friction.campaign.curves import Fits, cycle_terms
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import TRACE
 from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVEL_COLUMNS, LEVELS, columns_to_dataset, write_map
@@ -19,9 +21,7 @@ from pneudrive.simulation.trajectory import check_target, write_frame, write_who
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.friction.budget import CycleTerms
     from pneudrive.friction.campaign.compare import Comparison
-    from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, PressureEffects
@@ -33,74 +33,59 @@ COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
 BANDS = tuple(name for name in LEVEL_COLUMNS if name.endswith("_n"))
 
 
-def friction_map(
-    reading: CampaignData, points: CurvePoints | None, fits: Fits | None, terms: CycleTerms | None, protocol: str
-) -> xr.Dataset:
+def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits | None, protocol: str) -> xr.Dataset:
     """Return the map, one row per cycle and direction, in the order of the campaign."""
-    cycles, edges, ways = reading.sliding, reading.edges_m, np.array(WAYS)
-    count, moves, nothing = len(cycles), cycles.moves, np.full((len(cycles), 2), np.nan)
-    known = np.isfinite(cycles["balance_n"])
+    cycles, edges, ambient_pa = reading.sliding, reading.edges_m, reading.identity.ambient_pressure_pa
+    count, moves, known = len(cycles), cycles.moves, np.isfinite(cycles["balance_n"])
     columns: dict[str, np.ndarray] = {name: cycles[name] for name in MAP_COLUMNS if name in OF_SIDES}
-    columns |= dict.fromkeys(("offset_n", "stderr_n", "u_systematic_n", *BANDS), nothing)
+    columns |= {name: np.full((count, 2), np.nan) for name in ("offset_n", "stderr_n", "u_systematic_n", *BANDS)}
+    columns["direction"] = np.tile(WAYS, (count, 1))
     columns["balance_n"] = known_mean(cycles["balance_n"], axis=2)
-    columns["friction_n"] = ways * columns["balance_n"]
+    columns["friction_n"] = WAYS * columns["balance_n"]
     columns["position_from_m"] = edges[known.argmax(axis=2)]
     columns["position_to_m"] = edges[known.shape[2] - known[:, :, ::-1].argmax(axis=2)]
     reason = np.full(count, "unpaired", dtype=object)
-    if points is not None and terms is not None:
-        both, centre, common = moves.all(axis=1), points.pattern.position_m, points.pattern.common
-        reason[both], width = points["reason"], edges[1] - edges[0]
-        values = _paired(points, fits, terms)
-        values |= {
-            "position_from_m": np.array([[centre[common][0] - width / 2.0]]),
-            "position_to_m": np.array([[centre[common][-1] + width / 2.0]]),
-        }
-        for name, value in values.items():
-            columns[name] = columns[name].copy()
+    if points is not None:
+        both = moves.all(axis=1)
+        reason[both] = points["reason"]
+        for name, value in _paired(points, fits, edges[1] - edges[0]).items():
             columns[name][both] = value
     raised = zip(cycles["flags"], reason, strict=True)
     flags = [",".join(dict.fromkeys([*flags, *([_flag(why)] if why else [])])) for flags, why in raised]
-    of_cycle = {
-        "recording": cycles["key"],
-        "flags": np.array(flags, dtype=object),
-        "temperature_k": cycles["temperature_k"],
-    }
-    of_cycle |= {name: cycles[name] for name in ("kind", "block", "repeat", "began_s")}
+    of_cycle = {name: cycles[name] for name in ("temperature_k", "kind", "block", "repeat", "began_s")}
     of_cycle |= {name: np.array([getattr(c, name) for c in cycles["condition"]], dtype=object) for name in LEVELS}
+    of_cycle |= {"recording": cycles["key"], "flags": np.array(flags, object), AMBIENT: np.full(count, ambient_pa)}
     columns |= {name: np.tile(values[:, None], 2) for name, values in of_cycle.items()}
-    columns |= {
-        "direction": np.tile(ways, (count, 1)),
-        AMBIENT: np.full((count, 2), reading.identity.ambient_pressure_pa),
-    }
     rows = {name: values[moves] for name, values in columns.items()}
     order = np.lexsort((-rows["direction"], rows["recording"].astype(str), rows["began_s"]))
     found = columns_to_dataset({name: values[order] for name, values in rows.items()}, COLUMNS)
-    found.attrs |= {
-        "title": "friction map of a campaign",
-        "protocol": protocol,
-        AMBIENT: reading.identity.ambient_pressure_pa,
-        "synthetic": reading.identity.synthetic,
-    }
+    found.attrs |= {"title": "friction map of a campaign", "protocol": protocol, AMBIENT: ambient_pa}
+    found.attrs["synthetic"] = reading.identity.synthetic
     return found
 
 
-def _paired(points: CurvePoints, fits: Fits | None, terms: CycleTerms) -> dict[str, np.ndarray]:
-    """Return friction with uncertainty and band of the cycles with both directions, shape (n, 1) or (n, 2)."""
-    friction, offset, ways = points["friction_n"][:, None], points["offset_n"][:, None], np.array(WAYS)
-    own = friction + ways * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
-    half, half_direction = terms.half_n[:, None], terms.half_direction_n[:, None]
+def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
+    """Return the columns of the cycles with both directions, shape (n, 1) or (n, 2), for bins of this width."""
+    friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
+    own = friction + WAYS * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
+    stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
+    half = NORMAL_95 * np.hypot(stderr, systematic)
+    half_direction = NORMAL_95 * np.sqrt(stderr**2 + systematic**2 + one_sided)
+    common = points.pattern.position_m[points.pattern.common]
     return {
-        "balance_n": ways * friction + offset,
+        "balance_n": WAYS * friction + offset,
         "friction_n": friction,
         "offset_n": offset,
-        "stderr_n": terms.stderr_n[:, None],
-        "u_systematic_n": terms.u_systematic_n[:, None],
+        "stderr_n": stderr,
+        "u_systematic_n": systematic,
         "friction_low_n": friction - half,
         "friction_high_n": friction + half,
         "friction_direction_n": own,
         "friction_direction_low_n": own - half_direction,
         "friction_direction_high_n": own + half_direction,
         "air_n": points["air_n"][:, None],
+        "position_from_m": common[:1, None] - width_m / 2.0,
+        "position_to_m": common[-1:, None] + width_m / 2.0,
     }
 
 
