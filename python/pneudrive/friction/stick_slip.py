@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -84,10 +83,18 @@ def find_reversal_peaks(
     profile
         Reversals of the same level. Its offset is removed, see `offset_line`.
     """
-    if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
+    after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
+    if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
         return []
-    search = _PeakSearch(recording, balance_n, profile)
-    return [search.peak(stroke) for stroke in strokes if stroke.start != 0 and stroke.index != 0]
+    usual = _Usual(
+        sliding_n=float(np.nanmean(profile.friction_n[profile.in_window])),
+        step_s=middle_step(recording.time_s),
+        noise_n=noise_level(balance_n),
+        pressures_pa=tuple(
+            noise_level(pressure, quantisation=False) for pressure in (recording.pressure_a_pa, recording.pressure_b_pa)
+        ),
+    )
+    return [_peak(recording, stroke, balance_n, profile, usual) for stroke in after]
 
 
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
@@ -104,96 +111,78 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     return straight_line(profile.position_m[near], profile.offset_n[near])
 
 
-@dataclass(frozen=True, eq=False)
-class _PeakSearch:
-    """The samples of a level, with its sliding friction, time step, and noise of balance and pressures."""
+class _Usual(NamedTuple):
+    """Mean friction in the window, usual time step, noise of the balance and of both pressures."""
 
-    recording: Recording
-    balance_n: Array
-    profile: Profile
+    sliding_n: float
+    step_s: float
+    noise_n: float
+    pressures_pa: tuple[float, ...]
 
-    @cached_property
-    def sliding_n(self) -> float:
-        """Mean friction in the window."""
-        return float(np.nanmean(self.profile.friction_n[self.profile.in_window]))
 
-    @cached_property
-    def step_s(self) -> float:
-        """Usual time step."""
-        return middle_step(self.recording.time_s)
+def _peak(recording: Recording, stroke: Stroke, balance_n: Array, profile: Profile, usual: _Usual) -> ReversalPeak:
+    """Return the peak after the reversal at which a stroke begins."""
+    # The force rises while the piston still rests: go back from the first motion through the dwell.
+    position, time = recording.position_m, recording.time_s
+    back = int(np.searchsorted(time, time[stroke.start] - stroke.dwell_s))
+    begin = max(min(back, stroke.start), 0)
+    travel = abs(stroke.to_m - stroke.from_m)
+    travelled = np.abs(position[stroke.samples] - stroke.from_m)
+    end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
+    part = slice(begin, end)
+    slope, intercept = offset_line(profile, stroke.from_m)
+    friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
+    low, high, top = _rise(friction)
+    times = time[part]
+    duration = float(times[high] - times[low])
+    swing, excess = float(friction[top] - friction[low]), float(friction[top] - usual.sliding_n)
+    gap = np.diff(times[low : top + 1]).max(initial=0.0)
+    moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), usual.pressures_pa)
+    seen = {
+        "undersampled": high - low < NEEDED_RISE_SAMPLES,
+        "pressure_transient": moved > TRANSIENT_SHARE * swing,
+        "inertia": _inertia_n(recording, stroke) > INERTIA_SHARE * swing,
+        "gap": gap > 5 * usual.step_s,
+        "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
+    }
+    return ReversalPeak(
+        recording=recording.name,
+        stroke=stroke.index,
+        direction=stroke.direction,
+        time_s=float(times[top]),
+        position_m=float(position[part][top]),
+        friction_n=float(friction[top]),
+        sliding_n=usual.sliding_n,
+        excess_n=excess,
+        # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
+        significant=excess > usual.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+        dwell_s=stroke.dwell_s,
+        loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else float("nan"),
+        rise_samples=high - low,
+        flags=tuple(name for name, is_so in seen.items() if is_so),
+    )
 
-    @cached_property
-    def noise_n(self) -> float:
-        """Noise of the balance."""
-        return noise_level(self.balance_n)
 
-    @cached_property
-    def pressures(self) -> list[tuple[Array, float, float]]:
-        """Pressure, area and noise of both chambers."""
-        r = self.recording
-        sides = ((r.pressure_a_pa, r.area_a_m2), (r.pressure_b_pa, r.area_b_m2))
-        return [(pressure, area, noise_level(pressure, quantisation=False)) for pressure, area in sides]
+def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[float]) -> float:
+    """Return the change of the pressure force until the peak, also during the rest before it, beyond noise, N."""
+    moved = 0.0
+    for side, noise in zip("ab", noise_pa, strict=True):
+        pressure = getattr(recording, f"pressure_{side}_pa")[part]
+        # Noise spreads n samples over about 2 sqrt(2 ln n) deviations.
+        by_noise = 2 * noise * np.sqrt(2 * np.log(max(pressure.size, 2)))
+        moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
+    return moved
 
-    def peak(self, stroke: Stroke) -> ReversalPeak:
-        """Return the peak after the reversal at which a stroke begins."""
-        # The force rises while the piston still rests: go back from the first motion through the dwell.
-        position, time = self.recording.position_m, self.recording.time_s
-        back = int(np.searchsorted(time, time[stroke.start] - stroke.dwell_s))
-        begin = max(min(back, stroke.start), 0)
-        travel = abs(stroke.to_m - stroke.from_m)
-        travelled = np.abs(position[stroke.samples] - stroke.from_m)
-        end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
-        part = slice(begin, end)
-        slope, intercept = offset_line(self.profile, stroke.from_m)
-        friction = stroke.direction * (self.balance_n[part] - (slope * position[part] + intercept))
-        low, high, top = _rise(friction)
-        times = time[part]
-        duration = float(times[high] - times[low])
-        swing, excess = float(friction[top] - friction[low]), float(friction[top] - self.sliding_n)
-        gap = np.diff(times[low : top + 1]).max(initial=0.0)
-        seen = {
-            "undersampled": high - low < NEEDED_RISE_SAMPLES,
-            "pressure_transient": self._pressure_moves_n(slice(begin, begin + top + 1)) > TRANSIENT_SHARE * swing,
-            "inertia": self._inertia_n(stroke) > INERTIA_SHARE * swing,
-            "gap": gap > 5 * self.step_s,
-            "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
-        }
-        return ReversalPeak(
-            recording=self.recording.name,
-            stroke=stroke.index,
-            direction=stroke.direction,
-            time_s=float(times[top]),
-            position_m=float(position[part][top]),
-            friction_n=float(friction[top]),
-            sliding_n=self.sliding_n,
-            excess_n=excess,
-            # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
-            significant=excess > self.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
-            dwell_s=stroke.dwell_s,
-            loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else float("nan"),
-            rise_samples=high - low,
-            flags=tuple(name for name, is_so in seen.items() if is_so),
-        )
 
-    def _pressure_moves_n(self, part: slice) -> float:
-        """Return the change of the pressure force until the peak, also during the rest before it, beyond noise, N."""
-        moved = 0.0
-        for channel, area, noise in self.pressures:
-            pressure = channel[part]
-            # Noise spreads n samples over about 2 sqrt(2 ln n) deviations.
-            by_noise = 2 * noise * np.sqrt(2 * np.log(max(pressure.size, 2)))
-            moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * area
-        return moved
-
-    def _inertia_n(self, stroke: Stroke) -> float:
-        """Return the force that accelerates the mass beyond the sensor to 80 % of the speed, in one sample or more."""
-        mass = self.recording.mass_beyond_sensor_kg
-        if not mass:
-            return 0.0
-        time, speed = self.recording.time_s[stroke.samples], 0.8 * abs(stroke.speed_m_s)
-        velocity = local_slope(time, self.recording.position_m[stroke.samples])
-        reached = max(int(np.argmax(np.abs(velocity) >= speed)), 1)
-        return mass * (speed / float(time[reached] - time[0]))
+def _inertia_n(recording: Recording, stroke: Stroke) -> float:
+    """Return the force that accelerates the mass beyond the sensor to 80 % of the speed, in one sample or more."""
+    mass = recording.mass_beyond_sensor_kg
+    if not mass:
+        return 0.0
+    time, speed = recording.time_s[stroke.samples], 0.8 * abs(stroke.speed_m_s)
+    velocity = local_slope(time, recording.position_m[stroke.samples])
+    reached = max(int(np.argmax(np.abs(velocity) >= speed)), 1)
+    return mass * (speed / float(time[reached] - time[0]))
 
 
 def _rise(friction_n: Array) -> tuple[int, int, int]:

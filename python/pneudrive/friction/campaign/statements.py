@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
 from pneudrive.friction.campaign.smooth import CARRIED
-from pneudrive.friction.campaign.trends import causes, pure_scatter
+from pneudrive.friction.campaign.trends import pure_scatter, together
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Said, Statement, named, say_all
 from pneudrive.signals.motion import straight_line
@@ -171,7 +171,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
     for cause, effect in effects.items():
         if effect is not None:
             yield "drift.effect", {"cause": cause, "effect": effect}
-    for a, b, r in causes(fits).together:
+    for a, b, r in together(fits):
         yield "drift.together", {"first": a.title(), "second": b, "r": r}
     if drift.interrupted is not None:
         yield "drift.interrupted", {"effect": drift.interrupted}

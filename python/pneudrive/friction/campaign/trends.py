@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 HOUR_S = 3600.0
-UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes
+UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K", "interrupted": "N"}  # of effects of these causes
 LEAST_KELVIN = 0.5  # least range of temperature for an effect
 LEAST_DECADES = 0.5  # of travel
 FIRST_TRAVEL_M = 1.0  # least travel for its logarithm
@@ -39,53 +39,39 @@ ENOUGH_FOR_LINE = 3  # degrees of freedom above which a line over the campaign i
 TOGETHER = 0.95  # correlation above which two causes cannot be separated
 
 
-@dataclass(frozen=True, eq=False)
-class Causes:
-    """Possible causes of a change of friction over a campaign, shape (n,) each, for the cycles that are points of F(v).
+def causes(fits: Fits) -> dict[str, Array]:
+    """Return possible causes of a drift that change enough to have an effect, at the points of F(v).
 
-    Attributes
-    ----------
-    columns : dict
-        time (h), travel (decades), temperature (K), if they change enough to have an effect.
-    interrupted : ndarray of bool
-        Cycles that follow a long rest, or a cycle with a stop.
-    together : tuple of (str, str, float)
-        Pairs that cannot be separated, and their correlation.
+    They are time (h), travel (decades), temperature (K), and interrupted: 1 after a long rest or a cycle with a stop.
     """
-
-    columns: dict[str, Array]
-    interrupted: Mask
-    together: tuple[tuple[str, str, float], ...]
-
-
-def causes(fits: Fits) -> Causes:
-    """Collect the possible causes of a drift."""
     used = fits.points.at(fits.points.use)
-    columns, decades, kelvin = (
-        {"time": used["began_s"] / HOUR_S},
-        np.log10(used["travel_m"] + FIRST_TRAVEL_M),
-        used["temperature_k"],
-    )
+    columns, rest = {"time": used["began_s"] / HOUR_S}, used["rest_s"]
+    decades, kelvin = np.log10(used["travel_m"] + FIRST_TRAVEL_M), used["temperature_k"]
     if np.ptp(decades) >= LEAST_DECADES:
         columns["travel"] = decades
     if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
         columns["temperature"] = kelvin
-    changing = {name: column for name, column in columns.items() if np.ptp(column) > 0}
-    pairs = [(a, b, float(np.corrcoef(changing[a], changing[b])[0, 1])) for a, b in combinations(changing, 2)]
-    rest = used["rest_s"]
     usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
     interrupted = np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
-    return Causes(columns, interrupted, tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
+    if FEWEST_INTERRUPTED <= interrupted.sum() <= interrupted.size - FEWEST_INTERRUPTED:
+        columns["interrupted"] = interrupted.astype(float)
+    return columns
+
+
+def together(fits: Fits) -> Iterator[tuple[str, str, float]]:
+    """Return the pairs of causes that cannot be separated, and their correlation."""
+    changing = {name: column for name, column in causes(fits).items() if np.ptp(column) > 0 and name != "interrupted"}
+    for a, b in combinations(changing, 2):
+        if abs(r := float(np.corrcoef(changing[a], changing[b])[0, 1])) > TOGETHER:
+            yield a, b, r
 
 
 def drift_of(fits: Fits) -> Drift:
     """Describe the drift. Undetermined effects have the value None."""
-    points, fit, scale, found = fits.points, fits.friction, fits.scale_n, causes(fits)
+    points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
-    effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}
-    number, interrupted = int(found.interrupted.sum()), None
-    if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
-        interrupted = _effect(fits, found.interrupted.astype(float), "N")
+    known = {name: column for name, column in causes(fits).items() if carried or name == "interrupted"}
+    effects = {name: _effect(fits, column, UNITS[name]) for name, column in known.items()}
     time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
     repeated = (np.bincount(points.cell[points.use]) > 1).any()
     basis = "sentinels" if sentinel.any() else "repeats" if repeated else "smooth curve"
@@ -100,7 +86,7 @@ def drift_of(fits: Fits) -> Drift:
         per_hour=effects.get("time"),
         per_decade_of_travel=effects.get("travel"),
         per_kelvin=effects.get("temperature"),
-        interrupted=interrupted,
+        interrupted=effects.get("interrupted"),
         basis=basis if carried else "not determined",
         spread_n=float(np.std(value)),
     )
