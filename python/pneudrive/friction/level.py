@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.batching import in_advance
-from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import group_of
-from pneudrive.friction.sentences import sentence
+from pneudrive.friction.sentences import problem, sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED, Watch
@@ -413,7 +412,7 @@ def _all_parts(
         if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
             kept, largest_n = motion, most
     if kept is None or window is None:
-        raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
+        raise problem("problem.motionless", file.file.name)
     return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
 
 
@@ -442,12 +441,8 @@ def _result(
             used |= rows
     use = stroke_use(strokes, used, counting, window)
     if not levels:
-        raise RecordingError(
-            "no stroke has settled samples in the window",
-            where=motion.recording.name,
-            value=f"window {window[0] * 1e3:.4g} mm .. {window[1] * 1e3:.4g} mm, {use.recorded} strokes: {use.why}",
-            remedy="widen window.position in the layout, or record longer strokes",
-        )
+        low, high = (1e3 * end for end in window)
+        raise problem("problem.unsettled", motion.recording.name, low=low, high=high, use=use)
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
@@ -467,13 +462,8 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, floa
     if recording.window_m is None:
         return low + MIDDLE[0] * (high - low), low + MIDDLE[1] * (high - low)
     if recording.window_m[0] >= high or recording.window_m[1] <= low:
-        raise RecordingError(
-            "the window lies outside the motion",
-            where=recording.name,
-            value=f"window {recording.window_m[0] * 1e3:.4g} .. {recording.window_m[1] * 1e3:.4g} mm, "
-            f"strokes {low * 1e3:.4g} .. {high * 1e3:.4g} mm",
-            remedy="change window.position in the layout",
-        )
+        window = [end * 1e3 for end in recording.window_m]
+        raise problem("problem.window", recording.name, window=window, low=low * 1e3, high=high * 1e3)
     return recording.window_m
 
 
@@ -491,13 +481,8 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]
         is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:
-                raise RecordingError(
-                    f"{len(recording)} samples hold {n} strokes",
-                    where=str(file.file.path),
-                    rule=f"a recording of more than {LONG_SAMPLES} samples is read part by part, and a part has "
-                    f"{LEAST_STROKES} strokes",
-                    remedy="record fewer samples per stroke, or a file for each part",
-                )
+                sizes = {"samples": len(recording), "strokes": n, "most": LONG_SAMPLES, "least": LEAST_STROKES}
+                raise problem("problem.long_strokes", str(file.file.path), **sizes)
             left = raw
             continue
         counted = motion.strokes[0 if is_first else 1 : n if is_last else n - 1]

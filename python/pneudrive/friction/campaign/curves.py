@@ -385,48 +385,36 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
-    points = fits.points
 
-    def over(part: Callable[[CurveBand], Array]) -> list[Array]:
-        return [part(band)[band.measured] for band in fits.bands]
+    def rms(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
+        size = float(np.sqrt(np.mean(np.concatenate([part(band)[band.measured] for band in fits.bands]) ** 2)))
+        if not removed:
+            return size
+        return float(np.sqrt(max(size**2 - sum(named.get(name, 0.0) ** 2 for name in removed), 0.0)))
 
-    scatter = over(lambda band: (band.high_n - band.low_n) / (2.0 * NORMAL_95))
-    gains, turns = over(lambda band: band.shared.gain_n), over(lambda band: band.shared.hysteresis_n)
-    zeros = over(
-        lambda band: np.hypot(
-            np.hypot(band.shared.zero_n, band.shared.half_sum_n), band.offset.half_width() / NORMAL_95
-        )
-    )
-    places = over(lambda band: band.shared.position_n)
-    assumed = bool(points["assumed"].any())
+    def zero(band: CurveBand) -> Array:
+        both = np.hypot(band.shared.zero_n, band.shared.half_sum_n)
+        return np.hypot(both, band.offset.half_width() / NORMAL_95)
+
+    used = fits.points.at(fits.points.use)
+    assumed = bool(fits.points["assumed"].any())
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
-    used, names = points.at(points.use), (*GROWING, *CONSTANT)  # parts of the force sensor that its calibration names
-    named = {name: u for name in names if np.isfinite(used[name][0]) and (u := _rms([used[name]])) > 0.0}
-    grow, turn = (_without(_rms(parts), named, names) for parts, names in ((gains, GROWING), (turns, CONSTANT)))
+    known_to = [name for name in (*GROWING, *CONSTANT) if np.isfinite(used[name][0])]  # that a calibration names
+    named = {name: u for name in known_to if (u := float(np.sqrt(np.mean(used[name] ** 2)))) > 0.0}
     words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
-    return (
-        UncertaintySource("scatter of the cycles", _rms(scatter), "A", "data", f"{chance}; from the mixed model"),
-        *(
-            UncertaintySource(f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words)
-            for name, u in named.items()
-        ),
-        UncertaintySource(f"gain of the {other}", grow, "A" if stated == "data" else "B", stated),
-        UncertaintySource(f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
-        UncertaintySource(
-            "mean over position", _rms(places), "B", "assumed", "pattern over the part of the stroke not covered"
-        ),
-        UncertaintySource("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
-    )
-
-
-def _without(total: float, named: dict[str, float], names: tuple[str, ...]) -> float:
-    return float(np.sqrt(max(total**2 - sum(named.get(name, 0.0) ** 2 for name in names), 0.0)))
-
-
-def _rms(parts: list[Array]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+    grow, turn = rms(lambda b: b.shared.gain_n, GROWING), rms(lambda b: b.shared.hysteresis_n, CONSTANT)
+    scatter, place = rms(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95)), rms(lambda b: b.shared.position_n)
+    rows = [
+        ("scatter of the cycles", scatter, "A", "data", f"{chance}; from the mixed model"),
+        *((f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words) for name, u in named.items()),
+        (f"gain of the {other}", grow, "A" if stated == "data" else "B", stated, ""),
+        (f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
+        ("mean over position", place, "B", "assumed", "pattern over the part of the stroke not covered"),
+        ("zero and asymmetry", rms(zero), "A", "data", "curves of one direction only"),
+    ]
+    return tuple(UncertaintySource(*row) for row in rows)
 
 
 def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]]:
