@@ -14,20 +14,10 @@ from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
+from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
 from pneudrive.friction.friction_map import Row, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
-from pneudrive.friction.pressure import (
-    CONFOUNDED,
-    MINIMUM_RANGE_PA,
-    ClosureFit,
-    LevelPoint,
-    PressureLine,
-    RunSpread,
-    fit_closures,
-    fit_pressure_lines,
-    run_spread,
-)
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
@@ -44,7 +34,7 @@ if TYPE_CHECKING:
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 
-def _speed_with_pressure(points: tuple[LevelPoint, ...], rows: list[Row]) -> float:
+def _speed_with_pressure(points: tuple[pressure.LevelPoint, ...], rows: list[Row]) -> float:
     """Return the correlation of speed and pressure within seals, in the direction in which it is stronger."""
     of_recording = {point.recording: point for point in points}
     strongest = 0.0
@@ -58,7 +48,7 @@ def _speed_with_pressure(points: tuple[LevelPoint, ...], rows: list[Row]) -> flo
             members = np.array([s == seal for s in seals])
             has_changed |= changed(values[members, 0], float(np.median(scatter)))
             values[members] -= values[members].mean(axis=0)
-        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > MINIMUM_RANGE_PA:
+        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > pressure.MINIMUM_RANGE_PA:
             found = float(np.corrcoef(values.T)[0, 1])
             strongest = max(strongest, found, key=abs)
     return strongest
@@ -142,10 +132,10 @@ def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, fl
 
 def notes_of(
     results: tuple[RecordingResult, ...],
-    points: tuple[LevelPoint, ...],
-    lines: list[PressureLine],
+    points: tuple[pressure.LevelPoint, ...],
+    lines: list[pressure.PressureLine],
     rows: list[Row],
-    closures: list[ClosureFit],
+    closures: list[pressure.ClosureFit],
 ) -> list[str]:
     """Return the notes on all recordings together."""
     levels = [level for result in results for level in result.levels]
@@ -157,10 +147,10 @@ def notes_of(
         if result.delay is not None and result.delay.is_clear
     ]
     together = _speed_with_pressure(points, rows)
-    if abs(together) > CONFOUNDED:
+    if abs(together) > pressure.CONFOUNDED:
         notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
     gauges = [item for level in levels for item in level.gauge_pa.items()]
-    under_pressure = {side for side, gauge in gauges if abs(gauge) > MINIMUM_RANGE_PA}
+    under_pressure = {side for side, gauge in gauges if abs(gauge) > pressure.MINIMUM_RANGE_PA}
     notes += [sentence("note.one_side")] if len(under_pressure) == 1 else []
     notes += _doubts(levels)
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
@@ -224,10 +214,10 @@ class Characterisation(Viewed):
 
     results: tuple[RecordingResult, ...]
     friction_map: xr.Dataset
-    closures: tuple[ClosureFit, ...]
-    pressure_lines: tuple[PressureLine, ...]
-    points: tuple[LevelPoint, ...]
-    run_spread: RunSpread | None
+    closures: tuple[pressure.ClosureFit, ...]
+    pressure_lines: tuple[pressure.PressureLine, ...]
+    points: tuple[pressure.LevelPoint, ...]
+    run_spread: pressure.RunSpread | None
     notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
     protocol: str
@@ -350,7 +340,7 @@ class _Results:
         self.shown: list[RecordingResult] = []
         self.rows: list[dict] = []
         self.labels: list[dict[str, str]] = []
-        self.points: list[LevelPoint] = []
+        self.points: list[pressure.LevelPoint] = []
         self.uses: dict[str, StrokeUse] = {}
         self.inputs: list[dict[str, str]] = []
         self.skipped: list[tuple[str, str]] = []
@@ -385,7 +375,7 @@ class _Results:
         rows = [row for level in result.levels for row in level.rows]
         self.rows += rows
         self.labels += [result.recording.labels] * len(rows)
-        self.points += map(LevelPoint.of, result.levels)
+        self.points += map(pressure.LevelPoint.of, result.levels)
         self.uses[name] = result.stroke_use
         self.inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
         self.shown += [result] if is_shown else []
@@ -401,7 +391,7 @@ class _Results:
             if self.skipped:
                 notes.append(sentence("note.not_counted", count=len(self.skipped), first=self.skipped[0]))
         notes += [sentence("note.part_by_part", name=name) for name in self.long]
-        closures, lines = fit_closures(self.points), fit_pressure_lines(self.points)
+        closures, lines = pressure.fit_closures(self.points), pressure.fit_pressure_lines(self.points)
         friction_map = rows_to_dataset(self.rows, self.labels)
         friction_map.attrs["protocol"] = choice.name
         friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
@@ -416,7 +406,7 @@ class _Results:
             closures=tuple(closures),
             pressure_lines=tuple(lines),
             points=points,
-            run_spread=run_spread(points),
+            run_spread=pressure.run_spread(points),
             notes=(*notes, *stroke_notes(self.uses), *notes_of(results, points, lines, self.rows, closures)),
             skipped=tuple(self.skipped),
             protocol=choice.name,

@@ -9,16 +9,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.motion import (
-    Stroke,
-    find_strokes,
-    local_slope,
-    middle,
-    middle_step,
-    noise_level,
-    quantiles,
-    straight_line,
-)
+from pneudrive.signals import motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +59,7 @@ class ReversalPeak:
 
 
 def find_reversal_peaks(
-    recording: Recording, strokes: Sequence[Stroke], balance_n: Array, profile: Profile
+    recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
 ) -> list[ReversalPeak]:
     """Find the peak after each reversal at which one of ``strokes`` begins.
 
@@ -88,10 +79,11 @@ def find_reversal_peaks(
         return []
     usual = _Usual(
         sliding_n=float(np.nanmean(profile.friction_n[profile.in_window])),
-        step_s=middle_step(recording.time_s),
-        noise_n=noise_level(balance_n),
+        step_s=motion.middle_step(recording.time_s),
+        noise_n=motion.noise_level(balance_n),
         pressures_pa=tuple(
-            noise_level(pressure, quantisation=False) for pressure in (recording.pressure_a_pa, recording.pressure_b_pa)
+            motion.noise_level(pressure, quantisation=False)
+            for pressure in (recording.pressure_a_pa, recording.pressure_b_pa)
         ),
     )
     return [_peak(recording, stroke, balance_n, profile, usual) for stroke in after]
@@ -108,7 +100,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
     if near.sum() < FEWEST_BINS:
         near = known & profile.in_window
-    return straight_line(profile.position_m[near], profile.offset_n[near])
+    return motion.straight_line(profile.position_m[near], profile.offset_n[near])
 
 
 class _Usual(NamedTuple):
@@ -120,7 +112,9 @@ class _Usual(NamedTuple):
     pressures_pa: tuple[float, ...]
 
 
-def _peak(recording: Recording, stroke: Stroke, balance_n: Array, profile: Profile, usual: _Usual) -> ReversalPeak:
+def _peak(
+    recording: Recording, stroke: motion.Stroke, balance_n: Array, profile: Profile, usual: _Usual
+) -> ReversalPeak:
     """Return the peak after the reversal at which a stroke begins."""
     # The force rises while the piston still rests: go back from the first motion through the dwell.
     position, time = recording.position_m, recording.time_s
@@ -174,13 +168,13 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
     return moved
 
 
-def _inertia_n(recording: Recording, stroke: Stroke) -> float:
+def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
     """Return the force that accelerates the mass beyond the sensor to 80 % of the speed, in one sample or more."""
     mass = recording.mass_beyond_sensor_kg
     if not mass:
         return 0.0
     time, speed = recording.time_s[stroke.samples], 0.8 * abs(stroke.speed_m_s)
-    velocity = local_slope(time, recording.position_m[stroke.samples])
+    velocity = motion.local_slope(time, recording.position_m[stroke.samples])
     reached = max(int(np.argmax(np.abs(velocity) >= speed)), 1)
     return mass * (speed / float(time[reached] - time[0]))
 
@@ -274,7 +268,7 @@ def find_stick_slip(
     if time_s.shape != position_m.shape or time_s.ndim != 1:
         raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
     velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)
-    strokes = find_strokes("motion", time_s, position_m)
+    strokes = motion.find_strokes("motion", time_s, position_m)
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m, trim)) is not None]
     return [
         measure_stick_slip(time_s[part], position_m[part], None if velocity is None else velocity[part])
@@ -282,7 +276,7 @@ def find_stick_slip(
     ]
 
 
-def middle_of(stroke: Stroke, position_m: Array, trim: float = 0.1) -> slice | None:
+def middle_of(stroke: motion.Stroke, position_m: Array, trim: float = 0.1) -> slice | None:
     """Return the samples of a stroke without a fraction of its travel at each end. None if too few remain."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
     inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
@@ -301,7 +295,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     half_width = 0
     if velocity_m_s is None:
         half_width = _smoothing(time_s, position_m, mean)
-        velocity_m_s = local_slope(time_s, position_m, half_width)
+        velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
     weights = _spacing(time_s)
     total = weights.sum()
@@ -333,7 +327,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
 def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
     """Return half width of the slope window at which position noise gives at most 5 % of the mean speed."""
     step = float(time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
-    noise = noise_level(position_m)
+    noise = motion.noise_level(position_m)
     if mean <= 0 or step <= 0:
         return 1
     # Slope of a line through 2 h + 1 points: variance 3 noise^2 / (h (h + 1) (2 h + 1) step^2).
@@ -367,7 +361,7 @@ def _slips(speed: Array, stuck: Mask, slipping: Mask) -> tuple[list[int], list[f
     return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]
 
 
-def stroke_slip(recording: Recording, stroke: Stroke) -> tuple[StickSlip, StickSlip | None] | None:
+def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip, StickSlip | None] | None:
     """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
 
     The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
@@ -396,16 +390,16 @@ def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> dict[str,
     }
 
 
-def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[Stroke]) -> float:
+def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Stroke]) -> float:
     """Return the usual range of the balance in the middle of some strokes, without its lowest and highest 2 %."""
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
-    return median([float(np.diff(quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
+    return median([float(np.diff(motion.quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
 
 
 def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
     """Return evenly spaced values of uneven samples: means over equal intervals."""
     steps = np.diff(time_s)
-    if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * middle(steps):  # the first one is quick
+    if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * motion.middle(steps):  # the first one is quick
         return time_s, *values
     count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), FEWEST_SAMPLES))
     edges = np.linspace(time_s[0], time_s[-1], count + 1)

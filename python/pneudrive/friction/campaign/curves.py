@@ -18,27 +18,9 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95, Estimate
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.budget import SharedTerms
-from pneudrive.friction.campaign import smooth
+from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.cycles import GROWING, CycleTable, Gain
-from pneudrive.friction.campaign.points import (
-    NAMES,
-    OUTLIER,
-    STICK_SLIP,
-    CurvePoints,
-    block_shares,
-    condensed,
-    excluded_from,
-    speeds_of,
-)
-from pneudrive.friction.campaign.result import (
-    AirShare,
-    Asymmetry,
-    Curve,
-    SensorZero,
-    StickSlipPoint,
-    StickSlipThreshold,
-    UncertaintySource,
-)
+from pneudrive.friction.campaign.points import NAMES, OUTLIER, STICK_SLIP, CurvePoints
 from pneudrive.friction.friction_map import BOTH, Condition
 from pneudrive.friction.sentences import sentence
 
@@ -122,7 +104,7 @@ def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints |
     In a large campaign, neighbouring repeats are merged into one point of the models, and outliers are not sought.
     """
     if points is None or points.is_large:
-        return points, None if points is None else _fit_points(condensed(points), tares)
+        return points, None if points is None else _fit_points(points.condensed(), tares)
     fits = _without_wild(points, tares)
     return (points if fits is None else fits.points), fits
 
@@ -154,7 +136,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     if use.sum() < FEWEST:
         return None
     curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
-    blocks, kind = block_shares(points)
+    blocks, kind = points.block_shares()
     ones = np.ones(int(use.sum()))
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
@@ -236,7 +218,7 @@ class CurveBand:
         Index of the curve in the models, and of its condition among those of the points.
     condition : Condition
     speed_m_s, measured, cycles : ndarray
-        See `speeds_of`.
+        See `CurvePoints.speeds_of`.
     value_n, low_n, high_n, cycle_n : ndarray
         Curve, its 95 % interval by chance, and the standard deviation of a single cycle.
     offset : Predicted
@@ -262,7 +244,7 @@ def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
     """Return the bands of all curves, in the order of the conditions."""
     points, found = fits.points, []
     for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
-        speed, measured, cycles = speeds_of(points, index)
+        speed, measured, cycles = points.speeds_of(index)
         value, low, high = by_chance(fits, fits.friction, number, speed, cycles)
         offset, cycle = fits.offset.at(number, speed), deviation_n(fits, "cycle", value)
         shared = systematic(fits, value, offset.mean, index)
@@ -271,12 +253,12 @@ def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
     return tuple(found)
 
 
-def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
+def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
     """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
-    curves: list[Curve] = []
+    curves: list[result.Curve] = []
     for band in fits.bands:
         same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "measured", "cycles")}
-        same |= {"excluded": excluded_from(fits.points, band.index), "contains_air": contains_air}
+        same |= {"excluded": fits.points.excluded_from(band.index), "contains_air": contains_air}
         value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
         for direction in (BOTH, 1, -1):
             centre, below, above = value, value - band.low_n, band.high_n - value
@@ -288,7 +270,9 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
             values = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u, "complete": complete}
-            curves.append(Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values))
+            curves.append(
+                result.Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values)
+            )
     return tuple(curves)
 
 
@@ -352,7 +336,7 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)
 
 
-def air_shares(fits: Fits, *, separated: bool) -> tuple[AirShare, ...]:
+def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
     """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
     points = fits.points
     total, whole = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True), []
@@ -371,7 +355,7 @@ def air_shares(fits: Fits, *, separated: bool) -> tuple[AirShare, ...]:
             u = np.full(value.size, np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
             parts = [*_with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)]
             parts += _with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n())
-        found.append(AirShare(band.condition, separated, band.speed_m_s, value, low, high, *parts, bound))
+        found.append(result.AirShare(band.condition, separated, band.speed_m_s, value, low, high, *parts, bound))
     return tuple(found)
 
 
@@ -383,7 +367,7 @@ def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Arr
 CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are equal at all forces
 
 
-def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
+def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
 
     def rms(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
@@ -414,7 +398,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Unc
         ("mean over position", place, "B", "assumed", "pattern over the part of the stroke not covered"),
         ("zero and asymmetry", rms(zero), "A", "data", "curves of one direction only"),
     ]
-    return tuple(UncertaintySource(*row) for row in rows)
+    return tuple(result.UncertaintySource(*row) for row in rows)
 
 
 def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]]:
@@ -426,7 +410,7 @@ def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]
                 yield condition, speed, here
 
 
-def stick_slip_points(points: CurvePoints) -> tuple[StickSlipPoint, ...]:
+def stick_slip_points(points: CurvePoints) -> tuple[result.StickSlipPoint, ...]:
     """Return the conditions and speeds at which sliding was not steady."""
     found = []
     for condition, speed, here in _cells(points):
@@ -436,11 +420,11 @@ def stick_slip_points(points: CurvePoints) -> tuple[StickSlipPoint, ...]:
             ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
             usual = [float(np.median(here[name][slipping])) if slipping.any() else np.nan for name in OF_SLIPS]
             medians = (float(np.median(ripple)), *usual, float(np.median(here["swing_n"])))
-            found.append(StickSlipPoint(condition, speed, share, ripple.size, *medians))
+            found.append(result.StickSlipPoint(condition, speed, share, ripple.size, *medians))
     return tuple(found)
 
 
-def thresholds(points: CurvePoints) -> tuple[StickSlipThreshold, ...]:
+def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
     """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
     slipping: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
     steady: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
@@ -455,20 +439,20 @@ def thresholds(points: CurvePoints) -> tuple[StickSlipThreshold, ...]:
     return tuple(_threshold(c, max(slipping[c], default=0.0), sorted(steady[c])) for c in known)
 
 
-def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> StickSlipThreshold:
+def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:
     above, mixed = min((v for v in steady if v > top), default=float("inf")), [v for v in steady if v < top]
     kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
     text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
     if mixed and kind == "between":
         text += sentence("threshold.mixed", speeds=", ".join(f"{1e3 * v:.3g}" for v in mixed))
-    return StickSlipThreshold(condition, top, above, text)
+    return result.StickSlipThreshold(condition, top, above, text)
 
 
 HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift
 
 
-def sensor_zero(tares: CycleTable) -> SensorZero:
+def sensor_zero(tares: CycleTable) -> result.SensorZero:
     """Return the zero of each zero run and its drift."""
     time, zero, stderr = (tares[name] for name in ("elapsed_s", "standing_n", "standing_stderr_n"))
     drift: Estimate | None = None
@@ -477,10 +461,10 @@ def sensor_zero(tares: CycleTable) -> SensorZero:
         scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
         model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.ones(time.size), scale),))
         drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
-    return SensorZero(time, zero, stderr, drift, "tare" if len(tares) else "not measured")
+    return result.SensorZero(time, zero, stderr, drift, "tare" if len(tares) else "not measured")
 
 
-def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
+def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in fits.bands:
@@ -491,7 +475,7 @@ def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
         half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
         mean = fits.offset.over(band.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
         found.append(
-            Asymmetry(
+            result.Asymmetry(
                 condition=band.condition,
                 speed_m_s=speeds,
                 half_difference_n=value,

@@ -364,6 +364,74 @@ class CurvePoints(CycleTable):
         """Return the values of a column in the cycles of some points."""
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
+    def condensed(self) -> CurvePoints:
+        """Group successive repeats of one condition, speed class and block.
+
+        If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
+        """
+        used = np.flatnonzero(self.use)
+        keys = (self["curve"][used], _stretches(self)[used], self["level"][used])
+        found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
+        groups = [used[group] for group in found]
+        middle = np.array([g[g.size // 2] for g in groups])
+        means = {
+            n: np.array([self[n][g].mean() for g in groups]) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")
+        }
+        for name in (f"{n}_stderr_n" for n in ("friction", "offset", "air", "total")):
+            means[name] = np.array([np.sqrt(np.sum(self[name][g] ** 2)) / g.size for g in groups])
+        of_level = self.level_speeds_m_s
+        return replace(
+            self.at(middle).having(**means, level=self["level"][middle] // speeds),
+            level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
+            members=tuple(groups),
+        )
+
+    def block_shares(self) -> tuple[Array | None, str]:
+        """Find blocks whose deviation can be separated from the levels: some levels have several blocks or days.
+
+        Returns
+        -------
+        ndarray or None, shape (used, blocks)
+            Share of each in the cycles of a point.
+        str
+            block, day, or "" without groups.
+        """
+        used = np.flatnonzero(self.use)
+        of_levels = np.array([c.title for c in self["condition"][used]])
+        for kind in ("block", "day"):
+            shares = shares_of(self.labels(kind, used))
+            if any((shares[of_levels == title] > 0.0).any(axis=0).sum() > 1 for title in np.unique(of_levels)):
+                return shares, kind
+        return None, ""
+
+    def speeds_of(self, index: int) -> tuple[Array, Mask, Whole]:
+        """Return the speeds of the curve of one condition: the measured ones and some in between.
+
+        Returns
+        -------
+        speed_m_s : ndarray, shape (m,)
+        measured : ndarray of bool, shape (m,)
+        cycles : ndarray of int, shape (m,)
+            0 between the measured speeds.
+        """
+        members = self.use & (self["curve"] == index)
+        levels = [members & (self["level"] == k) for k in sorted(set(self["level"][members]))]
+        speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
+        counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
+        between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
+        apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
+        every = np.concatenate([speeds, between[apart]])
+        cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
+        order = np.argsort(every)
+        return every[order], order < speeds.size, cycles[order]
+
+    def excluded_from(self, index: int) -> tuple[ExcludedPoint, ...]:
+        """Return the cycles of one condition that are not points of its curve, slowest first."""
+        out = self.at(np.flatnonzero((self["curve"] == index) & ~self.use))
+        ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
+        columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
+        return tuple(sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s))
+
 
 def points_of(reading: CampaignData) -> CurvePoints | None:
     """Return the sliding cycles as points; None if no cycle has both directions."""
@@ -395,29 +463,6 @@ def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
     saturated = np.array([flags.get("saturated", 0) for flags in cycles["flags"]])
     spoiled = np.where(saturated > SATURATED_SHARE * cycles["samples"].sum(axis=1), "saturated", "")
     return np.where(unsteady != "", unsteady, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
-
-
-def condensed(points: CurvePoints) -> CurvePoints:
-    """Group successive repeats of one condition, speed class and block.
-
-    If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
-    """
-    used = np.flatnonzero(points.use)
-    keys = (points["curve"][used], _stretches(points)[used], points["level"][used])
-    found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
-    groups = [used[group] for group in found]
-    middle = np.array([g[g.size // 2] for g in groups])
-    means = {
-        n: np.array([points[n][g].mean() for g in groups]) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")
-    }
-    for name in (f"{n}_stderr_n" for n in ("friction", "offset", "air", "total")):
-        means[name] = np.array([np.sqrt(np.sum(points[name][g] ** 2)) / g.size for g in groups])
-    of_level = points.level_speeds_m_s
-    return replace(
-        points.at(middle).having(**means, level=points["level"][middle] // speeds),
-        level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
-        members=tuple(groups),
-    )
 
 
 def _stretches(points: CurvePoints) -> Whole:
@@ -474,25 +519,6 @@ def _cells(place: Whole, stretch: Whole, level: Whole) -> Whole:
     return (place * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
 
 
-def block_shares(points: CurvePoints) -> tuple[Array | None, str]:
-    """Find blocks whose deviation can be separated from the levels: some levels have several blocks, or several days.
-
-    Returns
-    -------
-    ndarray or None, shape (used, blocks)
-        Share of each in the cycles of a point.
-    str
-        block, day, or "" without groups.
-    """
-    used = np.flatnonzero(points.use)
-    of_levels = np.array([c.title for c in points["condition"][used]])
-    for kind in ("block", "day"):
-        shares = shares_of(points.labels(kind, used))
-        if any((shares[of_levels == title] > 0.0).any(axis=0).sum() > 1 for title in np.unique(of_levels)):
-            return shares, kind
-    return None, ""
-
-
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     """Return the fraction of each label in each row of the group, shape (rows, labels)."""
     column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
@@ -501,33 +527,3 @@ def shares_of(labels: Sequence[Sequence[int]]) -> Array:
         for label in row:
             shares[i, column[label]] += 1.0
     return shares / shares.sum(axis=1, keepdims=True)
-
-
-def speeds_of(points: CurvePoints, index: int) -> tuple[Array, Mask, Whole]:
-    """Return the speeds of the curve of one condition: the measured ones and some in between.
-
-    Returns
-    -------
-    speed_m_s : ndarray, shape (m,)
-    measured : ndarray of bool, shape (m,)
-    cycles : ndarray of int, shape (m,)
-        0 between the measured speeds.
-    """
-    members = points.use & (points["curve"] == index)
-    levels = [members & (points["level"] == k) for k in sorted(set(points["level"][members]))]
-    speeds = np.array([points["speed_m_s"][level].mean() for level in levels])
-    counts = np.array([points.count[level].sum() for level in levels], dtype=np.int64)
-    between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
-    apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
-    every = np.concatenate([speeds, between[apart]])
-    cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
-    order = np.argsort(every)
-    return every[order], order < speeds.size, cycles[order]
-
-
-def excluded_from(points: CurvePoints, index: int) -> tuple[ExcludedPoint, ...]:
-    """Return the cycles of one condition that are not points of its curve, slowest first."""
-    out = points.at(np.flatnonzero((points["curve"] == index) & ~points.use))
-    ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
-    columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
-    return tuple(sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s))

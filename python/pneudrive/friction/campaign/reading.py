@@ -24,20 +24,7 @@ from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_sa
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
-from pneudrive.friction.campaign.cycles import (
-    CycleTable,
-    Gain,
-    Loop,
-    PressureZero,
-    Row,
-    corrected,
-    cycle_row,
-    pressure_zeros,
-    reduce_cycle,
-    reversal_loop,
-    sensor_gain,
-    without_zeros,
-)
+from pneudrive.friction.campaign import cycles
 from pneudrive.friction.friction_map import LEVELS, Condition, Skipped
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
@@ -50,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
-    Read = tuple[float, Row | Skipped | None]
+    Read = tuple[float, cycles.Row | Skipped | None]
     """Path length of a cycle's moves, and its row or the reason for a missing one."""
 
 T = TypeVar("T")
@@ -178,7 +165,7 @@ def read_each(read: Callable[[CycleFile, Samples], T], files: Sequence[CycleFile
     return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
 
 
-def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
+def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> cycles.Row:
     """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
     Open chambers that a transducer measures have the mean of its reading, its standard error, and the change between
@@ -199,7 +186,7 @@ def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambien
         raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - ambient_pa) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    row: Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
+    row: cycles.Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
     for side in "ab":
         values = getattr(recording, f"pressure_{side}_pa")[standing]
         if vented and np.ptp(values) > 0:
@@ -248,10 +235,10 @@ class CampaignData:
     source: Path
     identity: Identity
     files: tuple[CycleFile, ...]
-    sliding: CycleTable
-    tares: CycleTable
-    gain: Gain
-    pressure_zeros: dict[str, PressureZero]
+    sliding: cycles.CycleTable
+    tares: cycles.CycleTable
+    gain: cycles.Gain
+    pressure_zeros: dict[str, cycles.PressureZero]
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...]
     edges_m: Array
@@ -304,20 +291,20 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     travel = _travel(files, {key: way for key, (way, _) in found.items()})
     rests = _rests(files, {key: row["duration_s"] for key, row in rows.items() if row["kind"] != "weight"})
     whole = [row | {"travel_m": travel[key], "rest_s": rests[key]} for key, row in rows.items()]
-    cycles = CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
+    table = cycles.CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
     skipped += [data for _, data in found.values() if isinstance(data, Skipped)]
-    kinds = cycles["kind"]
-    tares = cycles.at(kinds == "tare")
-    gain = sensor_gain(campaign.identity, cycles.at(kinds == "weight"), tares)
-    zeros = pressure_zeros(campaign.identity, tares)
-    sliding = cycles.at(np.isin(kinds.tolist(), SLIDING))
+    kinds = table["kind"]
+    tares = table.at(kinds == "tare")
+    gain = cycles.sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
+    zeros = cycles.pressure_zeros(campaign.identity, tares)
+    sliding = table.at(np.isin(kinds.tolist(), SLIDING))
     return CampaignData(
         name=str(campaign.about.get("name", campaign.path.name)),
         source=campaign.path,
         identity=campaign.identity,
         files=tuple(files),
-        sliding=without_zeros(corrected(sliding, gain), zeros, campaign.identity),
-        tares=without_zeros(corrected(tares, gain), zeros, campaign.identity),
+        sliding=cycles.without_zeros(cycles.corrected(sliding, gain), zeros, campaign.identity),
+        tares=cycles.without_zeros(cycles.corrected(tares, gain), zeros, campaign.identity),
         gain=gain,
         pressure_zeros=zeros,
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
@@ -327,7 +314,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile]) -> dict[str, Row]:
+def _plans(files: Sequence[CycleFile]) -> dict[str, cycles.Row]:
     """Return the columns of each cycle that its header determines, by its key."""
     heads = [file.head for file in files]
     first, last = (end(head.index for head in heads) for end in (min, max))
@@ -367,7 +354,7 @@ def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str,
 @many_objects()
 def read_part(
     files: Sequence[CycleFile],
-    plans: dict[str, Row],
+    plans: dict[str, cycles.Row],
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,
@@ -377,13 +364,13 @@ def read_part(
     The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
     """
 
-    def read(file: CycleFile, samples: Samples) -> Row:
+    def read(file: CycleFile, samples: Samples) -> cycles.Row:
         recording, flags = recording_of(file, identity, samples)
         plan = plans[file.head.cycle.key]
         if plan["kind"] in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
-            row = reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
+            row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
         temperature = float(known.mean()) if known.size else float("nan")
         return plan | row | {"flags": flags, "temperature_k": temperature}
@@ -405,11 +392,11 @@ def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
     return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
 
 
-def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> Loop | None:
+def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loop | None:
     """Return friction around the first reversal of a cycle, see `reversal_loop`."""
     file = next(file for file in reading.files if file.head.cycle.key == key)
     recording, _ = recording_of(file, reading.identity, file.samples())
-    return reversal_loop(_motion(recording, choice), key, condition_of(file.head))
+    return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
 
 
 def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
@@ -482,9 +469,9 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=Identity(name=name, **{field: getattr(found.recordings[0], field) for field in SHARED}),
         files=(),
-        sliding=CycleTable.of([row for row in rows if row["sides"]], BINS),
-        tares=CycleTable.of([], BINS),
-        gain=Gain(),
+        sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
+        tares=cycles.CycleTable.of([], BINS),
+        gain=cycles.Gain(),
         pressure_zeros={},
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         notes=(),
@@ -493,7 +480,7 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     )
 
 
-def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[Row]:
+def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[cycles.Row]:
     """Return the row of each level, with its strokes in the bins of position that all levels share."""
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
     runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges_m), []
@@ -511,7 +498,7 @@ def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) ->
             "condition": Condition(a, b, **{name: recording.labels.get(name, "") for name in LEVELS}),
             "flags": dict(recording.flags),
         }
-        rows.append(plan | (cycle_row(result, grid, sides, balance) if sides else {"sides": {}}))
+        rows.append(plan | (cycles.cycle_row(result, grid, sides, balance) if sides else {"sides": {}}))
     return rows
 
 

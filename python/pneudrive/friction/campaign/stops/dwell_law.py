@@ -31,7 +31,6 @@ from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.stop import SPOILING
 from pneudrive.friction.friction_map import (
     CHAMBERS,
-    CONDITION,
     LEVELS,
     PA_PER_BAR,
     TOLD,
@@ -346,10 +345,9 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
         yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     # Peaks of both directions, from cells with both.
     cells: dict[tuple, dict[int, list[float]]] = {}
-    for *cell, direction, increment in series.stops.select(
-        *CONDITION, "stop_s", "direction", "increment_n"
-    ).iter_rows():
-        cells.setdefault((*cell[:-1], round(cell[-1], 6)), {1: [], -1: []})[direction].append(increment)
+    columns = series.stops.select("stop_s", "direction", "increment_n").iter_rows()
+    for condition, (stop_s, direction, increment) in zip(conditions_of(series.stops), columns, strict=True):
+        cells.setdefault((condition, round(stop_s, 6)), {1: [], -1: []})[direction].append(increment)
     pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)

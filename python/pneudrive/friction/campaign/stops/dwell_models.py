@@ -29,20 +29,10 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.describe.files.toml import read
 from pneudrive.errors import FitError, nearest
+from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
-from pneudrive.estimate.mixed import (
-    Functionals,
-    MixedFit,
-    MixedModel,
-    RandomEffect,
-    Scan,
-    corrected_criterion,
-    independent,
-    refined,
-    scan,
-)
 from pneudrive.friction.friction_map import Condition, conditions_of
 from pneudrive.repr_tables import Shown
 
@@ -201,14 +191,14 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
     profile = _at(curve, form, whitener, times)
     if form.growth:
-        profile = refined(lambda t: _at(curve, form, whitener, t), times, FINE, lambda s: s.rise(freedom))
+        profile = mixed.refined(lambda t: _at(curve, form, whitener, t), times, FINE, lambda s: s.rise(freedom))
     rise, best = profile.rise(freedom), profile.coefficient[profile.best]
     slope = np.zeros_like(profile.coefficient)
     slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
     slope_low, slope_high = profile.interval(slope, rise)
     cost = max(float(profile.cost[profile.best]), 1e-300)
     deviance = n * np.log(cost / n) - 2.0 * float(np.log(np.diag(whitener)).sum())
-    aicc = corrected_criterion(deviance, count, n)
+    aicc = mixed.corrected_criterion(deviance, count, n)
     return DwellLawFit(
         form=form,
         shape=dict(zip(form.units, profile.shape[profile.best].tolist(), strict=True)),
@@ -226,7 +216,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     )
 
 
-def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> Scan:
+def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mixed.Scan:
     """Fit a law at these times, and at all exponents if they are free."""
     data, conditions = curve.data, len(curve.data.conditions)
     own = (data.condition[:, None] == np.arange(conditions)[None, :]).astype(float)
@@ -237,7 +227,7 @@ def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> Sc
         dwell = data["dwell_s"]
         psi = np.array([form.psi(dwell, *shape) for shape in shapes])
         designs = np.concatenate([designs, own[None, :, :] * psi[:, :, None]], axis=2)
-    return scan(shapes, whitener @ designs, whitener @ data["increment_n"])
+    return mixed.scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
 #: Correlation length of the bends in decades (the known laws turn within one or two), and their prior size as a
@@ -321,21 +311,21 @@ class DwellCurve:
     """
 
     data: DwellData
-    fit: MixedFit
+    fit: mixed.MixedFit
     centre: float
     extra: Array
     inflation: float
     weight: Array
 
-    def values(self, log_s: Array) -> Functionals:
+    def values(self, log_s: Array) -> mixed.Functionals:
         """Return the increment at log10 durations, N; condition by condition."""
         return self._functionals(log_s, derivative=False)
 
-    def slopes(self, log_s: Array) -> Functionals:
+    def slopes(self, log_s: Array) -> mixed.Functionals:
         """Return the slope per decade at log10 durations, N."""
         return self._functionals(log_s, derivative=True)
 
-    def gains(self, low: float, high: float) -> Functionals:
+    def gains(self, low: float, high: float) -> mixed.Functionals:
         """Return the mean slope per decade between two log10 durations, at each condition."""
         row = np.array([[-1.0, 1.0]]) / (high - low)
         rows = np.kron(np.eye(len(self.data.conditions)), row)
@@ -348,7 +338,7 @@ class DwellCurve:
         part = replace(model, components=tuple(model.components[i] for i in kept))
         return part.covariance(self.fit.sd[kept])
 
-    def _functionals(self, log_s: Array, *, derivative: bool) -> Functionals:
+    def _functionals(self, log_s: Array, *, derivative: bool) -> mixed.Functionals:
         conditions = len(self.data.conditions)
         of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
         rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
@@ -364,7 +354,7 @@ class DwellCurve:
                 k = -k * (at[:, None] - self.data.log_s[None, :]) / length**2
                 z = z * (1.0 - away * away) / length**2
             cross[name], own[name] = k * with_stops, z * with_each
-        return Functionals(self.fit, fixed, cross, own)
+        return mixed.Functionals(self.fit, fixed, cross, own)
 
 
 def fit_curve(data: DwellData) -> DwellCurve | None:
@@ -390,7 +380,9 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
     curve = None
     for _ in range(ROUNDS):
         scatter = replace(components[0], kernel=components[0].kernel / weight)
-        model = MixedModel(data["increment_n"], x, data["increment_stderr_n"] ** 2 / weight, (scatter, *components[1:]))
+        model = mixed.MixedModel(
+            data["increment_n"], x, data["increment_stderr_n"] ** 2 / weight, (scatter, *components[1:])
+        )
         curve = DwellCurve(data, model.fit(), centre, extra, inflation, weight)
         away = _standardised(curve)
         updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
@@ -406,7 +398,7 @@ def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
     extra = (member[:, None] == np.arange(names.size)[None, :]).astype(float) - 1.0 / names.size
-    extra = extra[:, independent(np.c_[x, extra])[x.shape[1] :] - x.shape[1]]
+    extra = extra[:, mixed.independent(np.c_[x, extra])[x.shape[1] :] - x.shape[1]]
     if n - x.shape[1] - extra.shape[1] < SPARE_FOR_PLACES:
         extra = np.zeros((n, 0))
     spare = n - x.shape[1] - extra.shape[1]
@@ -433,28 +425,29 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
     return float(wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300))
 
 
-def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
+def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomEffect, ...]:
     """Return the sources of scatter; the scatter from stop to stop comes first."""
     y, u = data["increment_n"], data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
     size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
     swing = max(float(np.ptp(line)), tau)
-    out = [RandomEffect("scatter", size / size.mean(), tau)]
+    out = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
     if data.durations > 2:
         share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
         out += [
-            RandomEffect(name, gaussian(u, u, length) * share, swing * size) for name, (length, size) in BENDS.items()
+            mixed.RandomEffect(name, gaussian(u, u, length) * share, swing * size)
+            for name, (length, size) in BENDS.items()
         ]
     names, member = np.unique(data["block"], return_inverse=True)
     if names.size > 1:
         same = (member[:, None] == member[None, :]).astype(float)
-        out.append(RandomEffect("block", same, tau))
+        out.append(mixed.RandomEffect("block", same, tau))
         if names.size >= BLOCKS_FOR_SLOPES:
             away = (u - u.mean()) / max(float(u.std()), 1e-9)
-            out.append(RandomEffect("block slope", same * np.outer(away, away), tau))
+            out.append(mixed.RandomEffect("block slope", same * np.outer(away, away), tau))
     if hidden.shape[1]:
-        out.append(RandomEffect("drift", hidden @ hidden.T, 1.0))
+        out.append(mixed.RandomEffect("drift", hidden @ hidden.T, 1.0))
     return tuple(out)
 
 
