@@ -202,7 +202,7 @@ def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> 
             levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))] if levels.size else ()
         ):
             for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
-                if (loop := loop_of(reading, points["key"][i], choice)) is not None:
+                if (loop := loop_of(reading, str(points["key"][i]), choice)) is not None:
                     yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))
                     break
 

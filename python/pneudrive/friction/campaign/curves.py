@@ -346,20 +346,19 @@ def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
     del total  # one model after the other: each needs much memory
     air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False) if separated else None
     found = []
-    for band, (value, low, high) in zip(fits.bands, whole, strict=True):
-        bound = np.full(value.size, np.nan)
-        parts = [bound] * 6
-        if air is None:
-            bound = np.maximum(high - np.minimum.accumulate(low), 0.0)
-        else:
-            u = np.full(value.size, np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
-            parts = [*_with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)]
-            parts += _with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n())
-        found.append(result.AirShare(band.condition, separated, band.speed_m_s, value, low, high, *parts, bound))
+    for band, total_n in zip(fits.bands, whole, strict=True):
+        unknown = np.full(band.speed_m_s.size, np.nan)
+        part = seal = (unknown, unknown, unknown)
+        bound = np.maximum(total_n[2] - np.minimum.accumulate(total_n[1]), 0.0) if air is None else unknown
+        if air is not None:
+            u = float(np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
+            part = _with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)
+            seal = _with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n())
+        found.append(result.AirShare(band.condition, separated, band.speed_m_s, *total_n, *part, *seal, bound))
     return tuple(found)
 
 
-def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
+def _with_u(value: Array, low: Array, high: Array, u: Array | float) -> tuple[Array, Array, Array]:
     """Return a value and its 95 % interval, widened by a standard uncertainty."""
     return value, value - np.hypot(value - low, NORMAL_95 * u), value + np.hypot(high - value, NORMAL_95 * u)
 
@@ -418,8 +417,9 @@ def stick_slip_points(points: CurvePoints) -> tuple[result.StickSlipPoint, ...]:
         if share:
             slipping = here["stick_slip"] == 1.0
             ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
-            usual = [float(np.median(here[name][slipping])) if slipping.any() else np.nan for name in OF_SLIPS]
-            medians = (float(np.median(ripple)), *usual, float(np.median(here["swing_n"])))
+            period, step = (float(np.median(here[name][slipping])) if slipping.any() else np.nan for name in OF_SLIPS)
+            swing = float(np.median(here["swing_n"]))
+            medians = (float(np.median(ripple)), period, step, swing)
             found.append(result.StickSlipPoint(condition, speed, share, ripple.size, *medians))
     return tuple(found)
 
