@@ -13,7 +13,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -279,18 +278,14 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
             remedy="run it, or see docs/reference/campaign-folder.md for the files of cycles",
         )
-    plans = _plans(files)
     # The snapshot of the rig is not needed, and would be sent to every process.
     light = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
     wanted = [f for f in light if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
-    options = (plans, campaign.identity, choice, edges)
-    read = share_out(read_part, wanted, *options, least=WORTH_WORKERS, processes=processes)
+    read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
     found = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
-    rows = {key: data for key, (_, data) in found.items() if isinstance(data, dict)}
-    travel = _travel(files, {key: way for key, (way, _) in found.items()})
-    rests = _rests(files, {key: row["duration_s"] for key, row in rows.items() if row["kind"] != "weight"})
-    whole = [row | {"travel_m": travel[key], "rest_s": rests[key]} for key, row in rows.items()]
+    plans = _plans(files, found)
+    whole = [plans[key] | row for key, (_, row) in found.items() if isinstance(row, dict)]
     table = cycles.CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
     skipped += [data for _, data in found.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
@@ -314,16 +309,27 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile]) -> dict[str, cycles.Row]:
-    """Return the columns of each cycle that its header determines, by its key."""
+def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, cycles.Row]:
+    """Return the columns of each cycle that headers, and the cycles before it, determine, by its key.
+
+    The rest before a cycle is its stop, or the time since the end of the previous cycle. Its travel is that up to its
+    middle, from the plan, or without a plan from the samples.
+    """
     heads = [file.head for file in files]
     first, last = (end(head.index for head in heads) for end in (min, max))
     began = min(head.began_s for head in heads)
-    dates = {head.cycle.key: _date(head.started) for head in heads}
-    known = sorted({date for date in dates.values() if date})
-    plans = {}
+    known = sorted({_date(head.started) for head in heads} - {""})
+    plans, previous, duration, total, at = {}, None, float("nan"), 0.0, None
     for head in heads:
-        cycle, date = head.cycle, dates[head.cycle.key]
+        cycle, date = head.cycle, _date(head.started)
+        way, row = found.get(cycle.key, (0.0, None))
+        rest = head.began_s - previous.began_s - duration if previous is not None else float("nan")
+        if previous is not None and previous.cycle.kind == "stop":
+            rest = previous.cycle.stop_s or 0.0
+        for step in cycle.steps:
+            if isinstance(step, Move):
+                way += abs(step.to_m - at) if at is not None else 0.0
+                at = step.to_m
         plans[cycle.key] = {
             **{name: getattr(cycle, name) for name in ("key", "kind", "block", "repeat")},
             "index": head.index,
@@ -336,29 +342,16 @@ def _plans(files: Sequence[CycleFile]) -> dict[str, cycles.Row]:
             "elapsed_s": head.began_s - began,
             "order": (head.index - first) / max(last - first, 1),
             "weight_n": next((s.weight_n for s in cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0),
+            "travel_m": total + way / 2.0,
+            "rest_s": rest,
         }
+        total, previous = total + way, head
+        duration = row["duration_s"] if isinstance(row, dict) and cycle.kind != "weight" else float("nan")
     return plans
 
 
-def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str, float]:
-    """Return the time at rest before each cycle, s: its stop, or the time since the end of the previous cycle."""
-    rests = {file.head.cycle.key: float("nan") for file in files}
-    for last, head in pairwise(file.head for file in files):
-        if last.cycle.kind == "stop":
-            rests[head.cycle.key] = last.cycle.stop_s or 0.0
-        elif last.cycle.key in durations:
-            rests[head.cycle.key] = head.began_s - last.began_s - durations[last.cycle.key]
-    return rests
-
-
 @many_objects()
-def read_part(
-    files: Sequence[CycleFile],
-    plans: dict[str, cycles.Row],
-    identity: Identity,
-    choice: SampleChoice,
-    edges_m: Array,
-) -> list[Read]:
+def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
     """Read some cycles one after the other; an unusable cycle gives its reason.
 
     The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
@@ -366,14 +359,12 @@ def read_part(
 
     def read(file: CycleFile, samples: Samples) -> cycles.Row:
         recording, flags = recording_of(file, identity, samples)
-        plan = plans[file.head.cycle.key]
-        if plan["kind"] in STANDING:
+        if file.head.cycle.kind in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
             row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-        temperature = float(known.mean()) if known.size else float("nan")
-        return plan | row | {"flags": flags, "temperature_k": temperature}
+        return row | {"flags": flags, "temperature_k": float(known.mean()) if known.size else float("nan")}
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
@@ -397,23 +388,6 @@ def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loo
     file = next(file for file in reading.files if file.head.cycle.key == key)
     recording, _ = recording_of(file, reading.identity, file.samples())
     return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
-
-
-def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
-    """Return the travel up to the middle of each cycle, from the plan, or without a plan from the samples."""
-    travel: dict[str, float] = {}
-    total, at = 0.0, None
-    for file in files:
-        cycle, here = file.head.cycle, 0.0
-        for step in cycle.steps:
-            if isinstance(step, Move):
-                here += abs(step.to_m - at) if at is not None else 0.0
-                at = step.to_m
-        if not cycle.steps:
-            here = ways[cycle.key]
-        travel[cycle.key] = total + here / 2.0
-        total += here
-    return travel
 
 
 def _way(samples: Samples) -> float:

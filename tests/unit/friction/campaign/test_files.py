@@ -10,6 +10,7 @@ import pytest
 
 import pneudrive as pn
 from oracle.campaigns import BAR, Friction, World, write_campaign
+from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import SourcePaper, read_map
 from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
@@ -77,6 +78,22 @@ def test_a_law_is_fitted_to_the_map(found):
         reach = 1.5 * (high - low)
         assert abs(fit.parameters[name] - true) < reach, name
     assert fit.parameters["coulomb_a"] == pytest.approx(2.0 / BAR, rel=0.15)
+
+
+def test_an_effect_of_temperature_is_in_the_fit(measured, quick):
+    found = measured(quick(temperature_share_k=0.02, sentinel_every=4))
+    assert found.drift.per_kelvin.differs
+    fits, _ = fit_campaign(found, ("stribeck",))
+    (by_law,) = fits.values()
+    assert by_law["stribeck"].dependences.tables["temperature"]["reference"].endswith(" K")
+
+
+def test_stops_without_any_flag_are_written(tmp_path):
+    world = StopWorld(durations_s=(15.0,), repeats=3, samples=600)
+    found = campaign_friction(write_stops(tmp_path / "stops", world, 4), processes=1)
+    assert not any(found.stops["flags"].to_list())
+    write_characteristics(found, tmp_path)
+    assert pl.read_parquet(tmp_path / "stops.parquet")["flags"].to_list() == ["", "", ""]
 
 
 def test_a_band_that_does_not_hold_the_drift_says_that_it_is_not_complete(found, tmp_path):
