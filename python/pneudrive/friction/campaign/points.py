@@ -202,15 +202,15 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, d
     common: Mask = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
     if not common.any():
         common = np.asarray(covered.any(axis=0))
-    pattern = _relative_pattern(friction[tells], common)
-    mean_friction = _relative_means(friction, pattern, common)
+    pattern = _pattern(friction[tells], common, relative=True)
+    mean_friction = _means(friction, pattern, common, relative=True)
     spare = np.sqrt(tells.sum() / max(tells.sum() - 1.0, 1.0)) if tells.sum() >= ENOUGH_CYCLES else 1.0
     rests, means = [friction - mean_friction[:, None] * (1.0 + np.nan_to_num(pattern))], [mean_friction]
     for values in (offset, air):
-        additive = _additive_pattern(values[tells], common)
-        means.append(_additive_means(values, additive, common))
+        additive = _pattern(values[tells], common)
+        means.append(_means(values, additive, common))
         rests.append(values - means[-1][:, None] - np.nan_to_num(additive))
-    offset_pattern = _additive_pattern(offset[tells], common)
+    offset_pattern = _pattern(offset[tells], common)
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
     scatter = _pair_stderr(cycles["deviation_n"], cycles["effective"])
     # The scatter of strokes is that of the balance: the air's force alone has only its noise.
@@ -236,41 +236,27 @@ def _pair_stderr(deviation: Array, effective: Array) -> Array:
     return np.where(np.isfinite(pooled), 0.5 * np.sqrt(parts[:, 0] + parts[:, 1]), np.nan)
 
 
-def _relative_pattern(values: Array, common: Mask) -> Array:
-    """Return the relative deviation from the mean of each row, mean over rows; zero with too few rows."""
-    bins = values.shape[1]
-    level = _additive_means(values, np.zeros(bins), common)
-    if values.shape[0] < ENOUGH_CYCLES or level.min() < SMALL_FRICTION * np.median(level):
-        return np.zeros(bins)
-    pattern = np.zeros(bins)
-    for _ in range(ITERATIONS):
-        level = _relative_means(values, pattern, common)
-        pattern = known_mean(values / level[:, None], axis=0) - 1.0
-        pattern = np.nan_to_num(pattern - pattern[common].mean())
-    return pattern
+def _pattern(values: Array, common: Mask, *, relative: bool = False) -> Array:
+    """Return the deviation from the mean of each row, mean over rows; zero with too few rows.
 
-
-def _additive_pattern(values: Array, common: Mask) -> Array:
+    A relative pattern is zero if a row has little friction.
+    """
     pattern = np.zeros(values.shape[1])
-    if values.shape[0] < ENOUGH_CYCLES:
+    level = _means(values, pattern, common)
+    if values.shape[0] < ENOUGH_CYCLES or (relative and level.min() < SMALL_FRICTION * np.median(level)):
         return pattern
     for _ in range(ITERATIONS):
-        pattern = known_mean(values - _additive_means(values, pattern, common)[:, None], axis=0)
+        level = _means(values, pattern, common, relative=relative)[:, None]
+        pattern = known_mean(values / level if relative else values - level, axis=0) - float(relative)
         pattern = np.nan_to_num(pattern - pattern[common].mean())
     return pattern
 
 
-def _relative_means(values: Array, pattern: Array, common: Mask) -> Array:
+def _means(values: Array, pattern: Array, common: Mask, *, relative: bool = False) -> Array:
     """Return the mean of each row over the common bins, with missing bins filled from the pattern."""
     here = np.isfinite(values) & _used(values, common)
-    total = np.where(here, values, 0.0).sum(axis=1)
-    return total / (here * (1.0 + pattern)).sum(axis=1)
-
-
-def _additive_means(values: Array, pattern: Array, common: Mask) -> Array:
-    here = np.isfinite(values) & _used(values, common)
-    total = (np.where(here, values, 0.0) - here * pattern).sum(axis=1)
-    return total / here.sum(axis=1)
+    added, share = (0.0, 1.0 + pattern) if relative else (pattern, 1.0)
+    return (np.where(here, values, 0.0) - here * added).sum(axis=1) / (here * share).sum(axis=1)
 
 
 def _used(values: Array, common: Mask) -> Mask:

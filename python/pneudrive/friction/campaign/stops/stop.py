@@ -41,7 +41,7 @@ from pneudrive.rig.interface import Identity, Move, Samples
 from pneudrive.signals.motion import noise_level, straight_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     import polars as pl
 
@@ -95,11 +95,11 @@ def _read(
     relaxation = (
         course.NO_RELAXATION if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
     )
-    in_chamber = identity.pressure_measured_at == "chamber"
-    flags = (
-        *_flags(file, recording, phases, peak, running, samples),
-        *_spoiled(recording, phases, (increment, stderr, inertia), at_peak, in_chamber),
-    )
+    size, moved = max(abs(increment), 3.0 * stderr), _pressure_moves_n(recording, phases, at_peak)
+    # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
+    most = 1.0 if identity.pressure_measured_at == "chamber" else SPOILS
+    spoiled = {"pressure_transient": moved > most * size, "inertia": inertia > SPOILS * size}
+    flags = [*_flags(file, recording, phases, peak, running, samples), *(flag for flag in spoiled if spoiled[flag])]
     return {
         **vars(condition),
         "index": file.head.index,
@@ -125,7 +125,7 @@ def _read(
         **relaxation,
         **_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
         "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
-        "flags": list(flags),
+        "flags": flags,
         **_trace(recording, friction, phases),
     }
 
@@ -152,7 +152,7 @@ def _flags(
     peak: BreakawayPeak,
     running: course.Running,
     samples: Samples,
-) -> tuple[str, ...]:
+) -> list[str]:
     # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
     here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
@@ -168,30 +168,19 @@ def _flags(
         "reversed": phases.reversed,
         "by_motion": not phases.by_steps,
     }
-    return (*peak.flags, *(flag for flag, holds in found.items() if holds))
+    return [*peak.flags, *(flag for flag, holds in found.items() if holds)]
 
 
-def _spoiled(
-    recording: Recording, phases: course.Phases, peak_n: tuple[float, float, float], at_peak: int, in_chamber: bool
-) -> Iterator[str]:
-    """Return flags for parts of the increment that may not be friction: force of the air, inertia of the mass.
-
-    `peak_n` has the increment, its standard error, and the largest contribution of the mass.
-    """
-    increment, stderr, inertia = peak_n
-    size = max(abs(increment), 3.0 * stderr)
-    begin = max(phases.restart.start - 3, 0)
+def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int) -> float:
+    """Return the change of the force of the air from before the restart to the peak, beyond noise, N."""
     moved = 0.0
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
-        ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
+        places = max(phases.restart.start - 3, 0), at_peak
+        ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in places]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
-    # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
-    if moved > (1.0 if in_chamber else SPOILS) * size:
-        yield "pressure_transient"
-    if inertia > SPOILS * size:
-        yield "inertia"
+    return moved
 
 
 def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
