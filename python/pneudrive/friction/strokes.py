@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -351,27 +351,6 @@ END_TRAVELS = 2.0  # of the way from the stroke's end at which its speed falls b
 LEAST_SWING = 0.5  # of its median: limit of the variation of friction over position
 
 
-class SampleChoice(Protocol):
-    """A rule that selects, and may smooth, the samples of a stroke for its mean."""
-
-    @property
-    def name(self) -> str:
-        """Name for provenance."""
-        ...
-
-    @property
-    def uses_window(self) -> bool:
-        """Whether the mean is taken over bins of equal position in the window.
-
-        Otherwise it is taken over all chosen samples.
-        """
-        ...
-
-    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
-        """Return the mask of chosen samples, shape (n,), and the balance to average, shape (n,)."""
-        ...
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedMotion:
     """A cleaned recording with its strokes, its force balance and its settled samples.
@@ -471,7 +450,7 @@ class Settled:
     At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
     The whole change is the `Swing` of the stroke's speed class, because slow strokes never reach the friction of fast
     ones. It is limited to the swing of all strokes, because the friction of fast strokes may still grow along the
-    stroke. Neither speed nor force needs to be constant.
+    stroke. Neither speed nor force needs to be constant. Means are over bins of equal position (``uses_window``).
     """
 
     speed_share: float = 0.8
@@ -508,7 +487,7 @@ class SourcePaper:
     """The source paper's protocol: first 5 % dropped, moving average of 5 samples, mean of the rest.
 
     The moving average hardly changes the mean. This protocol is available for comparison with published numbers.
-    Dropping 5 % is not enough if the distance to reach speed is longer.
+    Dropping 5 % is not enough if the distance to reach speed is longer. Means are over all chosen samples.
     """
 
     dropped_share: float = 0.05
@@ -528,6 +507,7 @@ class SourcePaper:
         return mask, smooth
 
 
+SampleChoice = Settled | SourcePaper  # rule that selects, and may smooth, the samples of a stroke for its mean
 SAMPLE_CHOICES = {"settled": Settled, "source-paper": SourcePaper}
 
 
