@@ -81,10 +81,6 @@ class Profile:
     down_strokes_n: Array
     in_window: Mask
 
-    def strokes_n(self, direction: int) -> Array:
-        """Return the balance of the strokes of one direction, shape (strokes, m)."""
-        return self.up_strokes_n if direction > 0 else self.down_strokes_n
-
 
 def grid_of(edges_m: Array) -> Grid:
     """Return the bins of all cycles as a grid, whose window is the middle of the way."""

@@ -107,16 +107,8 @@ def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:
 MAP_FILES = ("map.parquet", "map.csv")
 CURVES_FILE, EFFECTS_FILE = "curves.parquet", "effects.toml"
 CURVE_COLUMNS = (
-    "speed_m_s",
-    "friction_n",
-    "low_n",
-    "high_n",
-    "stderr_n",
-    "u_systematic_n",
-    "statistical_low_n",
-    "statistical_high_n",
-    "measured",
-    "cycles",
+    *("speed_m_s", "friction_n", "low_n", "high_n", "stderr_n", "u_systematic_n"),
+    *("statistical_low_n", "statistical_high_n", "measured", "cycles"),
 )
 
 
@@ -186,7 +178,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "position": list(found.position),
         "stick_slip": list(found.stick_slip),
         "stick_slip_threshold": list(found.stick_slip_thresholds),
-        "dwell": dwell_tables(found),
+        "dwell": [_series(series) for series in found.dwell],
     }
     return _write(tables, path)
 
@@ -236,33 +228,22 @@ def by_chamber(effects: PressureEffects | DwellPressure) -> dict[str, Any]:
     return found
 
 
-def dwell_tables(found: CampaignCharacteristics) -> list[dict[str, Any]]:
-    """Return the series as plain data for files."""
-    return [_series(series) for series in found.dwell]
-
-
 def _series(s: DwellSeries) -> dict[str, Any]:
+    """Return a series as plain data for files."""
     durations = s.stops["dwell_s"].to_list()
     of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
-    plain = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
-    estimates = ("slope", "mean_slope", "increment", "share")
+    named = {"series": s.name, "speed_m_s": s.speed_m_s, "released": s.released}
+    named |= {"stops": len(s.stops), "left_out": s.left_out}
+    same = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
+    same += ("slope", "mean_slope", "increment", "share")
     return {
-        "series": s.name,
-        "speed_m_s": s.speed_m_s,
-        "released": s.released,
-        "stops": len(s.stops),
-        "left_out": s.left_out,
+        **named,
         "shortest_s": min(durations, default=float("nan")),
         "longest_s": max(durations, default=float("nan")),
-        **{name: getattr(s, name) for name in (*plain, *estimates)},
+        **{name: getattr(s, name) for name in same},
         "pressure": by_chamber(s.pressure) if s.pressure else None,
         "condition": [
-            {
-                "pressure_a_pa": c.pressure_a_pa,
-                "pressure_b_pa": c.pressure_b_pa,
-                "slope": slope,
-                "mean_slope": mean,
-            }
+            {"pressure_a_pa": c.pressure_a_pa, "pressure_b_pa": c.pressure_b_pa, "slope": slope, "mean_slope": mean}
             for c, slope, mean in of_condition
         ],
         "law": [_law(law) for law in s.laws],
