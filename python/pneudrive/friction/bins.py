@@ -215,17 +215,16 @@ def _effective_number(values: Array, *, has_trend: bool) -> float:
     return max(n * (1 - r) / (1 + r), 2.0)
 
 
-def pair_stderr(up: Spread, down: Spread) -> float:
-    """Return the standard error of half the difference of both directions' means; NaN without a known spread.
+def pair_stderr(deviation_n: Array, effective: Array) -> Array:
+    """Return the standard errors of half the difference of both directions' means, shape (n,).
 
-    If one direction has a single stroke, the spread of the other direction is used.
+    They follow from scatter and effective number of strokes of both directions, shape (n, 2). NaN without a known
+    scatter. If one direction has a single stroke, the scatter of the other direction is used.
     """
-    deviations = [s.deviation_n for s in (up, down) if np.isfinite(s.deviation_n)]
-    if not deviations:
-        return float("nan")
-    pooled = max(deviations)
-    parts = [(s.deviation_n if np.isfinite(s.deviation_n) else pooled) ** 2 / max(s.effective, 1.0) for s in (up, down)]
-    return 0.5 * float(np.sqrt(sum(parts)))
+    pooled = np.where(np.isfinite(deviation_n), deviation_n, -np.inf).max(axis=1)
+    filled = np.where(np.isfinite(deviation_n), deviation_n, pooled[:, None])
+    parts = filled**2 / np.maximum(effective, 1.0)
+    return np.where(np.isfinite(pooled), 0.5 * np.sqrt(parts[:, 0] + parts[:, 1]), np.nan)
 
 
 def profile_stderr(profile_n: Array) -> float:

@@ -135,7 +135,8 @@ class Level(Shown):
             (side,) = self.sides.values()
             scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
         else:
-            scatter, single = pair_stderr(self.spreads[1], self.spreads[-1]), self.profile.friction_n[self.bins]
+            both = np.array([(spread.deviation_n, spread.effective) for spread in self.spreads.values()])
+            scatter, single = pair_stderr(*both.T[:, None])[0], self.profile.friction_n[self.bins]
             inside = float(np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows))) / 2
         return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
 

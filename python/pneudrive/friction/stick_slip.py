@@ -126,7 +126,8 @@ def _peak(
     part = slice(begin, end)
     slope, intercept = offset_line(profile, stroke.from_m)
     friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
-    low, high, top = _rise(friction)
+    top = int(np.argmax(friction))
+    low, high = rise(friction[: top + 1])
     times = time[part]
     duration = float(times[high] - times[low])
     swing, excess = float(friction[top] - friction[low]), float(friction[top] - usual.sliding_n)
@@ -179,17 +180,16 @@ def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
     return mass * (speed / float(time[reached] - time[0]))
 
 
-def _rise(friction_n: Array) -> tuple[int, int, int]:
-    """Find a peak and its rise: last sample below 10 % of the change of force, first sample above 90 %, and the peak.
+def rise(friction_n: Array) -> tuple[int, int]:
+    """Return the last sample below 10 %, and the first above 90 %, of the rise to a peak, the last sample.
 
     A slow drift between the rise and the peak does not belong to the rise.
     """
-    top = int(np.argmax(friction_n))
-    bottom = float(friction_n[: top + 1].min())
-    swing = float(friction_n[top]) - bottom
+    bottom = float(friction_n.min())
+    swing = float(friction_n[-1]) - bottom
     high = int(np.argmax(friction_n >= bottom + 0.9 * swing))
     below = np.flatnonzero(friction_n[: high + 1] <= bottom + 0.1 * swing)
-    return (int(below[-1]) if below.size else 0), high, top
+    return (int(below[-1]) if below.size else 0), high
 
 
 def median(values: Sequence[float]) -> float:

@@ -297,7 +297,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     if cycles.height > MOST_CELLS:  # a row for several neighbouring repeats at one point
         begin = np.array([blocks[campaign == k].min() for k in (0, 1)])
         where = (2 * point + campaign, blocks - begin[campaign], np.zeros_like(point))
-        groups = grouped(*where, rows=MOST_CYCLES, cells=MOST_CELLS)[0]
+        groups = grouped(*where, rows=MOST_CYCLES, most=MOST_CELLS)[0]
     heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
     friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
 

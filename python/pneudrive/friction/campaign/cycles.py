@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from pneudrive.friction.bins import Grid, bin_means, grid_of, mean_profile
+from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, Condition
 from pneudrive.friction.sentences import problem
@@ -95,14 +95,7 @@ class CycleTable:
 
     def over_sides(self, name: str) -> Array:
         """Return the mean absolute value of a column over the directions, shape (n,); NaN without motion."""
-        return mean_of_sides(np.abs(self[name]))
-
-
-def mean_of_sides(values: Array) -> Array:
-    """Return the mean of the known ones of both directions, shape (n,); NaN without any."""
-    known = np.isfinite(values)
-    count = known.sum(axis=1)
-    return np.where(count > 0, np.where(known, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+        return known_mean(np.abs(self[name]), axis=1)
 
 
 def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool = True) -> Row:
@@ -455,7 +448,7 @@ def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: 
         if channel in identity.limits or not cycles.moves.any():
             continue  # already counted by its reading
         span = _span(np.nanmax(np.abs(cycles[channel] - ambient)))
-        share = np.minimum(np.abs(mean_of_sides(shown[channel]) - ambient) / span, 1.0)
+        share = np.minimum(np.abs(known_mean(shown[channel], axis=1) - ambient) / span, 1.0)
         left = identity.accuracy[channel] * abs(area[side]) * share
         variance = variance + (left**2 - cycles[f"u_pressure_{side}_n"] ** 2)
     u_offset = np.sqrt(np.maximum(variance, 0.0))

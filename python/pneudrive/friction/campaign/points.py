@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, levels, moderate, stderrs_of_means
-from pneudrive.friction.bins import known_mean
+from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n, unseen_n
-from pneudrive.friction.campaign.cycles import CycleTable, mean_of_sides
+from pneudrive.friction.campaign.cycles import CycleTable
 from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
@@ -51,7 +51,7 @@ def unsteady(cycles: CycleTable, tares: CycleTable, stiffness_n_m: float | None,
     # Without zero runs: slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
     slow = speed <= np.median(speed)
     floor = np.median(tares["standing_sd_n"]) if len(tares) else np.quantile(scatter[slow], 0.25)
-    level = mean_of_sides(np.abs(known_mean(cycles["balance_n"], axis=2)))
+    level = known_mean(np.abs(known_mean(cycles["balance_n"], axis=2)), axis=1)
     swings = (scatter >= SWING_FLOOR * floor) & (scatter >= SWING_SHARE * level)
     uneven, piston = ((cycles[name] > RIPPLE_LIMIT).any(axis=1) for name in ("ripple", "piston_ripple"))
     known = np.where((cycles["stick_slip"] == 1.0).any(axis=1), STICK_SLIP[0], UNNAMED)
@@ -121,7 +121,7 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
     for side in "ab":
         name, ambient = f"pressure_{side}_pa", ambient_pa / PA_PER_BAR
         sure = PRESSURE_ACCURACIES * accuracy.get(name, 0.0)
-        planned, measured = cycles[f"set_{side}_pa"], mean_of_sides(cycles[name])
+        planned, measured = cycles[f"set_{side}_pa"], known_mean(cycles[name], axis=1)
         away = measured - planned
         off = np.abs(away) > np.maximum(SET_SHARE * np.abs(planned - ambient_pa), max(SET_PA, sure))
         if off.any():
@@ -212,7 +212,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, d
         rests.append(values - means[-1][:, None] - np.nan_to_num(additive))
     offset_pattern = _pattern(offset[tells], common)
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
-    scatter = _pair_stderr(cycles["deviation_n"], cycles["effective"])
+    scatter = pair_stderr(cycles["deviation_n"], cycles["effective"])
     # The scatter of strokes is that of the balance: the air's force alone has only its noise.
     chance = {"friction": scatter, "offset": scatter, "air": np.full(len(cycles), np.nan), "total": scatter}
     each = zip(chance.items(), (*rests, rests[0] + rests[2]), strict=True)
@@ -226,14 +226,6 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, d
         **{f"{name}_stderr_n": _by_chance(own, spare * rest, common, speed) for (name, own), rest in each},
         "relative_n": relative,
     }
-
-
-def _pair_stderr(deviation: Array, effective: Array) -> Array:
-    """Return `pair_stderr` of cycles, shape (n,), from scatter and effective number of strokes, shape (n, 2)."""
-    pooled = np.where(np.isfinite(deviation), deviation, -np.inf).max(axis=1)
-    filled = np.where(np.isfinite(deviation), deviation, pooled[:, None])
-    parts = filled**2 / np.maximum(effective, 1.0)
-    return np.where(np.isfinite(pooled), 0.5 * np.sqrt(parts[:, 0] + parts[:, 1]), np.nan)
 
 
 def _pattern(values: Array, common: Mask, *, relative: bool = False) -> Array:
@@ -357,7 +349,7 @@ class CurvePoints(CycleTable):
         """
         used = np.flatnonzero(self.use)
         keys = (self["curve"][used], _stretches(self)[used], self["level"][used])
-        found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
+        found, speeds = grouped(*keys, rows=MOST_CYCLES, most=MOST_CELLS)
         groups = [used[group] for group in found]
         middle = np.array([g[g.size // 2] for g in groups])
         means = {
@@ -461,7 +453,7 @@ def _stretches(points: CurvePoints) -> Whole:
     return np.array(found, dtype=np.int64)
 
 
-def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -> tuple[list[list[int]], int]:
+def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, most: int) -> tuple[list[list[int]], int]:
     """Group successive cycles with the same place and level in the same part of the campaign.
 
     If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring
@@ -473,7 +465,7 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
         Place, part of the campaign and level of each cycle, in the order of execution, from 0.
     rows : int
         Approximate number of groups.
-    cells : int
+    most : int
         Most combinations that stay separate.
 
     Returns
@@ -484,7 +476,7 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
         Number of neighbouring levels that count as one.
     """
     stretches = levels = 1
-    while np.unique(cell := _cells(place, stretch // stretches, level // levels)).size > cells:
+    while (cell := cells(place, stretch // stretches, level // levels)).max() >= most:
         if stretches <= stretch.max():
             stretches += 1
         elif levels <= level.max():
@@ -498,11 +490,6 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
     groups = [some[k : k + each] for some in members.values() for k in range(0, len(some), each)]
     groups.sort(key=lambda group: group[len(group) // 2])
     return groups, levels
-
-
-def _cells(place: Whole, stretch: Whole, level: Whole) -> Whole:
-    """Return one number for each combination."""
-    return (place * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:

@@ -32,7 +32,8 @@ def test_a_drift_is_found_and_leaves_fewer_independent_strokes():
 
 def test_one_stroke_takes_the_other_direction_s_spread():
     up, down = spread_of(np.array([5.0])), spread_of(np.array([-5.0, -5.2, -4.8]))
-    assert pair_stderr(up, down) == pytest.approx(0.5 * np.sqrt(0.2**2 + 0.2**2 / 3))
+    both = np.array([(s.deviation_n, s.effective) for s in (up, down)])
+    assert pair_stderr(*both.T[:, None])[0] == pytest.approx(0.5 * np.sqrt(0.2**2 + 0.2**2 / 3))
 
 
 def test_stroke_spread_and_not_samples_set_the_standard_error(make):

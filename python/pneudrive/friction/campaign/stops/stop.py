@@ -36,6 +36,7 @@ from pneudrive.estimate.mixed import Scan, scan
 from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
 from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import Condition, Skipped
+from pneudrive.friction.stick_slip import rise
 from pneudrive.friction.strokes import moving_average
 from pneudrive.rig.interface import Identity, Move, Samples
 from pneudrive.signals.motion import noise_level, straight_line
@@ -520,7 +521,7 @@ def find_breakaway(
     if bandwidth_hz is not None:
         stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
     index = int(np.argmin(np.abs(time_s[:end] - at)))
-    low, high = _rise(_quick(friction_n[: index + 1]))
+    low, high = rise(_quick(friction_n[: index + 1]))
     span = float(time_s[high] - time_s[low])
     steps = np.diff(time)
     flags = []
@@ -712,12 +713,3 @@ def _parabola(half: int) -> Array:
     j = np.arange(-half, half + 1, dtype=float)
     weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0) - 15.0 * j * j
     return weights / ((2 * half - 1) * (2 * half + 1) * (2 * half + 3))
-
-
-def _rise(smooth: Array) -> tuple[int, int]:
-    """Return the last sample below 10 %, and the first above 90 %, of the rise to the last sample."""
-    bottom = float(smooth.min())
-    swing = float(smooth[-1]) - bottom
-    high = int(np.argmax(smooth >= bottom + 0.9 * swing))
-    below = np.flatnonzero(smooth[: high + 1] <= bottom + 0.1 * swing)
-    return (int(below[-1]) if below.size else 0), high
