@@ -181,13 +181,13 @@ def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_
     whole = campaign_friction(folder, processes=1)
     monkeypatch.setattr(module, "MOST_CYCLES", 60)
     monkeypatch.setattr(module, "MOST_CELLS", 50)
-    assert len(module.condensed(points)) <= 50 + 60 < len(points)
+    assert len(points.condensed()) <= 50 + 60 < len(points)
     joined = campaign_friction(folder, processes=1)
     for name, share in (("within", 0.3), ("between", 0.5)):
         one, other = (getattr(found.repeatability, name).value for found in (whole, joined))
         assert other == pytest.approx(one, rel=share)
     monkeypatch.setattr(module, "MOST_CELLS", 6)
-    few = module.condensed(points)
+    few = points.condensed()
     assert len(set(few["level"].tolist())) <= 6
     assert sum(len(some) for some in few.members) == len(points)
     told = few.level_speeds_m_s[few["level"]]
