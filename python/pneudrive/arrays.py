@@ -12,7 +12,3 @@ Array: TypeAlias = NDArray[np.float64]
 #: Array of truth values, and of whole numbers.
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
-#: Array of truth values.
-Mask: TypeAlias = NDArray[np.bool_]
-#: Array of whole numbers.
-Whole: TypeAlias = NDArray[np.int64]

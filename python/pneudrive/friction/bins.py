@@ -19,7 +19,7 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
 
 
 ALTERNATIONS, CONVERGED = 50, 1e-9
@@ -56,7 +56,7 @@ class Grid:
         return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=np.float64)
 
     @property
-    def is_in_window(self) -> Mask:
+    def is_in_window(self) -> Bools:
         """Whether each bin is in the window."""
         number = np.arange(self.first, self.stop)
         return (number >= 0) & (number < self.in_window)
@@ -79,7 +79,7 @@ class Profile:
     offset_n: Array
     up_strokes_n: Array
     down_strokes_n: Array
-    in_window: Mask
+    in_window: Bools
 
 
 def grid_of(edges_m: Array) -> Grid:
@@ -90,7 +90,7 @@ def grid_of(edges_m: Array) -> Grid:
 
 
 def bin_means(
-    position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: Mask | None = None
+    position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: Bools | None = None
 ) -> Array:
     """Return the mean of ``values`` in each position bin over the samples of some parts, NaN in empty bins.
 
@@ -131,7 +131,7 @@ def mean_profile(strokes_n: Array) -> Array:
     return profile
 
 
-def stroke_means(strokes_n: Array, bins: Mask) -> Array:
+def stroke_means(strokes_n: Array, bins: Bools) -> Array:
     """Return the mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
     part = strokes_n[:, bins]
     profile = mean_profile(part)

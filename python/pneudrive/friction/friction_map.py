@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Whole
+    from pneudrive.arrays import Array, Ints
 
 
 _TABLES = read(Path(__file__).with_name("columns.toml"))[0]
@@ -252,7 +252,7 @@ class MapGroup(NamedTuple):
     """
 
     assembly: str
-    rows: Whole
+    rows: Ints
     gauges: Array
 
     @property
@@ -308,7 +308,7 @@ def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
     return groups
 
 
-def alike(pairs: Array) -> list[Whole]:
+def alike(pairs: Array) -> list[Ints]:
     """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
     left, out = np.arange(len(pairs)), []
     while len(left):

@@ -34,7 +34,7 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -80,7 +80,7 @@ class Level(Shown):
     window_m: tuple[float, float]
     table: Strokes
     sides: dict[int, Side]
-    bins: Mask
+    bins: Bools
     uses_window: bool
     budget: tuple[BudgetEntry, ...]
 

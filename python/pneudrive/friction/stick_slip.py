@@ -14,7 +14,7 @@ from pneudrive.signals import motion
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
     from pneudrive.friction.bins import Profile
     from pneudrive.signals.recording import Recording
 
@@ -348,7 +348,7 @@ def _spacing(time_s: Array) -> Array:
     return spacing
 
 
-def _slips(speed: Array, stuck: Mask, slipping: Mask) -> tuple[list[int], list[float]]:
+def _slips(speed: Array, stuck: Bools, slipping: Bools) -> tuple[list[int], list[float]]:
     """Return the first sample of each slip that follows a stick, and each slip's peak speed."""
     if not stuck.any() or not slipping.any():
         return [], []

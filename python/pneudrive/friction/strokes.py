@@ -23,7 +23,7 @@ from pneudrive.signals.recording import Recording, refuse_impossible
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
     from pneudrive.signals.pressure_delay import PressureDelay
 
 
@@ -118,7 +118,7 @@ class Strokes:
         counting = [row.stroke.direction if row.means else 0 for row in self.rows]
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
-    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Mask]:
+    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Bools]:
         """Combine the strokes of each direction. Return no side if none counts, or the directions share no bin.
 
         Parameters
@@ -371,7 +371,7 @@ class RecordedMotion:
     strokes: tuple[Stroke, ...]
     raw_balance_n: Array
     balance_n: Array
-    settled: Mask
+    settled: Bools
     delay: PressureDelay | None
 
     @classmethod
@@ -457,7 +457,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[Bools, Array]:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n, swings = motion.position_m, motion.balance_n, _swings(motion)
         mask = np.zeros(position_m.size, dtype=bool)
@@ -492,7 +492,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: RecordedMotion) -> tuple[Mask, Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[Bools, Array]:
         """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()

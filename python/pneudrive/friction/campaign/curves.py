@@ -27,7 +27,7 @@ from pneudrive.friction.sentences import sentence
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.signals.force_calibration import ForceCalibration
 
 
@@ -230,8 +230,8 @@ class CurveBand:
     index: int
     condition: Condition
     speed_m_s: Array
-    measured: Mask
-    cycles: Whole
+    measured: Bools
+    cycles: Ints
     value_n: Array
     low_n: Array
     high_n: Array
@@ -311,7 +311,7 @@ def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Arr
 
 
 def by_chance(
-    fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Whole
+    fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Ints
 ) -> tuple[Array, Array, Array]:
     """Return value, low and high end of the 95 % interval from chance, N.
 

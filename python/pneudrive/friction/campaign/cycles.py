@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
     from pneudrive.rig.interface import Identity
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
@@ -89,7 +89,7 @@ class CycleTable:
         return replace(self, columns=self.columns | columns)
 
     @property
-    def moves(self) -> Mask:
+    def moves(self) -> Bools:
         """Mark the directions that a cycle has, shape (n, 2)."""
         return np.isfinite(self["velocity_m_s"])
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.friction.campaign.reading import CampaignData
 
 
@@ -70,7 +70,7 @@ FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, uni
 
 
 def implausible_friction(
-    condition: Whole,
+    condition: Ints,
     speed_m_s: Array,
     friction_n: Array,
     stderr_n: Array,
@@ -162,7 +162,7 @@ class Pattern:
     """
 
     position_m: Array
-    common: Mask
+    common: Bools
     friction: Array
     offset_n: Array
 
@@ -177,7 +177,7 @@ class Pattern:
         return unseen_n(self.offset_n[self.common], float(self.common.mean()))
 
 
-def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, dict[str, Array]]:
+def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, dict[str, Array]]:
     """Bring cycles with both directions to the common range of position.
 
     Parameters
@@ -199,7 +199,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, d
     covered = np.isfinite(friction)
     air = np.where(covered, -(air_up - air_down) / 2.0, np.nan)
     tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
-    common: Mask = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
+    common: Bools = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
     if not common.any():
         common = np.asarray(covered.any(axis=0))
     pattern = _pattern(friction[tells], common, relative=True)
@@ -228,7 +228,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Mask) -> tuple[Pattern, d
     }
 
 
-def _pattern(values: Array, common: Mask, *, relative: bool = False) -> Array:
+def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:
     """Return the deviation from the mean of each row, mean over rows; zero with too few rows.
 
     A relative pattern is zero if a row has little friction.
@@ -244,20 +244,20 @@ def _pattern(values: Array, common: Mask, *, relative: bool = False) -> Array:
     return pattern
 
 
-def _means(values: Array, pattern: Array, common: Mask, *, relative: bool = False) -> Array:
+def _means(values: Array, pattern: Array, common: Bools, *, relative: bool = False) -> Array:
     """Return the mean of each row over the common bins, with missing bins filled from the pattern."""
     here = np.isfinite(values) & _used(values, common)
     added, share = (0.0, 1.0 + pattern) if relative else (pattern, 1.0)
     return (np.where(here, values, 0.0) - here * added).sum(axis=1) / (here * share).sum(axis=1)
 
 
-def _used(values: Array, common: Mask) -> Mask:
+def _used(values: Array, common: Bools) -> Bools:
     """Mark the common bins; all bins in a row without them."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
     return np.where(has[:, None], common[None, :], True)
 
 
-def _by_chance(scatter: Array, rest: Array, common: Mask, speed: Array) -> Array:
+def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Array:
     """Return `chance_n` of each row's mean, shrunk towards its trend over speed."""
     used = _used(rest, common) & np.isfinite(rest)
     count, own = used.sum(axis=1), np.zeros(rest.shape[0])
@@ -319,7 +319,7 @@ class CurvePoints(CycleTable):
         return np.array([some.size for some in self.members], dtype=float)
 
     @property
-    def use(self) -> Mask:
+    def use(self) -> Bools:
         """Cycles that are points of F(v)."""
         return np.asarray(self["reason"] == "", dtype=bool)
 
@@ -334,7 +334,7 @@ class CurvePoints(CycleTable):
         return self["friction_n"] + self["air_n"]
 
     @property
-    def cell(self) -> Whole:
+    def cell(self) -> Ints:
         """Number of the condition and speed level of each cycle, shape (n,)."""
         return cells(self["curve"], self["level"])
 
@@ -382,7 +382,7 @@ class CurvePoints(CycleTable):
                 return shares, kind
         return None, ""
 
-    def speeds_of(self, index: int) -> tuple[Array, Mask, Whole]:
+    def speeds_of(self, index: int) -> tuple[Array, Bools, Ints]:
         """Return the speeds of the curve of one condition: the measured ones and some in between.
 
         Returns
@@ -430,7 +430,7 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
 
 
-def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
+def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Ints) -> NDArray:
     """Return the reason why each cycle is not a point of F(v).
 
     Stick-slip concerns a condition and speed, not a single cycle.
@@ -443,7 +443,7 @@ def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
     return np.where(unsteady != "", unsteady, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
 
 
-def _stretches(points: CurvePoints) -> Whole:
+def _stretches(points: CurvePoints) -> Ints:
     """Return the number of each cycle's block, counted from 0 for each combination of mounting, seal and drive."""
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
@@ -453,7 +453,7 @@ def _stretches(points: CurvePoints) -> Whole:
     return np.array(found, dtype=np.int64)
 
 
-def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, most: int) -> tuple[list[list[int]], int]:
+def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tuple[list[list[int]], int]:
     """Group successive cycles with the same place and level in the same part of the campaign.
 
     If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring

@@ -32,7 +32,7 @@ from pneudrive.signals.recording import Recording, clean, refuse_channels
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
@@ -102,7 +102,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     return recording, flags
 
 
-def _forwards(samples: Samples) -> tuple[Mask, int]:
+def _forwards(samples: Samples) -> tuple[Bools, int]:
     """Mark the samples with increasing time, and count the others.
 
     Repeated samples are dropped. After a clock jumped back, times are wrong:
@@ -127,7 +127,7 @@ def _forwards(samples: Samples) -> tuple[Mask, int]:
     return mask, int(finite.sum()) - longest.size
 
 
-def steps_of(recording: Recording, samples: Samples) -> Whole:
+def steps_of(recording: Recording, samples: Samples) -> Ints:
     """Return the step of the cycle to which each cleaned sample belongs."""
     order = np.argsort(samples.time_s, kind="stable")
     place = np.searchsorted(samples.time_s[order], recording.time_s)

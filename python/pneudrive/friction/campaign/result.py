@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
@@ -319,8 +319,8 @@ class Curve(Shown):
     high_n: Array
     stderr_n: Array
     u_systematic_n: Array
-    measured: Mask
-    cycles: Whole
+    measured: Bools
+    cycles: Ints
     excluded: tuple[ExcludedPoint, ...] = ()
     contains_air: bool = False
     complete: bool = True

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
 
 
 #: Speed above which stretched speed is proportional to speed; below, to its logarithm (assumed).
@@ -89,7 +89,7 @@ class CurveData:
     y: Array
     noise: Array
     speed_m_s: Array
-    curve: Whole
+    curve: Ints
     order: Array
     count: Array
     chance: Array
@@ -197,18 +197,18 @@ class _Basis:
         """Return the stretched speed, scaled to 0 to 1 over the measured range."""
         return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
 
-    def fixed(self, speed_m_s: Array, curve: Whole, *, observed: bool) -> Array:
+    def fixed(self, speed_m_s: Array, curve: Ints, *, observed: bool) -> Array:
         """Return the columns of one level per curve, a common slope, and the zero if there is one."""
         levels = (curve[:, None] == np.arange(self.curves)[None, :]).astype(float)
         slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
         zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
         return np.column_stack([zero, levels, slope])
 
-    def with_data(self, speed_m_s: Array, curve: Whole) -> dict[str, Array]:
+    def with_data(self, speed_m_s: Array, curve: Ints) -> dict[str, Array]:
         """Return the covariance of the smooth deviations with the observations'."""
         return self.kernels((speed_m_s, curve), (self.data.speed_m_s, self.data.curve))
 
-    def kernels(self, first: tuple[Array, Whole], second: tuple[Array, Whole]) -> dict[str, Array]:
+    def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> dict[str, Array]:
         """Return the covariance of the smooth deviations between speeds on curves."""
         (s, i), (t, j) = first, second
         s, t = self.place(s), self.place(t)
@@ -420,7 +420,7 @@ def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     return abs(float(off[at])) / float(far[at]) if abs(off[at]) > LEAST_SHARE * data.level else 0.0
 
 
-def _spare(data: CurveData, rows: NDArray[np.intp]) -> Mask:
+def _spare(data: CurveData, rows: NDArray[np.intp]) -> Bools:
     """Mark cycles whose curve has further cycles."""
     curve = data.curve[rows]
     return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

@@ -24,7 +24,7 @@ from pneudrive.friction.sentences import Said, say_all
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Mask, Whole
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.friction.campaign.curves import Fits
 
 
@@ -201,7 +201,7 @@ def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Mask) -> PositionPattern | None:
+def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Bools) -> PositionPattern | None:
     common, here = points.pattern.common, points.at(members)
     rows = here["relative_n"][:, common]
     position = points.pattern.position_m[common]
@@ -364,10 +364,10 @@ class _Design:
     pressure, and show the effect of time. Their ``level`` is -1.
     """
 
-    used: Mask
+    used: Bools
     kind: str
     speeds: Array
-    level: Whole
+    level: Ints
     gauge: Array
     place: Array
     equal: Array
@@ -375,7 +375,7 @@ class _Design:
     pairs: tuple[tuple[float, float], ...]
 
     @property
-    def compared(self) -> Mask:
+    def compared(self) -> Bools:
         """Return the cycles at speeds that were measured at all pressure pairs."""
         return self.level >= 0
 
@@ -398,7 +398,7 @@ def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ..
     return tuple(effect for effect in found if effect is not None)
 
 
-def _effects(ambient_pa: float, fits: Fits, members: Mask, title: str) -> PressureEffects | None:
+def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> PressureEffects | None:
     design = _design(ambient_pa, fits, members)
     if design is None:
         return None
@@ -456,7 +456,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Mask, title: str) -> Pressu
     return replace(found, statement=" ".join(one.text for one in said))
 
 
-def _design(ambient_pa: float, fits: Fits, members: Mask) -> _Design | None:
+def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
     """Select the speeds that were measured at all pressure pairs, and classify the effects that the pairs determine."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
@@ -507,7 +507,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     return MixedModel(y, x, here["friction_stderr_n"] ** 2, tuple(components)).fit()
 
 
-def accuracy_n(fits: Fits, members: Mask) -> float:
+def accuracy_n(fits: Fits, members: Bools) -> float:
     """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
     here = fits.points.at(members)
     return float(np.mean(np.hypot(here["u_gain_n"], here["u_hysteresis_n"])))

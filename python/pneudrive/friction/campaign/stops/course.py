@@ -39,7 +39,7 @@ from pneudrive.signals.motion import middle, noise_level
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Whole
+    from pneudrive.arrays import Array, Ints
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.signals.recording import Recording
@@ -93,7 +93,7 @@ class Phases:
         return self.restart_s - self.rest_s
 
 
-def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Whole) -> Phases | str:
+def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases | str:
     """Find the stop of a cycle.
 
     Parameters
@@ -135,7 +135,7 @@ def stop_step(cycle: Cycle) -> int | None:
     return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
-def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: Whole) -> int | None:
+def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> int | None:
     """Find the stop only from the steps of the samples: a rest before a move, with the planned duration."""
     if not cycle.stop_s or not cycle.speed_m_s:
         return None
@@ -271,7 +271,7 @@ class UninterruptedStroke:
 
 
 def strokes_of(
-    file: CycleFile, recording: Recording, step: Whole, *, leave: int | None = None
+    file: CycleFile, recording: Recording, step: Ints, *, leave: int | None = None
 ) -> list[UninterruptedStroke]:
     """Return the strokes of a cycle at its planned speed.
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Whole
+    from pneudrive.arrays import Array, Ints
 
 
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
@@ -281,7 +281,7 @@ class DwellData:
         return np.log10(self["dwell_s"])
 
     @cached_property
-    def condition(self) -> Whole:
+    def condition(self) -> Ints:
         """Index of the condition of each stop."""
         return np.array([self.conditions.index(c) for c in conditions_of(self.stops)], dtype=np.int64)
 

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array, Mask
+    from pneudrive.arrays import Array, Bools
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
@@ -603,7 +603,7 @@ class Noise:
         return float(np.sqrt(variance))
 
 
-def _run(mask: Mask, at: int) -> int:
+def _run(mask: Bools, at: int) -> int:
     """Return the length of the run of marked samples around a sample; single gaps do not end it."""
     filled = mask.copy()
     filled[1:-1] |= mask[:-2] & mask[2:]
