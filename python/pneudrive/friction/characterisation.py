@@ -56,19 +56,16 @@ def _speed_with_pressure(points: tuple[pressure.LevelPoint, ...], rows: list[Row
 
 def _stick_slip_note(level: Level) -> str:
     found = [s for s in level.stick_slip if s.found]
-
-    def usual(name: str) -> float:
-        return float(np.median([getattr(s, name) for s in found]))
-
-    return sentence(
-        "note.stick_slip",
-        name=level.recording,
-        period_s=usual("period_s"),
-        step_mm=usual("step_m") * 1e3,
-        peak_mm_s=usual("peak_speed_m_s") * 1e3,
-        stuck=100 * usual("stuck_share"),
-        mean_mm_s=usual("mean_speed_m_s") * 1e3,
-    )
+    columns = {
+        "period_s": "period_s",
+        "step_mm": "step_m",
+        "peak_mm_s": "peak_speed_m_s",
+        "mean_mm_s": "mean_speed_m_s",
+    }
+    usual = {name: float(np.median([getattr(s, of) for s in found])) for name, of in columns.items()}
+    usual = {name: 1e3 * value if "mm" in name else value for name, value in usual.items()}
+    stuck = 100 * float(np.median([s.stuck_share for s in found]))
+    return sentence("note.stick_slip", name=level.recording, stuck=stuck, **usual)
 
 
 def _doubts(levels: Iterable[Level]) -> list[str]:
@@ -339,7 +336,6 @@ class _Results:
         self.large = large
         self.shown: list[RecordingResult] = []
         self.rows: list[dict] = []
-        self.labels: list[dict[str, str]] = []
         self.points: list[pressure.LevelPoint] = []
         self.uses: dict[str, StrokeUse] = {}
         self.inputs: list[dict[str, str]] = []
@@ -372,9 +368,7 @@ class _Results:
                 raise
             self.skipped.append((name, error.what))
             return
-        rows = [row for level in result.levels for row in level.rows]
-        self.rows += rows
-        self.labels += [result.recording.labels] * len(rows)
+        self.rows += [row for level in result.levels for row in level.rows]
         self.points += map(pressure.LevelPoint.of, result.levels)
         self.uses[name] = result.stroke_use
         self.inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
@@ -392,7 +386,7 @@ class _Results:
                 notes.append(sentence("note.not_counted", count=len(self.skipped), first=self.skipped[0]))
         notes += [sentence("note.part_by_part", name=name) for name in self.long]
         closures, lines = pressure.fit_closures(self.points), pressure.fit_pressure_lines(self.points)
-        friction_map = rows_to_dataset(self.rows, self.labels)
+        friction_map = rows_to_dataset(self.rows)
         friction_map.attrs["protocol"] = choice.name
         friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
         friction_map.attrs[INPUTS] = self.inputs

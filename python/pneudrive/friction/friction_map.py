@@ -39,12 +39,12 @@ FILE = "file"  # attribute: path of the map
 Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
-def rows_to_dataset(rows: list[Row], labels: list[dict[str, str]]) -> xr.Dataset:
-    """Return the rows and their labels as a Dataset. Each label is a column of texts."""
+def rows_to_dataset(rows: list[Row]) -> xr.Dataset:
+    """Return the rows and their ``labels`` as a Dataset. Each label is a column of texts."""
     found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
     about = {"units": "", "long_name": "label of the recording"}
-    for name in dict.fromkeys(name for of_row in labels for name in of_row):
-        found[name] = ("row", np.array([of_row.get(name, "") for of_row in labels], dtype=object), about)
+    for name in dict.fromkeys(name for row in rows for name in row["labels"]):
+        found[name] = ("row", np.array([row["labels"].get(name, "") for row in rows], dtype=object), about)
     return found
 
 

@@ -218,7 +218,7 @@ class Level(Shown):
 
     @property
     def rows(self) -> tuple[dict[str, Any], ...]:
-        """Rows of the friction map, one per present direction."""
+        """Rows of the friction map, one per present direction, with the labels of the recording."""
         rows = []
         for way, side in self.sides.items():
             peaks = [row.peak for row in self.table.rows if row.peak and row.peak.direction == way]
@@ -226,7 +226,8 @@ class Level(Shown):
             own = {"recording": self.recording, "direction": way, "balance_n": side.spread.mean_n}
             own |= {"position_from_m": self.window_m[0], "position_to_m": self.window_m[1]}
             columns = {name: getattr(self, name) for name in OF_LEVEL} | {name: getattr(side, name) for name in OF_SIDE}
-            rows.append(own | columns | {"flags": ",".join((*self.flags, *spoiled))})
+            own |= {"labels": self.motion.recording.labels, "flags": ",".join((*self.flags, *spoiled))}
+            rows.append(own | columns)
         return tuple(rows)
 
 

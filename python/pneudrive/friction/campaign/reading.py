@@ -24,7 +24,7 @@ from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
 from pneudrive.friction.campaign import cycles
-from pneudrive.friction.friction_map import LEVELS, Condition, Skipped
+from pneudrive.friction.friction_map import LEVELS, SAME_PA, Condition, Skipped
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
 from pneudrive.signals.recording import Recording, clean, refuse_channels
@@ -422,7 +422,6 @@ def common_edges(positions: Sequence[Array]) -> Array:
     return np.linspace(low, high, BINS + 1)
 
 
-SAME_PA = 1e4  # mean pressures of recordings that differ by less are one condition
 STEP_PA = 1e3  # to which the pressure of a condition is rounded
 
 
