@@ -11,7 +11,7 @@ each label of a run is a block. The order of the recordings in time is not known
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -233,15 +233,15 @@ class CampaignData:
     name: str
     source: Path
     identity: Identity
-    files: tuple[CycleFile, ...]
     sliding: cycles.CycleTable
     tares: cycles.CycleTable
-    gain: cycles.Gain
-    pressure_zeros: dict[str, cycles.PressureZero]
     skipped: tuple[Skipped, ...]
-    notes: tuple[str, ...]
     edges_m: Array
     several: bool
+    files: tuple[CycleFile, ...] = ()
+    gain: cycles.Gain = field(default_factory=cycles.Gain)
+    pressure_zeros: dict[str, cycles.PressureZero] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def _date(started: str) -> str:
@@ -441,13 +441,9 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
         name=name,
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=Identity(name=name, **{field: getattr(found.recordings[0], field) for field in SHARED}),
-        files=(),
         sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
         tares=cycles.CycleTable.of([], BINS),
-        gain=cycles.Gain(),
-        pressure_zeros={},
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
-        notes=(),
         edges_m=edges,
         several=len({row["block"] for row in rows}) > 1,
     )
