@@ -26,7 +26,7 @@ from pneudrive.friction.sentences import problem, sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.repr_tables import Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
 from pneudrive.signals.pressure_delay import pressure_delay
 from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, Recording, clean
@@ -93,6 +93,9 @@ class Level(Shown):
     def ambient_pressure_pa(self) -> float:
         """Absolute pressure around the rod."""
         return self.motion.recording.ambient_pressure_pa
+
+    def _card(self) -> Card:
+        return super()._card()._replace(title=f"speed level {self.index + 1} of {self.recording}")
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
@@ -181,6 +184,11 @@ class Level(Shown):
         """Mean friction of each used stroke in the window by direction, direction * (stroke - offset), N."""
         offset = self.offset_n if len(self.sides) == 2 else 0.0
         return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
+
+    @property
+    def stroke_times_s(self) -> dict[int, Array]:
+        """Begin of each used stroke by direction, s."""
+        return {way: np.array([self.table.rows[i].time_s for i in rows]) for way, rows in self.table.directions.items()}
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:

@@ -105,6 +105,7 @@ class ClosureFit(Shown):
     pressure_pa: Array
     half_sum_force_n: Array
     residual_n: Array
+    residual_deviation_n: float
     degrees_of_freedom: int
     statement: str
 
@@ -158,6 +159,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
         pressure_pa=gauge[lead],
         half_sum_force_n=total,
         residual_n=residual,
+        residual_deviation_n=deviation,
         degrees_of_freedom=dof,
         statement=_closure_statement(seal, areas, nominal, zero, dof, together=len(factors) < len(areas)),
     )
