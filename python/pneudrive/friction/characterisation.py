@@ -308,9 +308,7 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
         elif is_run(item):
             loaded.append(from_run(item, f"trajectory-{len(loaded) + 1}" if len(items) > 1 else "trajectory"))
         else:
-            raise RecordingError(
-                "this is not a recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
-            )
+            raise RecordingError.of("friction.no_recording", value=type(item).__name__)
     files = recording_files(paths, layout) if paths else []
     campaigns = [find_cycles(file) if file.has_cycles else None for file in files]
 

@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.batching import in_advance
+from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import group_of
-from pneudrive.friction.sentences import problem, sentence
+from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED, Watch
@@ -416,7 +417,7 @@ def _all_parts(
         if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
             kept, largest_n = motion, most
     if kept is None or window is None:
-        raise problem("problem.motionless", file.file.name)
+        raise RecordingError.of("friction.motionless", where=file.file.name)
     return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
 
 
@@ -446,7 +447,7 @@ def _result(
     use = stroke_use(strokes, used, counting, window)
     if not levels:
         low, high = (1e3 * end for end in window)
-        raise problem("problem.unsettled", motion.recording.name, low=low, high=high, use=use)
+        raise RecordingError.of("friction.unsettled", where=motion.recording.name, low=low, high=high, use=use)
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
@@ -467,7 +468,7 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, floa
         return low + MIDDLE[0] * (high - low), low + MIDDLE[1] * (high - low)
     if recording.window_m[0] >= high or recording.window_m[1] <= low:
         window = [end * 1e3 for end in recording.window_m]
-        raise problem("problem.window", recording.name, window=window, low=low * 1e3, high=high * 1e3)
+        raise RecordingError.of("friction.window", where=recording.name, window=window, low=low * 1e3, high=high * 1e3)
     return recording.window_m
 
 
@@ -486,7 +487,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:
                 sizes = {"samples": len(recording), "strokes": n, "most": LONG_SAMPLES, "least": LEAST_STROKES}
-                raise problem("problem.long_strokes", str(file.file.path), **sizes)
+                raise RecordingError.of("friction.long_strokes", where=str(file.file.path), **sizes)
             left = raw
             continue
         counted = motion.strokes[0 if is_first else 1 : n if is_last else n - 1]

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files.toml import read
-from pneudrive.errors import RecordingError
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
@@ -88,8 +87,8 @@ def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: A
     ----------
     name : str
         Topic and name, ``"doubt.no_friction"``.
-    part : {"text", "value", "rule", "remedy"}
-        A sentence without the part gives "" for it.
+    part : {"text", "remedy"}
+        A sentence without a remedy gives "" for it.
     **values
         Values for the braces of the sentence.
     """
@@ -111,12 +110,6 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
     """
     remedy = sentence(name, "remedy", **values)
     return Statement(name.partition(".")[0], sentence(name, **values), carried=not remedy, remedy=remedy)
-
-
-def problem(name: str, where: str, **values: Any) -> RecordingError:  # noqa: ANN401 - whatever the sentence names
-    """Return an error from the table, with its value, rule and remedy."""
-    parts = {part: sentence(name, part, **values) or None for part in ("value", "rule", "remedy")}
-    return RecordingError(sentence(name, **values), where=where, **parts)
 
 
 def say_all(said: Iterable[Said]) -> Iterator[Statement]:

@@ -21,5 +21,5 @@ def test_sentences_of_code_and_table_are_the_same():
         for name, said in sentences.items():
             parts = {"text": said} if isinstance(said, str) else said
             assert "text" in parts, f"{topic}.{name}"
-            assert set(parts) <= {"text", "value", "rule", "remedy"}, f"{topic}.{name}"
+            assert set(parts) <= {"text", "remedy"}, f"{topic}.{name}"
             assert not parts["text"].startswith(" ")

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, Condition
-from pneudrive.friction.sentences import problem
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
 from pneudrive.repr_tables import Card, Shown
@@ -116,12 +116,12 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool = 
     """
     name, speeds = motion.recording.name, np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
-        raise problem("problem.speeds", name, slowest=1e3 * speeds.min(), fastest=1e3 * speeds.max())
+        raise RecordingError.of("friction.speeds", where=name, slowest=1e3 * speeds.min(), fastest=1e3 * speeds.max())
     grid = grid_of(edges_m)
     table = Strokes.of(motion, motion.strokes, (float(edges_m[0]), float(edges_m[-1])), grid)
     sides, _ = table.sides(uses_window=uses_window)
     if not sides:
-        raise problem("problem.settled", name, strokes=len(motion.strokes))
+        raise RecordingError.of("friction.settled", where=name, strokes=len(motion.strokes))
     return cycle_row(motion, grid, sides, {way: table.balance_n[rows] for way, rows in table.directions.items()})
 
 

@@ -272,12 +272,8 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     skipped = [Skipped("", p.where, p.what) for p in problems if p.lost]
     notes = [str(p) for p in problems if not p.lost]
     if not files:
-        raise CampaignError(
-            "the campaign has no cycle that can be used",
-            where=str(campaign.path),
-            value="; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/",
-            remedy="run it, or see docs/reference/campaign-folder.md for the files of cycles",
-        )
+        lost = "; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/"
+        raise CampaignError.of("friction.no_cycle", where=str(campaign.path), value=lost)
     # The snapshot of the rig is not needed, and would be sent to every process.
     light = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
     wanted = [f for f in light if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
