@@ -339,7 +339,8 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
 def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
     """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
     points = fits.points
-    total, whole = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True), []
+    whole: list[tuple[Array, Array, Array]] = []
+    total = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True)
     for band in fits.bands:  # the whole drag drifts like friction
         value, low, high = by_chance(fits, total, band.number, band.speed_m_s, band.cycles)
         whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
