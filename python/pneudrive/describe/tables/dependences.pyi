@@ -7,18 +7,9 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
+from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.keys import wrong as wrong
-from pneudrive.describe.marks import (
-    Bounds as Bounds,
-    EachChamber as EachChamber,
-    Fraction as Fraction,
-    Length as Length,
-    PerChamber as PerChamber,
-    Position as Position,
-    Quantity as Quantity,
-    Temperature as Temperature,
-)
 from typing import Annotated, Any, ClassVar, Literal
 
 _NOT_NEGATIVE: Incomplete
@@ -32,8 +23,8 @@ class Acting(Described):
 
 class SealPressure(Acting):
     table_name: ClassVar[str]
-    coulomb_n_pa: PerChamber
-    breakaway_n_pa: PerChamber
+    coulomb_n_pa: marks.PerChamber
+    breakaway_n_pa: marks.PerChamber
 
     @property
     def coulomb(self) -> _PerChamber: ...
@@ -49,8 +40,8 @@ class Dwell(Acting):
     increment_n: float
     time_s: Duration
     exponent: float
-    distance_m: Length
-    pressure_per_pa: PerChamber
+    distance_m: marks.Length
+    pressure_per_pa: marks.PerChamber
 
     @property
     def increment(self) -> _UnitFloat: ...
@@ -73,9 +64,9 @@ class Dwell(Acting):
 
 class Relaxation(Acting):
     table_name: ClassVar[str]
-    share: Fraction
+    share: marks.Fraction
     time_s: Duration
-    distance_m: Length
+    distance_m: marks.Length
 
     @property
     def time(self) -> _UnitFloat: ...
@@ -85,7 +76,7 @@ class Relaxation(Acting):
 
 class Harmonic(Acting):
     table_name: ClassVar[str]
-    period_m: Length
+    period_m: marks.Length
     amplitude: float
     phase_rad: float
 
@@ -97,7 +88,7 @@ class Harmonic(Acting):
 
 class PositionPoint(Acting):
     table_name: ClassVar[str]
-    position_m: Position
+    position_m: marks.Position
     factor: float
 
     @property
@@ -109,7 +100,7 @@ class PositionDependence(Acting):
     points: tuple[PositionPoint, ...]
     harmonics: tuple[Harmonic, ...]
     slope_per_m: float
-    reference_m: Position
+    reference_m: marks.Position
 
     def core(self) -> dict[str, Any]: ...
     @classmethod
@@ -147,7 +138,7 @@ class SideLoad(Acting):
 
 class TemperatureDependence(Acting):
     table_name: ClassVar[str]
-    reference_k: Temperature
+    reference_k: marks.Temperature
     viscous_per_k: float
     levels_per_k: float
     resistance_k_w: float
@@ -176,7 +167,7 @@ class TemperatureDependence(Acting):
 class Wear(Acting):
     table_name: ClassVar[str]
     run_in: float
-    run_in_distance_m: Length
+    run_in_distance_m: marks.Length
     rate_per_m: float
     slid_m: float
 

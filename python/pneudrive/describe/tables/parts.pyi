@@ -8,34 +8,10 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
 from collections.abc import Mapping as Mapping, Sequence
-from pneudrive import _core as _core, units as units
-from pneudrive.constants import (
-    AIR_GAS_CONSTANT_J_KG_K as AIR_GAS_CONSTANT_J_KG_K,
-    AIR_HEAT_CAPACITY_RATIO as AIR_HEAT_CAPACITY_RATIO,
-    ANR_DENSITY_KG_M3 as ANR_DENSITY_KG_M3,
-    ANR_PRESSURE_PA as ANR_PRESSURE_PA,
-    ANR_TEMPERATURE_K as ANR_TEMPERATURE_K,
-    MOLAR_GAS_CONSTANT_J_MOL_K as MOLAR_GAS_CONSTANT_J_MOL_K,
-    STANDARD_ATMOSPHERE_PA as STANDARD_ATMOSPHERE_PA,
-)
+from pneudrive import _core as _core, constants as constants, units as units
+from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.keys import WrongValueError as WrongValueError, wrong as wrong
-from pneudrive.describe.marks import (
-    Angle as Angle,
-    Bounds as Bounds,
-    EachChamber as EachChamber,
-    Force as Force,
-    Fraction as Fraction,
-    Length as Length,
-    Mass as Mass,
-    PerChamber as PerChamber,
-    Position as Position,
-    Quantity as Quantity,
-    StatedPressure as StatedPressure,
-    Stiffness as Stiffness,
-    Temperature as Temperature,
-    Velocity as Velocity,
-)
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
 from pneudrive.describe.tables.signal import Signal as Signal, SignalRange as SignalRange
@@ -82,7 +58,7 @@ class Gas(Described):
 class Ambient(Described):
     table_name: ClassVar[str]
     pressure: units.Pressure
-    temperature_k: Temperature
+    temperature_k: marks.Temperature
 
     @property
     def pressure_pa(self) -> float: ...
@@ -128,12 +104,12 @@ class Cylinder(Described):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["rodless", "through-rod", "single-rod"]
-    bore_m: Length
+    bore_m: marks.Length
     rod_diameter_m: float | None
-    stroke_m: Length
-    dead_volume_m3: PerChamber
-    moving_mass_kg: Mass
-    incline_rad: Angle
+    stroke_m: marks.Length
+    dead_volume_m3: marks.PerChamber
+    moving_mass_kg: marks.Mass
+    incline_rad: marks.Angle
     heat_transfer_w_m2_k: float | None
     heat_transfer_scale: float
     port_diameter_m: float | None
@@ -186,7 +162,7 @@ class Cylinder(Described):
         chamber_law: _Literal["energy-balance", "as-printed"] = ...,
     ) -> None: ...
 
-class FlowCoefficient(Quantity):
+class FlowCoefficient(marks.Quantity):
     def read(self, given: object) -> float: ...
     def schema(self) -> dict[str, Any]: ...
 
@@ -202,9 +178,9 @@ class Valve(Described):
     nominal_flow_m3_s_anr: float | None
     kv: float | None
     cv: float | None
-    critical_pressure_ratio: Fraction
+    critical_pressure_ratio: marks.Fraction
     subsonic_index: float
-    linear_above: Fraction
+    linear_above: marks.Fraction
     overlap: float | None
     leakage: float | None
     command: Signal | None
@@ -245,8 +221,8 @@ class Valve(Described):
 
 class Spring(Described):
     table_name: ClassVar[str]
-    stiffness_n_m: Stiffness
-    rest_position_m: Position
+    stiffness_n_m: marks.Stiffness
+    rest_position_m: marks.Position
 
     @property
     def stiffness(self) -> _UnitFloat: ...
@@ -257,7 +233,7 @@ class Spring(Described):
 class Load(Described):
     table_name: ClassVar[str]
     mass_kg: float
-    force_n: Force
+    force_n: marks.Force
     spring: Spring | _Any
 
     @property
@@ -271,7 +247,7 @@ class Load(Described):
 class Initial(Described):
     table_name: ClassVar[str]
     position_m: float | None
-    velocity_m_s: Velocity
+    velocity_m_s: marks.Velocity
     contact_age_s: float
     pressure_a: units.Pressure | None
     pressure_b: units.Pressure | None
