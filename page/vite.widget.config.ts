@@ -7,6 +7,7 @@ export default defineConfig({
     emptyOutDir: false,
     target: "es2022",
     reportCompressedSize: false,
+    rollupOptions: { output: { codeSplitting: false } },
     lib: { entry: "src/explore.tsx", formats: ["es"], fileName: () => "widget.js", cssFileName: "widget" },
   },
 });

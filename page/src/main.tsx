@@ -13,8 +13,9 @@ import { arrangeTables } from "./workspace/tables";
 import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
 import "./tokens.css";
 import "./style.css";
+import { Button } from "./workspace/fields";
 
-const OF_A_DESCRIPTION = ["drive", "simulate"];
+const OF_A_DESCRIPTION = ["drive", "simulate", "datasheet"];
 const KEY = "pneudrive-tabs";
 const MOST_TABS = 12;
 
@@ -121,9 +122,9 @@ function Tabs() {
                   aria-current={one.path === path ? "page" : undefined}>
                   <PathName path={shortName(one.path)} />
                 </a>
-                <button type="button" class="icon" aria-label={`Close ${one.path}`} onClick={() => closeTab(one.path)}>
+                <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)}>
                   ×
-                </button>
+                </Button>
               </li>
             ))}
           </ul>
@@ -152,9 +153,9 @@ function Share() {
       () => void (words.value = "Copy the address above"),
     );
   return (
-    <button type="button" class="share" onClick={() => void copy()}>
+    <Button class="share" act={() => copy()}>
       <span role="status">{words.value}</span>
-    </button>
+    </Button>
   );
 }
 
@@ -199,21 +200,20 @@ function Page() {
         Skip to the content
       </a>
       <header>
-        <button
-          type="button"
+        <Button
           class="icon"
           aria-expanded={isShown.value}
           aria-label="Files of the folder"
-          onClick={() => (isShown.value = !isShown.value)}>
+          act={() => (isShown.value = !isShown.value)}>
           ☰
-        </button>
+        </Button>
         <h1>
           <a href={link("studies")}>pneudrive</a>
         </h1>
         <span class="folder">{studies.value?.folder}</span>
-        <button type="button" class="find" aria-keyshortcuts="Control+K Meta+K" onClick={() => void find()}>
+        <Button class="find" aria-keyshortcuts="Control+K Meta+K" act={() => find()}>
           Find <kbd>{isMac ? "⌘ K" : "Ctrl K"}</kbd>
-        </button>
+        </Button>
         <Tray />
         <Share />
       </header>

@@ -94,7 +94,9 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.unroute("**/api/comparison?*measure=rest_error_m*")
     page.select_option("label:has-text('Measure') select", "rest_error_m")
     page.wait_for_selector("[data-cell='inversion/R1']:has-text('–')")  # a sine has no rest
-    assert page.locator("[data-strip=pid] line").count() == 2
+    assert (
+        page.locator("figure[data-figure^='error at rest']").get_attribute("data-points") == "4"
+    )  # two seeds of each law
     page.wait_for_selector("figure[data-plot=Errors] canvas")
     assert violations(tab) == []
     tab.picture("control-card")

@@ -96,11 +96,12 @@ def test_what_a_job_wrote_is_in_the_lists(server: Server, open_tab: Open) -> Non
 def test_a_resume_that_is_refused_says_so_as_long_as_it_is(server: Server, open_tab: Open) -> None:
     tab = open_tab(server.address)
     page = tab.page
+    told = {"title": "Assumed", "state": "good"} | {
+        key: [] for key in ("leading", "findings", "head", "table", "rows", "curves", "tables", "figures", "notes")
+    }
     card = {
-        "path": "", "measure": "max_error_m", "drive": "my axis", "setup": ["real", ""], "mismatch": "", "spread": "",
-        "count": 1, "total": 2, "finished": False, "done": 0, "laws": ["pid"], "references": [], "measures": [],
-        "cells": [], "each": [], "tables": {}, "told": {}, "plant": [], "true": [], "failed": [], "command": "",
-        "python": "",
+        "spread": "", "total": 2, "finished": False, "done": 0, "laws": ["pid"], "references": [], "measures": [],
+        "cells": [], "each": [], "told": told, "command": "", "python": "",
     }  # fmt: skip
     busy = dict.fromkeys(("line", "key", "value", "rule", "remedy")) | {"what": "2 jobs are running"}
     page.route("**/api/comparison?*", lambda route: route.fulfill(json=card))
@@ -127,18 +128,18 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.route("**/api/task", lambda route: late.append(route))  # noqa: PLW0108 - it takes no builtin
     page.click("text=A new task, and all sizings")
     page.wait_for_selector("h2:text-is('A new task')")
-    page.fill("label:has-text('File') input", "axis.toml")  # before there is a text to save
-    page.wait_for_selector("button:text-is('Save')[aria-disabled=true]")
+    page.fill("label:has-text('Name of the file') input", "axis.toml")  # before there is a text to save
+    page.wait_for_selector("button:text-is('Save as a new file'):disabled")
     late[0].continue_()
     page.unroute("**/api/task")
-    for name, answer in (("", "axis.toml already exists"), ("none", ""), ("mine.toml", "Saved mine.toml.")):
+    for name, answer in (("", "axis.toml is there already"), ("none", ""), ("mine.toml", "Saved mine.toml.")):
         if name:
-            page.fill("label:has-text('File') input", name)
-        page.click("button:text-is('Save')")
+            page.fill("label:has-text('Name of the file') input", name)
+        page.click("button:text-is('Save as a new file')")
         page.wait_for_selector(
             ".problem >> text=does not know this ending" if not answer else f"[role=status] >> text={answer}"
         )
-        assert (page.locator("[role=status] >> text=already exists").count() == 1) == (not name)
+        assert (page.locator("[role=status] >> text=is there already").count() == 1) == (not name)
     page.wait_for_selector("h2:text-is('mine.toml')")
     page.wait_for_timeout(200)
     assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1

@@ -260,7 +260,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.select_option("label:has-text('At one pressure') select", index=1)
     page.wait_for_selector("figure[data-figure='Friction over speed'][data-points='2']")
     page.select_option("label:has-text('Compare with') select", "results/worn/map.parquet")
-    page.wait_for_selector("figure[data-figure^='results/worn/map.parquet less'] .panel-drawing")
+    page.wait_for_selector("figure[data-figure=compared] .panel-drawing")
     assert "over=speed" in page.url
     assert violations(tab) == []
     page.select_option("label:has-text('Compare with') select", "")
@@ -280,7 +280,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("figure[data-figure='Residuals over speed'] .panel-drawing")
     page.wait_for_selector("text=coulomb_b over coulomb")
     page.click("text=Propose on the simulated rig")
-    page.wait_for_selector("[data-next]")
+    page.wait_for_selector("[aria-label^='expected half-width']")
     assert violations(tab) == []
     tab.picture("friction-again")
     page.click("summary:text-is('Measured points')")
@@ -495,12 +495,12 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     assert violations(tab) == []
     page.click("button:text-is('Export')")
     page.click("text=Show the variables of results/axis.fmu", timeout=30_000)
-    page.wait_for_selector("[data-variable=command]")
+    page.wait_for_selector("tr:has(th:text-is('command'))")
 
     fmu = server.folder / "results" / "axis.fmu"
     assert page.get_attribute("[data-sha256]", "data-sha256") == hashlib.sha256(fmu.read_bytes()).hexdigest()
-    assert "28" in page.inner_text("[data-variable='friction.coulomb'] td >> nth=1")
-    assert page.inner_text("[data-variable=pressure_a] td >> nth=0") == "Pa"
+    assert "28" in page.inner_text("tr:has(th:text-is('friction.coulomb')) td >> nth=1")
+    assert page.inner_text("tr:has(th:text-is('pressure_a')) td >> nth=0") == "Pa"
     lines = page.inner_text("[data-copy=fmpy]")
     assert len([line for line in lines.splitlines() if line]) == 3
     monkeypatch.chdir(server.folder)
@@ -513,5 +513,5 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     tab.picture("hand-over")
     page.click(".home")
     page.click("a[title='results/axis.fmu']")
-    page.wait_for_selector("[data-variable=command]")
+    page.wait_for_selector("tr:has(th:text-is('command'))")
     tab.check()

@@ -99,7 +99,7 @@ def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open
     page.wait_for_selector("[data-leading=max_error_m]", timeout=LONG)
     hand.press("button:text-is('Try all laws')")
     laws = page.locator("label:has-text('Law') option").all_inner_texts()
-    page.wait_for_selector(f"[data-strip='{laws[-1]}']", timeout=LONG)
+    page.wait_for_selector(f"[data-figure='Largest error of each law'] text:text-is('{laws[-1]}')", timeout=LONG)
     hand.choose("label:has-text('Law') select", "inversion")
     settled(tab)
     page.wait_for_selector(".answer-card h2:has-text('inversion')")

@@ -364,7 +364,7 @@ def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open)
     assert page.locator("[data-score]").count() == 0
     own, message = held[1]
     own.send(message)
-    page.wait_for_selector("text=for the other, every")
+    page.wait_for_selector("summary:has-text('for the other, every')")
 
 
 def test_curves_follow_the_scheme_of_the_system(server: Server, open_tab: Open) -> None:

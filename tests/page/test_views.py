@@ -45,9 +45,9 @@ VIEWS = {
     "campaign/campaigns/first": ("[data-state=none]", MOST_HIGH),
     "control/": ("[data-score=max_error_m]", MOST_HIGH),
     "control/results/laws": ("figure[data-plot=Errors] canvas", MOST_HIGH),
-    "datasheet/axis.toml": ("button:text-is('Write the data sheet')", MOST_HIGH),
+    "datasheet/axis.toml": ("[data-hero=circuit] svg.circuit", MOST_HIGH),
     "handover/": ("main h2", MOST_HIGH),
-    "handover/drive.fmu": ("[data-variable=command]", MOST_HIGH),
+    "handover/drive.fmu": ("[data-copy=fmpy]", MOST_HIGH),
 }
 
 #: Ends when the page has kept its height and its elements for a while.
@@ -153,10 +153,10 @@ def unfold_fit(page: Any) -> None:
     page.click("button:has-text('Residuals, profiles')")
     page.wait_for_selector("text=viscous over coulomb")
     page.click("text=Propose on the simulated rig")
-    page.wait_for_selector("[data-next]")
+    page.wait_for_selector("[aria-label^='expected half-width']")
     page.select_option("label:has-text('At one pressure') select", index=1)
     page.select_option("label:has-text('Compare with') select", index=1)
-    page.wait_for_selector("[data-figure^='results/worn/map.parquet less']")
+    page.wait_for_selector("[data-figure=compared]")
 
 
 #: What a view shows after some clicks.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from pathlib import Path
 
@@ -34,26 +35,33 @@ def fitted(served: Served) -> Served:
     return served
 
 
+def panels_of(found: dict) -> dict[str, list[dict]]:
+    """Return the panels of the figures of an answer, by the names of the figures."""
+    return {one["name"]: one["figure"]["panels"] for one in found["view"]["figures"]}
+
+
 def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     found = get(fitted, "/api/behind", path=FIT)
     curves = friction_map(stribeck, WIDE, (0.0, 2e5, 4e5), noise_n=0.2)
     whole = pn.fit_friction(curves, pressure_dependence=True)  # which has its data
     data = whole.compared()["friction"]
-    assert np.array_equal(found["residuals"], np.column_stack([data.at, data.measured - data.model]))
-    assert np.std([one for _, one in found["residuals"]]) == pytest.approx(0.2, rel=0.3)  # the noise, and no law
-    for one in found["profiles"]:
-        at = one["probability"].index(0.95)
-        size = {"N/bar": 1e-5, "mm/s": 1e-3}.get(one["unit"], 1.0)
-        low, high = (end / size for end in whole.intervals[one["name"]])
-        assert (one["low"][at], one["high"][at]) == pytest.approx((low, high), rel=1e-9)
-        assert np.all(np.diff(one["high"]) >= 0.0)  # a likelier interval is wider
-        assert np.all(np.diff(one["low"]) <= 0.0)
-    assert {one["name"] for one in found["profiles"]} == set(whole.free)
+    panels = panels_of(found)
+    ((mark,),) = ((panel["marks"]) for panel in panels["Residuals over speed"])
+    assert np.array_equal(np.array([mark["x"], mark["y"]]), np.array([data.at, data.measured - data.model]))
+    assert np.std(mark["y"]) == pytest.approx(0.2, rel=0.3)  # the noise, and no law
+    for panel in panels["Profiles"]:
+        name, unit = panel["title"].removeprefix("Profile of "), panel["x"]["unit"]
+        x, y = (np.array(panel["marks"][0][side]) for side in "xy")
+        size = {"N/bar": 1e-5, "mm/s": 1e-3}.get(unit, 1.0)
+        low, high = (end / size for end in whole.intervals[name])
+        assert x[np.isclose(y, 95.0)] == pytest.approx((low, high), rel=1e-9)
+        assert np.all(np.diff(x) >= 0.0)  # a likelier interval is wider
+        assert np.argmin(y) == np.argmin(np.abs(x - whole.values[name] / size))
+    assert {panel["title"].removeprefix("Profile of ") for panel in panels["Profiles"]} == set(whole.free)
 
-    pairs = {(one["x"]["name"], one["y"]["name"]): one for one in found["ellipses"]}
-    pair = pairs["coulomb", "viscous"]
-    assert pair["correlation"] < -0.5  # more of the one, less of the other
-    outline = np.array(pair["points"])
+    pair = next(one for one in panels["Values that change together"] if one["title"].startswith("viscous over coulomb"))
+    assert float(pair["title"].split()[-1]) < -0.5  # more of the one, less of the other
+    outline = np.array([pair["marks"][0]["x"], pair["marks"][0]["y"]]).T
     high = outline[outline[:, 0] > outline[:, 0].mean()]
     assert high[:, 1].mean() < outline[:, 1].mean()
     half = 0.5 * np.ptp(outline[:, 0])
@@ -87,9 +95,8 @@ def test_an_ellipse_is_that_of_the_normal_equations() -> None:
 def test_a_map_that_changed_shows_no_residuals(fitted: Served) -> None:
     write_map(friction_map(coulomb(30.0)), fitted.folder / FOLDER / "map.parquet")
     found = get(fitted, "/api/behind", path=FIT)
-    assert found["residuals"] == found["profiles"] == []
-    assert "this map was removed or changed" in found["why"]
-    assert found["ellipses"]
+    assert list(panels_of(found)) == ["Values that change together"]
+    assert "this map was removed or changed" in found["view"]["title"]
     with pytest.raises(FitError, match="not the one of this fit"):
         with_map(FrictionFit.from_toml(fitted.folder / FIT), friction_map(coulomb(30.0)))
 
@@ -98,20 +105,22 @@ def test_next_points_are_those_of_the_command_and_of_python(
     fitted: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     found = get(fitted, "/api/next", path=FIT, points="12")
-    assert sum(one["repeats"] for one in found["points"]) == 12
-    for one in found["expected"]:
-        assert one["then"] < one["now"]
+    points, expected = (table["rows"] for table in found["view"]["tables"])
+    assert sum(int(repeats) for *_, repeats in points) == 12
+    for _, now, then, _ in expected:
+        assert float(then) < float(now)
     monkeypatch.chdir(fitted.folder)
     exec(found["python"], {})
     first = capsys.readouterr().out.splitlines()[2].split()
     assert run_command(shlex.split(found["command"])[1:]) == 0
     assert first in [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert first[0] == f"{1e3 * found['points'][0]['speed_m_s']:.3g}"
+    assert first[0] == points[0][0]
     job = {"kind": "design", "fit": FIT, "points": 12, "name": "next"}
     assert run_command(shlex.split(post(fitted, "/api/work", job)["command"])[1:]) == 0
     text = (fitted.folder / "next.toml").read_text()
-    for one in found["points"]:
-        assert f'"{1e3 * one["speed_m_s"]:.6g} mm/s"' in text
+    written = [float(text) for text in re.findall(r'"([\d.]+) mm/s"', text)]
+    for speed, *_ in points:
+        assert any(f"{one:.3g}" == speed for one in written)
     read_protocol(fitted.folder / "next.toml")
     for wrong in ({"points": "0"}, {"points": "x"}, {"path": "axis.toml"}, {"path": "../fit.toml"}):
         assert get(fitted, "/api/next", status=400, **({"path": FIT} | wrong))["problems"]
@@ -160,44 +169,21 @@ def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch:
         assert get(maps, "/api/slice", status=400, path=NEW, speed=speed)["problems"]
 
 
-def test_what_a_worn_seal_adds_is_found_with_its_band(
-    maps: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    found = get(maps, "/api/map-difference", path=NEW, other=WORN)
-    assert len(found["groups"]) == len(GAUGES)
+def test_what_a_worn_seal_adds_is_found_with_its_band(maps: Served) -> None:
+    pair = {"before": f"{NEW.rpartition('/')[0]}/fit.toml", "after": f"{WORN.rpartition('/')[0]}/fit.toml"}
+    panels = post(maps, "/api/compare", pair)["figure"]["figure"]["panels"]
+    differences = [panel["marks"] for panel in panels if panel["title"].startswith("worn less new")]
+    assert len(differences) == 2  # at both ends of the pressure
     inside = []
-    for group in found["groups"]:
-        speed, friction, low, high = (np.array(group["curve"][key]) for key in ("speed", "friction", "low", "high"))
-        assert np.abs(friction - wear(speed)).max() < 0.3
+    for band, line, _ in differences:
+        speed, gap, low, high = (np.array(values) for values in (line["x"], line["y"], band["low"], band["high"]))
+        assert np.abs(gap - wear(speed)).max() < 0.3
         inside.append(np.mean((low <= wear(speed)) & (wear(speed) <= high)))
-        assert len(group["points"]) == 4 * len(WIDE)  # two days, two directions
-        for point in group["points"]:
-            assert point["friction"] == pytest.approx(wear(point["speed"]), abs=1.0)
-            assert point["spread"] == pytest.approx(2.0 * np.hypot(0.1, 0.2), rel=1e-12)
     assert np.mean(inside) > 0.8
-    back = get(maps, "/api/map-difference", path=WORN, other=NEW)
-    assert np.allclose(back["groups"][0]["curve"]["friction"], -np.array(found["groups"][0]["curve"]["friction"]))
-    assert np.allclose(back["groups"][0]["curve"]["low"], -np.array(found["groups"][0]["curve"]["high"]))
-
-    monkeypatch.chdir(maps.folder)
-    names: dict = {}
-    exec(found["python"], names)
-    for group, said in zip(found["groups"], names["found"], strict=True):
-        assert [one.value for one in said] == group["curve"]["friction"]
-    assert run_command(shlex.split(found["command"])[1:]) == 0
-    printed = capsys.readouterr().out
-    first = found["groups"][0]["curve"]
-    assert f"{first['friction'][0]:+.3g}" in printed
-    assert f"{first['low'][0]:+.3g} .. {first['high'][0]:+.3g}" in printed
 
 
 def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Maps of which one lacks the first pressure of the other; a map with two pressures of both chambers."""
-    other = maps.folder / "results" / "part" / "map.parquet"
-    other.parent.mkdir()
-    curves = friction_map(lambda v, g: stribeck(v, g) + wear(v), WIDE, GAUGES[1:], 0.2)
-    write_map(curves, other)
-    pn.fit_friction(curves, pressure_dependence=True).to_toml(other.with_name("fit.toml"))
+    """A map with two pressures of both chambers."""
     many = maps.folder / "results" / "many" / "map.parquet"
     many.parent.mkdir()
     both = [friction_map(stribeck, WIDE, GAUGES, 0.2), friction_map(stribeck, WIDE, GAUGES, 0.2)]
@@ -206,14 +192,12 @@ def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: p
     write_map(xr.concat(both, "row", combine_attrs="override"), many)
     pn.fit_friction(both[0], pressure_dependence=True).to_toml(many.with_name("fit.toml"))
     monkeypatch.chdir(maps.folder)
-    difference = get(maps, "/api/map-difference", path=NEW, other="results/part/map.parquet")
     cut = get(maps, "/api/slice", path="results/many/map.parquet", speed="0.03")
-    for shown, values in ((difference, lambda said: [one.value for one in said]), (cut, lambda said: said.friction_n)):
-        assert len(shown["groups"]) == 2
-        names: dict = {}
-        exec(shown["python"], names)
-        for group, said in zip(shown["groups"], names["found"], strict=True):
-            assert list(values(said)) == group["curve"]["friction"]
+    assert len(cut["groups"]) == 2
+    names: dict = {}
+    exec(cut["python"], names)
+    for group, said in zip(cut["groups"], names["found"], strict=True):
+        assert list(said.friction_n) == group["curve"]["friction"]
 
 
 def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
@@ -238,17 +222,3 @@ def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
     assert [group["assembly"] for group in cut["groups"]] == [f"S{number}" for number in range(10)]
     for group, said in zip(cut["groups"], names["found"], strict=True):
         assert list(said.friction_n) == group["curve"]["friction"]
-
-
-def test_maps_without_a_common_condition_or_fit_are_answered_in_words(maps: Served) -> None:
-    other = maps.folder / "results" / "other" / "map.parquet"
-    other.parent.mkdir()
-    write_map(friction_map(coulomb(30.0), gauges_b_pa=(1e5,)), other)
-    refused = get(maps, "/api/map-difference", status=400, path=NEW, other="results/other/map.parquet")
-    assert "no pair of chamber pressures in common" in refused["problems"][0]["what"]
-    Path(maps.folder / "results/worn/fit.toml").unlink()
-    found = get(maps, "/api/map-difference", path=NEW, other=WORN)
-    assert "no fit.toml" in found["fit"]
-    assert "curve" not in found["groups"][0]
-    assert not found["python"]
-    assert get(maps, "/api/map-difference", status=400, path=NEW, other="../map.parquet")["problems"]

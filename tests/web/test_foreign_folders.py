@@ -184,7 +184,7 @@ def damaged_fmus() -> dict[str, bytes]:
 
 
 #: Addresses that take a file.
-OF_FILES = ("validation", "view", "behind", "next", "lineage", "map", "slice", "map-difference", "sizing", "comparison")
+OF_FILES = ("validation", "view", "behind", "next", "lineage", "map", "slice", "sizing", "comparison")
 OF_OTHERS = ("tracks", "campaign", "cycle", "fmu", "control", "recording", "strokes", "spectrum", "propose", "file")
 #: Addresses that take a table.
 OF_TABLES = ("check", "edit", "drawing", "copy", "measure", "compare", "task", "work", "jobs", "cancel", "campaign")

@@ -134,8 +134,8 @@ def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> 
     found = post(served, "/api/task", {"text": first})
     assert found["problems"] == []
     values = {one["key"]: one for one in found["values"]}
-    assert values["mass"] | {"meaning": ""} == {"key": "mass", "text": "8 kg", "given": True, "meaning": ""}
-    assert not values["spread.friction"]["given"]
+    assert values["mass"] | {"origin": ""} == {"key": "mass", "text": "8 kg", "kind": "given", "origin": ""}
+    assert values["spread.friction"]["kind"] == "default"
     assert values["spread.friction"]["text"] == "0.7 .. 1.5"
     weight = found["follows"][0]
     assert weight["value"] == pytest.approx(8.0 * 9.80665 * 0.5)

@@ -1,64 +1,26 @@
 /** View of the controllers: a run with sliders for the gains, a new benchmark, and the benchmarks of the folder. */
 
-import { effect, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
+import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
 import { curveOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
-import { inCatalogue, isToml, kept, link, route } from "../routes";
+import { type StripRow, stripFigure } from "../plots/points";
+import { inCatalogue, isToml, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import type { SentView } from "../server/generated";
-import { ask, attempting, Live, type Problem, read, write } from "../server/server";
+import type { Choices, Gain, ControlHead as Head } from "../server/generated";
+import { ask, attempting, type Problem, read, write } from "../server/server";
 import { undoable } from "../undo";
+import { useLive } from "../workspace/answers";
+import { Button } from "../workspace/fields";
 import { list, studies } from "../workspace/files";
-import { follow, JobList } from "../workspace/jobs";
-import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
-import { Answer, Notes } from "../workspace/result";
-import { Gains, ScoreCard, Strip, type StripRow } from "./score";
-
-interface Gain {
-  key: string;
-  number: number;
-  unit: string;
-  low: number;
-  high: number;
-  meaning: string;
-  rule: string;
-}
-
-interface Head {
-  number: number;
-  problems?: Problem[];
-  panels: { title: string; unit: string; size: number; curves: { column: string; label: string }[] }[];
-  samples: number;
-  took_s: number;
-  command: string;
-  python: string;
-  law: string;
-  drive: string;
-  believes: string;
-  period_s: number;
-  gains: Gain[];
-  plant: [string, string][];
-  limits: string[];
-  setup: [string, string];
-  mismatch: [string, string];
-  warnings: string[];
-  true: { name: string; value: string }[];
-  score: { name: string; title: string; text: string; value: number | null }[];
-  view: SentView;
-  events: { time_s: number; text: string; kind: string }[];
-  assumed: number;
-  lost: boolean;
-}
-
-interface Choices {
-  laws: string[];
-  setups: string[];
-  mismatches: string[];
-  spreads: string[];
-  references: { name: string; text: string; usable: boolean }[];
-}
+import { field, JobForm, requestOf } from "../workspace/form";
+import { follow } from "../workspace/jobs";
+import { Copied, InFolder, NumberField, Problems, Select, SliderRow, Unsaved } from "../workspace/parts";
+import { Answer, Values } from "../workspace/result";
+import { isOverMain } from "../workspace/tree";
+import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
 
 const drive = signal("");
 const law = undoable(signal("nmpc"));
@@ -133,32 +95,23 @@ function Start({ path }: { path: string }) {
     const first = path || (opened.value && all.includes(opened.value.path) ? opened.value.path : all[0]);
     if (first && (path ? path !== drive.value : !all.includes(drive.value))) void choose(first);
   }, [all.join(), path]);
-  useEffect(() => {
-    void follow();
-    const live = new Live<Head>((frame) => {
+  useEffect(() => void follow(), []);
+  useLive<Head>(
+    () => {
+      const asked = request();
+      if (asked) isRunning.value = true;
+      return asked;
+    },
+    (frame, isMore) => {
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) {
         answer.value = frame;
         const before = new Map(tuned.peek().map((one) => [one.key, one]));
         tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
       }
-      isRunning.value = live.isRunning;
-      const page = document.documentElement.dataset;
-      page.sent = String(live.sent + Number(live.isWaiting)); // the test waits for the newest
-      page.drawn = String(frame.head.number);
-      page.mostOnTheWay = String(live.mostOnTheWay);
-    });
-    const end = effect(() => {
-      const asked = request();
-      if (!asked) return;
-      isRunning.value = true;
-      live.request(asked);
-    });
-    return () => {
-      end();
-      live.close();
-    };
-  }, []);
+      isRunning.value = isMore;
+    },
+  );
   return (
     <div class="simulate control">
       <div class="top">
@@ -170,34 +123,33 @@ function Start({ path }: { path: string }) {
       </div>
       <section class="controls" aria-label="What is run">
         <div class="twin">
-          <Choice
+          <Select
             label="Drive"
             value={drive.value}
             put={(one) => (void choose(one), path && (location.hash = link("control", one)))}
-            of={all}
+            options={all}
           />
-          <Choice
+          <Select
             label="Law"
             value={law.value}
             put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
-            of={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
+            options={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
           />
         </div>
         <Unsaved path={drive.value} />
         <ReferenceField />
         <div class="twin">
-          <Choice
+          <Select
             label="Setup"
             value={setup.value}
             put={(one) => (setup.value = one)}
-            of={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
+            options={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
           />
-          <Choice
+          <Select
             label="True drive"
             value={mismatch.value}
             put={(one) => (mismatch.value = one)}
-            of={choices.value?.mismatches ?? []}
-            none="as described"
+            options={[["", "as described"], ...(choices.value?.mismatches ?? [])]}
           />
           <label class="choice">
             Seed{" "}
@@ -222,9 +174,9 @@ function Start({ path }: { path: string }) {
         <GainSliders />
         {!isToml(law.value) && (
           <p class="row">
-            <button type="button" disabled={!answer.value} onClick={() => void saveController()}>
+            <Button disabled={!answer.value} act={() => saveController()}>
               Save the controller
-            </button>
+            </Button>
             <a class="button" href={link("handover", drive.value)}>
               Export the drive
             </a>
@@ -248,19 +200,11 @@ function Start({ path }: { path: string }) {
   );
 }
 
-const MM = 1e-3;
-
-/** Largest error that is allowed, mm, of the address. */
-const goal = kept("goal");
-const goalOf = (): number => Number(goal.value) || 0.2;
-
-const MEASURE = "max_error_m";
-
 /** The run against the goal in one sentence, with its leading values. */
 function Met() {
   const head = answer.value?.head;
   if (!head) return null;
-  const error = (head.score.find((one) => one.name === MEASURE)?.value ?? Infinity) / MM;
+  const error = (head.max_error_m ?? Infinity) / MM;
   const isMet = error <= goalOf() && !head.lost;
   const limit = `${digits(goalOf())} mm`;
   const title = `${head.law} keeps the error within ${digits(error)} mm; ${limit} are allowed${head.lost ? ". Lost: the error exceeded 20 mm" : ""}.`;
@@ -269,7 +213,11 @@ function Met() {
     const own = { ...value, quantity: value.label, value: null };
     return value.key === MEASURE ? { ...own, limit, state: isMet ? ("good" as const) : ("bad" as const) } : own;
   });
-  return <Answer view={{ ...head.view, title, state, leading }} />;
+  return (
+    <div data-score={MEASURE} data-si={head.max_error_m}>
+      <Answer view={{ ...head.view, title, state, leading }} />
+    </div>
+  );
 }
 
 const savedAs = signal("");
@@ -303,7 +251,7 @@ function Goal() {
       for (const name of choices.value?.laws ?? []) {
         const found = await ask<{ value: number | null }>("/api/law", { ...request(), law: name, gains: {} });
         if (tried.value?.of !== asked) return;
-        const values = found.value === null ? [] : [{ value: found.value, title: name }];
+        const values = found.value === null ? [] : [found.value / MM];
         tried.value = { of: asked, rows: [...tried.value.rows, { name, values }] };
       }
     });
@@ -311,38 +259,16 @@ function Goal() {
     <fieldset>
       <legend>Goal</legend>
       <p class="row">
-        <NumberField
-          label="Largest error allowed, mm"
-          low={1e-6}
-          value={goalOf()}
-          put={(value) => (goal.value = String(value))}
-        />
-        mm largest error
-        <button type="button" onClick={() => void all()}>
-          Try all laws
-        </button>
+        <GoalField />
+        <Button act={() => all()}>Try all laws</Button>
       </p>
       <Problems of={notTried.value} />
       {isTried && tried.value!.rows.length > 0 && (
-        <Strip title="Largest error" unit="mm" size={MM} rows={tried.value!.rows} goal={goalOf() * MM} />
+        <FigureView
+          shown={stripFigure("Largest error of each law", "largest error, mm", tried.value!.rows, goalOf())}
+        />
       )}
     </fieldset>
-  );
-}
-
-function Choice(props: { label: string; value: string; put: (value: string) => void; of: string[]; none?: string }) {
-  return (
-    <label class="choice">
-      {props.label}{" "}
-      <select value={props.value} onChange={(event) => props.put(event.currentTarget.value)}>
-        {props.none && <option value="">{props.none}</option>}
-        {props.of.map((one) => (
-          <option key={one} value={one}>
-            {one}
-          </option>
-        ))}
-      </select>
-    </label>
   );
 }
 
@@ -355,15 +281,14 @@ function ReferenceField() {
       </label>
       <p class="row" role="group" aria-label="Standard references">
         {usual.map((one) => (
-          <button
-            type="button"
+          <Button
             class="link"
             key={one.name}
             title={one.text}
             aria-pressed={reference.value === one.text}
-            onClick={() => (reference.value = one.text)}>
+            act={() => (reference.value = one.text)}>
             {one.name}
-          </button>
+          </Button>
         ))}
       </p>
     </>
@@ -398,9 +323,9 @@ function GainSliders() {
       })}
       {Object.keys(gains.value).length > 0 && (
         <p>
-          <button type="button" class="link" onClick={() => (gains.value = {})}>
+          <Button class="link" act={() => (gains.value = {})}>
             Reset all gains to the values that follow from the drive
-          </button>
+          </Button>
         </p>
       )}
     </>
@@ -455,46 +380,11 @@ function Details() {
         The drive {head.drive},{" "}
         {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}
       </p>
-      {head.true.length > 0 && (
-        <Table
-          heads={["Deviation of the true drive", "factor, or SI"]}
-          rows={head.true.map((one) => [one.name, one.value])}
-          label="Deviations"
-        />
-      )}
-      <h2>Score</h2>
-      <Tiles
-        label="Score"
-        of={head.score.map((one) => ({
-          key: one.name,
-          title: one.title,
-          text: one.text,
-          data: { "data-score": one.name, "data-si": one.value },
-        }))}
-      />
-      {head.events.length > 0 && (
-        <details>
-          <summary>{head.events.length} events of the supervisor</summary>
-          <ul>
-            {head.events.map((one, index) => (
-              <li key={index}>
-                {digits(one.time_s)} s: {one.text || one.kind}
-              </li>
-            ))}
-          </ul>
-        </details>
-      )}
-      <details>
-        <summary>
-          Assumed drive: {head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms
-        </summary>
-        <p>
-          Setup {head.setup[0]}. {head.setup[1]} {head.assumed} values are assumed: Drive lists those of the drive.
-        </p>
-        <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
-        <Notes of={head.limits} />
-        <Table heads={["Property", "Value"]} rows={head.plant} label="The drive to its law" />
+      <details open={!isOverMain()}>
+        <summary>All measures, deviations and events</summary>
+        <Values view={head.view} />
       </details>
+      <Told view={head.told} />
       <details>
         <summary>The same as a command and as Python</summary>
         <Copied command={head.command} python={head.python} />
@@ -503,59 +393,31 @@ function Details() {
   );
 }
 
-const laws = undoable(signal<string[]>(["pid", "nmpc"]));
-const along = undoable(signal<string[]>(["R1", "R3"]));
-const other = undoable(signal(""));
-const spread = undoable(signal(""));
-const count = undoable(signal(3));
-const name = signal("laws");
-const notBegun = signal<Problem[]>([]);
-
-function Checks(props: { legend: string; of: string[]; chosen: string[]; put: (chosen: string[]) => void }) {
-  return (
-    <fieldset>
-      <legend>{props.legend}</legend>
-      <div class="row">
-        {props.of.map((one) => (
-          <label key={one}>
-            <input
-              type="checkbox"
-              checked={props.chosen.includes(one)}
-              onChange={(event) =>
-                props.put(
-                  event.currentTarget.checked ? [...props.chosen, one] : props.chosen.filter((it) => it !== one),
-                )
-              }
-            />{" "}
-            {one}
-          </label>
-        ))}
-      </div>
-    </fieldset>
-  );
-}
-
 /** Start a benchmark as a job, with the chosen drive, instrumentation and deviation. */
 function Compare() {
   const found = choices.value;
   if (!found) return null;
-  const begin = () =>
-    attempting(notBegun)(async () => {
-      const references = [...along.value, ...(other.value.trim() ? [other.value] : [])];
-      const asked = {
-        drive: drive.value,
-        laws: laws.value,
-        references,
-        setup: setup.value,
-        count: count.value,
-        name: name.value,
-      };
-      const { number } = await ask<{ number: number }>("/api/comparisons", {
-        ...asked,
-        ...(spread.value ? { spread: spread.value } : { mismatch: mismatch.value }),
-      });
-      await follow(number);
-    });
+  const pairs = (names: string[]) => names.map((name): [string, string] => [name, name]);
+  const isSpread = Boolean(requestOf("control").spread);
+  const own = {
+    title: "Compare",
+    door: "/api/comparisons",
+    fields: [
+      field("laws", "Laws", "several", { choices: pairs([...found.laws, ...filesOf("controller")]) }),
+      field("along", "Standard references", "several", { choices: pairs(found.references.map(({ name }) => name)) }),
+      field("other", "And along", "text", { hint: "a reference of your own" }),
+      field("spread", "Spread of drives", "choice", {
+        choices: [["", "none: seeds of noise"], ...pairs(found.spreads)],
+      }),
+      field("count", isSpread ? "Members" : "Seeds", "number", { most: MOST_MEMBERS }),
+      field("name", "Into results/", "name"),
+    ],
+    body: ({ laws, along, other, spread, count, name }: Record<string, unknown>) => ({
+      ...{ drive: drive.value, setup: setup.value, laws, count, name },
+      references: [...((along as string[] | undefined) ?? []), ...(String(other ?? "").trim() ? [other] : [])],
+      ...(spread ? { spread } : { mismatch: mismatch.value }),
+    }),
+  };
   return (
     <section aria-label="Compare laws">
       <h2>Compare laws</h2>
@@ -565,48 +427,13 @@ function Compare() {
           ", not with the gains changed there: the copied command writes these to a controller file, which can be compared"}
         .
       </p>
-      <Checks
-        legend="Laws"
-        of={[...found.laws, ...filesOf("controller")]}
-        chosen={laws.value}
-        put={(one) => (laws.value = one)}
+      <JobForm
+        kind="control"
+        own={own}
+        start={{ laws: ["pid", "nmpc"], along: ["R1", "R3"], other: "", spread: "", count: 3, name: "laws" }}
       />
-      <Checks
-        legend="Standard references"
-        of={found.references.map((one) => one.name)}
-        chosen={along.value}
-        put={(one) => (along.value = one)}
-      />
-      <label class="choice">
-        And along{" "}
-        <input
-          value={other.value}
-          placeholder="a reference of your own"
-          onInput={(event) => (other.value = event.currentTarget.value)}
-        />
-      </label>
-      <Choice
-        label="Spread of drives"
-        value={spread.value}
-        put={(one) => (spread.value = one)}
-        of={found.spreads}
-        none="none: seeds of noise"
-      />
-      <p class="row">
-        <label>
-          {spread.value ? "Members" : "Seeds"}{" "}
-          <NumberField low={1} whole value={count.value} put={(one) => (count.value = one)} />
-        </label>
-        <label>
-          Into results/{" "}
-          <input size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-        </label>
-        <button type="button" onClick={() => void begin()}>
-          Compare
-        </button>
-      </p>
-      <Problems of={notBegun.value} />
-      <JobList kinds={["control"]} />
     </section>
   );
 }
+
+const MOST_MEMBERS = 10_000;

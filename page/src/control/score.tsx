@@ -2,65 +2,46 @@
 
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { digits, look, pretty } from "../plots/looks";
+import { FigureView } from "../plots/figure";
+import { look, pretty } from "../plots/looks";
 import { curveOf, Plot, zooming } from "../plots/plot";
-import { useWidth } from "../plots/width";
-import { link } from "../routes";
+import { stripFigure } from "../plots/points";
+import { kept, link } from "../routes";
 import type { Frame } from "../server/frame";
+import type { Card, SentView, Tracks } from "../server/generated";
 import { ask, attempting, frame, type Problem, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
+import { Button } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
-import { AnswerOf } from "../workspace/result";
+import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
+import { Answer, Notes, useView, Values } from "../workspace/result";
 
-interface ToldGain {
-  key: string;
-  written: string;
-  meaning: string;
-  rule: string;
-}
+export const MM = 1e-3;
+/** Measure that the goal limits. */
+export const MEASURE = "max_error_m";
 
-interface Card {
-  measure: string; // that its cells and runs are of
-  drive: string;
-  setup: [string, string];
-  mismatch: string;
-  spread: string;
-  count: number;
-  total: number;
-  finished: boolean;
-  done: number;
-  laws: string[];
-  references: { name: string; text: string }[];
-  measures: { name: string; title: string; size: number; unit: string }[];
-  cells: {
-    law: string;
-    reference: string;
-    text: string;
-    range: string[];
-    value: number | null;
-    best: boolean;
-    lost: number;
-  }[];
-  each: { law: string; reference: string; seed: number; value: number | null }[];
-  told: Record<string, { law: string; believes: string; period_s: number; gains: ToldGain[]; limits: string[] }>;
-  plant: [string, string][];
-  true: { name: string; least: string; largest: string }[];
-  failed: string[];
-  command: string;
-  python: string;
-}
+/** Largest error that is allowed, mm, of the address. */
+const goal = kept("goal");
+export const goalOf = (): number => Number(goal.value) || 0.2;
 
-interface Tracks {
-  reference: string;
-  laws: string[];
-  seeds: number[];
-  error: { unit: string; size: number };
-}
+export const GoalField = () => (
+  <label>
+    Goal{" "}
+    <NumberField
+      label="Largest error allowed, mm"
+      low={1e-6}
+      value={goalOf()}
+      put={(value) => (goal.value = String(value))}
+    />{" "}
+    mm largest error
+  </label>
+);
+
+type MeasuredCard = Card & { measure: string }; // that its cells and runs are of
 
 const LOOK_MS = 1000; // between two looks at a comparison that runs
-const measure = undoable(signal("max_error_m"));
+const measure = undoable(signal(MEASURE));
 const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
 const notResumed = signal<Problem[]>([]); // it stays while the card is read again
@@ -78,6 +59,7 @@ export function ScoreCard({ path }: { path: string }) {
     }),
     [measure.value, job?.state, round.value],
   );
+  const view = useView(found?.finished ? path : "");
   const reference = (found?.references.find(({ name }) => name === along.value) ?? found?.references[0])?.name ?? "";
   const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
   useEffect(() => {
@@ -110,7 +92,7 @@ export function ScoreCard({ path }: { path: string }) {
         <ReportOf folder={path} changed={found?.finished} />
       </div>
       <Problems of={[...problems, ...notResumed.value]} />
-      {found?.finished && <AnswerOf path={path} />}
+      {view && <Answer view={view} />}
       {found && !found.finished && (
         <p data-done={found.done}>
           {found.done} of {found.total} runs are done. The medians below are of those, and can change.
@@ -119,8 +101,12 @@ export function ScoreCard({ path }: { path: string }) {
       {found && !found.finished && <Unfinished path={path} state={job?.state} />}
       <JobList of={path} />
       {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
-      {found && <About found={found} />}
-      {found && <Told found={found} />}
+      <p class="note">
+        Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be
+        wrong.
+      </p>
+      <Notes of={view?.notes ?? []} />
+      {found && <Told view={found.told} />}
       {found && (
         <details>
           <summary>The same as a command and as Python</summary>
@@ -131,22 +117,6 @@ export function ScoreCard({ path }: { path: string }) {
         </details>
       )}
     </div>
-  );
-}
-
-function About({ found }: { found: Card }) {
-  const each = found.spread ? `${found.count} members of the spread ${found.spread}` : `${found.count} seeds of noise`;
-  return (
-    <>
-      <p class="note">
-        Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be
-        wrong.
-      </p>
-      <p>
-        <b>{found.drive}</b>, setup {found.setup[0]}, {each} for each law and reference
-        {found.mismatch && `, the true drive deviates by ${found.mismatch}`}. {found.setup[1]}
-      </p>
-    </>
   );
 }
 
@@ -162,16 +132,12 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
       {!isRunning && isElsewhere && "A process that this server did not start continues them."}
-      {!isRunning && !isElsewhere && (
-        <button type="button" onClick={() => void resume()}>
-          Resume
-        </button>
-      )}
+      {!isRunning && !isElsewhere && <Button act={() => resume()}>Resume</Button>}
     </p>
   );
 }
 
-function Matrix({ found, reference }: { found: Card; reference: string }) {
+function Matrix({ found, reference }: { found: MeasuredCard; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const middle = found.spread
     ? "median, then the limit for 95 % and for all of the members"
@@ -179,16 +145,13 @@ function Matrix({ found, reference }: { found: Card; reference: string }) {
   return (
     <section aria-label="Score card">
       <p class="row">
-        <label>
-          Measure{" "}
-          <select value={measure.value} onChange={(event) => (measure.value = event.currentTarget.value)}>
-            {found.measures.map((one) => (
-              <option key={one.name} value={one.name}>
-                {one.title}
-              </option>
-            ))}
-          </select>
-        </label>
+        <Select
+          label="Measure"
+          value={measure.value}
+          options={found.measures.map((one): [string, string] => [one.name, one.title])}
+          put={(name) => (measure.value = name)}
+        />
+        {measure.value === MEASURE && <GoalField />}
         <span class="note">{middle}; simulated. ★ smallest of a column.</span>
       </p>
       <div class="scroll" tabIndex={0} role="region" aria-label={`${now.title} of controllers and references`}>
@@ -198,13 +161,9 @@ function Matrix({ found, reference }: { found: Card; reference: string }) {
               <th scope="col">{now.title}</th>
               {found.references.map((one) => (
                 <th scope="col" key={one.name} title={one.text}>
-                  <button
-                    type="button"
-                    class="link"
-                    aria-pressed={reference === one.name}
-                    onClick={() => (along.value = one.name)}>
+                  <Button class="link" aria-pressed={reference === one.name} act={() => (along.value = one.name)}>
                     {one.name}
-                  </button>
+                  </Button>
                 </th>
               ))}
             </tr>
@@ -223,11 +182,6 @@ function Matrix({ found, reference }: { found: Card; reference: string }) {
           </tbody>
         </table>
       </div>
-      {found.failed.map((one) => (
-        <p class="note" key={one}>
-          Failed: {one}
-        </p>
-      ))}
     </section>
   );
 }
@@ -255,23 +209,21 @@ function Mark({ index }: { index: number }) {
   );
 }
 
-function Along({ found, reference, now }: { found: Card; reference: string; now: Frame<Tracks> | null }) {
+function Along({ found, reference, now }: { found: MeasuredCard; reference: string; now: Frame<Tracks> | null }) {
   const text = found.references.find((one) => one.name === reference)?.text;
   const measured = found.measures.find((one) => one.name === found.measure)!;
+  const runs = found.each.filter((run) => run.reference === reference && run.value !== null);
+  const rows = found.laws.map((name) => ({
+    name,
+    values: runs.filter((run) => run.law === name).map((run) => run.value! / measured.size),
+  }));
+  const limit = measured.name === MEASURE ? (goalOf() * MM) / measured.size : undefined;
   return (
     <section aria-label={`Along ${reference}`}>
       <div class="pair">
         <Matrix found={found} reference={reference} />
-        <Strip
-          title={measured.title}
-          unit={measured.unit}
-          size={measured.size}
-          rows={found.laws.map((name) => ({
-            name,
-            values: found.each
-              .filter((run) => run.law === name && run.reference === reference && run.value !== null)
-              .map((run) => ({ value: run.value!, title: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}` })),
-          }))}
+        <FigureView
+          shown={stripFigure(`${measured.title} of each run`, `${measured.title}, ${measured.unit}`, rows, limit)}
         />
       </div>
       <h2>
@@ -312,145 +264,10 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
 const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
   curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
 
-const ROW = 26; // pixels
-const MOST = 700; // width, pixels
-
-/** A controller and its values on the axis, SI. */
-export interface StripRow {
-  name: string;
-  values: { value: number; title: string }[];
-}
-
-interface StripProps {
-  title: string;
-  unit: string;
-  size: number;
-  rows: StripRow[];
-  goal?: number; // largest value that is allowed, SI
-}
-
-/** Values of each controller on its line, over a logarithmic axis, against the goal. */
-export function Strip({ title, unit, size, rows, goal }: StripProps) {
-  const [place, room] = useWidth<HTMLElement>();
-  const width = Math.min(MOST, room);
-  const left = Math.min(120, 0.3 * width);
-  const known = rows.map((row) => ({ ...row, values: row.values.filter(({ value }) => value > 0) }));
-  const all = known.flatMap((row) => row.values.map(({ value }) => value));
-  if (!all.length)
-    return (
-      <figure class="plot strip note" ref={place}>
-        {title}: no number above zero along this reference.
-      </figure>
-    );
-  const logs = [...all, ...(goal ? [goal] : [])].map((value) => Math.log10(value / size));
-  const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
-  const at = (value: number) => left + ((Math.log10(value / size) - low) / (high - low)) * (width - left - 20);
-  const height = ROW * rows.length + 36;
-  const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
-  const words = known.map((row) => `${row.name} ${row.values.map(({ value }) => digits(value / size)).join(", ")}`);
-  return (
-    <figure class="plot strip" data-strip-of={title} ref={place}>
-      <figcaption>
-        {title} of each run, {pretty(unit)}
-        {goal !== undefined && `; dashed: the goal, ${digits(goal / size)}`}
-      </figcaption>
-      <svg width={width} height={height} role="img" aria-label={`${title}, ${unit}: ${words.join("; ")}`}>
-        {decades.map((one) => (
-          <g key={one}>
-            <line x1={at(one * size)} x2={at(one * size)} y1={4} y2={height - 30} class="grid" />
-            <text x={at(one * size)} y={height - 14} text-anchor="middle">
-              {one >= 1 ? one : digits(one)}
-            </text>
-          </g>
-        ))}
-        {goal !== undefined && <path class="goal" d={`M${at(goal)} 0V${height - 30}`} />}
-        {known.map((row, index) => {
-          const y = 4 + ROW * (index + 0.5);
-          return (
-            <g key={row.name} data-strip={row.name}>
-              <text x={left - 10} y={y + 4} text-anchor="end">
-                {row.name}
-              </text>
-              {row.values.map(({ value, title }) => (
-                <line
-                  key={title}
-                  class={goal !== undefined && value > goal ? "over" : ""}
-                  x1={at(value)}
-                  x2={at(value)}
-                  y1={y - 8}
-                  y2={y + 8}
-                  stroke={look(index).color}
-                  stroke-width="3">
-                  <title>
-                    {title}: {digits(value / size)} {unit}
-                  </title>
-                </line>
-              ))}
-              {row.values.length === 1 && (
-                <text
-                  x={at(row.values[0]!.value) + 6}
-                  y={y + 4}
-                  class={goal && row.values[0]!.value > goal ? "missed" : ""}>
-                  {digits(row.values[0]!.value / size)}
-                  {goal !== undefined && (row.values[0]!.value > goal ? ", misses" : ", keeps")}
-                </text>
-              )}
-            </g>
-          );
-        })}
-      </svg>
-    </figure>
-  );
-}
-
-export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
-  return (
-    <Table
-      heads={["Gain", "Value", "Meaning", "Follows from"]}
-      rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])}
-      label={of ? `Gains of ${of}` : "Gains"}
-    />
-  );
-}
-
-function Told({ found }: { found: Card }) {
-  return (
-    <section aria-label="Told and true">
-      <details>
-        <summary>What the controllers assume of the drive</summary>
-        <Table
-          heads={["Drive as assumed by the controllers, near mid-stroke", ""]}
-          rows={found.plant}
-          label="The drive as its controllers assume it"
-        />
-        {Object.entries(found.told).map(([law, one]) => (
-          <details key={law}>
-            <summary>
-              {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
-            </summary>
-            <Gains gains={one.gains} of={law} />
-            <ul>
-              {one.limits.map((it) => (
-                <li key={it}>{it}</li>
-              ))}
-            </ul>
-          </details>
-        ))}
-      </details>
-      <h2>True drive</h2>
-      {found.true.length ? (
-        <Table
-          heads={["Deviation of the true drive: factor, or SI", "least", "largest"]}
-          rows={found.true.map((one) => [one.name, one.least, one.largest])}
-          label="True drive"
-        />
-      ) : (
-        <p>
-          {found.finished
-            ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as in the instrumentation.`
-            : "Not known before the runs are done."}
-        </p>
-      )}
-    </section>
-  );
-}
+/** The drive as laws assume it, and the deviations of the true one. */
+export const Told = ({ view }: { view: SentView }) => (
+  <details>
+    <summary>{view.title}</summary>
+    <Values view={view} />
+  </details>
+);

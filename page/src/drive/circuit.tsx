@@ -1,16 +1,10 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
 import { useRef, useState } from "preact/hooks";
-import type { PistonShapes, Shape } from "../server/generated";
+import type { CircuitDrawing as Drawing, PistonShapes, Shape } from "../server/generated";
+import { Button } from "../workspace/fields";
 
-export type { PistonShapes, Shape };
-
-export interface Drawing {
-  shapes: Shape[];
-  pistons: Record<string, PistonShapes>;
-  nets: [component: string, port: string][][];
-  ports: Record<string, Record<string, [number, number]>>;
-}
+export type { Drawing, PistonShapes, Shape };
 
 /** State of a line at a moment: pressure relative to the largest, and the text for the pointer. */
 export interface Line {
@@ -223,15 +217,15 @@ export function ZoomedCircuit(props: CircuitProps) {
       }}>
       <Circuit {...props} box={now} />
       <p class="tools" role="group" aria-label="Zoom of the drawing">
-        <button type="button" aria-label="Closer" onClick={() => zoom(CLOSER)}>
+        <Button aria-label="Closer" act={() => zoom(CLOSER)}>
           +
-        </button>
-        <button type="button" aria-label="Wider" onClick={() => zoom(1 / CLOSER)}>
+        </Button>
+        <Button aria-label="Wider" act={() => zoom(1 / CLOSER)}>
           −
-        </button>
-        <button type="button" aria-label="Fit the drawing" disabled={!box} onClick={() => setBox(null)}>
+        </Button>
+        <Button aria-label="Fit the drawing" disabled={!box} act={() => setBox(null)}>
           Fit
-        </button>
+        </Button>
       </p>
     </div>
   );
@@ -337,17 +331,8 @@ export function Circuit(props: CircuitProps) {
 }
 
 /** A valve whose boxes are moved. Its ports and the marks of its exhausts stay, and its label makes room. */
-function Shifted({
-  name,
-  shapes,
-  ports,
-  by,
-}: {
-  name: string;
-  shapes: Shape[];
-  ports: [number, number][];
-  by: number;
-}) {
+function Shifted(props: { name: string; shapes: Shape[]; ports: [number, number][]; by: number }) {
+  const { name, shapes, ports, by } = props;
   const boxes = shapes.filter((one) => one.word === "line" && one.points.length > 3);
   const ys = boxes.flatMap((one) => one.points.map(([, y]) => -y));
   const [top, bottom] = [Math.min(...ys), Math.max(...ys)];

@@ -1,20 +1,33 @@
 /** The data sheet of a drive: written as a job, opened as a page. */
 
 import { signal } from "@preact/signals";
+import { pretty, sentence } from "../plots/looks";
 import { route } from "../routes";
 import { folderOf, nameOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { jobs } from "../workspace/jobs";
+import { useHeadlines } from "../workspace/lineage";
 import { ReportOf } from "../workspace/parts";
+import { Circuit } from "./circuit";
+import { useDrawing, valid } from "./opened";
 
 const out = signal(""); // of the job that was started here
 
 export function DatasheetView() {
   const { path } = route.value;
   const state = jobs.value.find((one) => one.out === out.value)?.state;
+  const shapes = useDrawing();
+  const line = useHeadlines()[path];
+  const now = path && valid.value?.kind ? valid.value : null;
   return (
     <section aria-label="Data sheet">
-      <h2>Data sheet</h2>
+      <h2>{now?.name ? `Data sheet of ${now.name}` : "Data sheet"}</h2>
+      {line && <p class="answer">{pretty(sentence(line))}</p>}
+      {now && shapes && (
+        <div class="panel" data-hero="circuit">
+          <Circuit drawing={shapes} />
+        </div>
+      )}
       <p class="lead">
         The sheet holds the circuit, each characteristic with its standard and interval, the curves, and the values with
         their sources.

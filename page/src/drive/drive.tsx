@@ -1,35 +1,21 @@
 /** View of a description: circuit, fields and text side by side. The text is the truth. */
 
-import { effect, signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
 import { count } from "../plots/looks";
 import { route } from "../routes";
 import type { Frame } from "../server/frame";
-import { ask, Live, type Problem } from "../server/server";
+import type { RunHead as Head, Part } from "../server/generated";
+import { ask, type Problem } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
+import { useLive } from "../workspace/answers";
 import { Choose } from "../workspace/choose";
-import { list } from "../workspace/files";
-import { isIn, Problems, SaveButton, TextField } from "../workspace/parts";
+import { Button, Tick } from "../workspace/fields";
+import { Problems, TextField } from "../workspace/parts";
 import { notesOf, whole, ZoomedCircuit } from "./circuit";
-import { endsOf, type MotionHead, MovingCircuit } from "./moving";
-import {
-  change,
-  drawing,
-  type Field,
-  onDisk,
-  opened,
-  problems,
-  said,
-  save,
-  set,
-  setNumber,
-  takeFromDisk,
-  takePart,
-  useDrawing,
-  valid,
-} from "./opened";
+import { endsOf, MovingCircuit } from "./moving";
+import { drawing, type Field, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
-import { useEditor } from "./text";
+import { useOpenText } from "./text";
 
 const name = signal("");
 const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
@@ -50,12 +36,6 @@ export function DriveView() {
 
 const WIDE = 1.5; // width over height of a drawing that gets the whole width of the page
 
-interface Head extends MotionHead {
-  number: number;
-  path: string;
-  problems?: Problem[];
-}
-
 const isRun = signal(false);
 const line = signal(-1); // that the pointer is on
 
@@ -63,22 +43,18 @@ const line = signal(-1); // that the pointer is on
 function Running() {
   const answer = useSignal<Frame<Head> | null>(null);
   const wrong = useSignal<Problem[]>([]);
-  useEffect(() => {
-    if (!isRun.value) return;
-    const live = new Live<Head>((frame) => {
+  useLive<Head>(
+    () => {
+      const run = isRun.value && request();
+      return run ? { ...run, others: [], spreads: {}, loops: false, energy: false, motion: true } : null;
+    },
+    (frame) => {
       if (frame.head.path !== opened.value?.path) return;
       wrong.value = frame.head.problems ?? [];
       if (!frame.head.problems) answer.value = frame;
-    });
-    const end = effect(() => {
-      const asked = request();
-      if (asked) live.request({ ...asked, others: [], spreads: {}, loops: false, energy: false, motion: true });
-    });
-    return () => {
-      end();
-      live.close();
-    };
-  }, [isRun.value]);
+    },
+    [isRun.value],
+  );
   const shapes = drawing.value;
   if (!shapes) return null;
   const now = isRun.value ? answer.value : null;
@@ -112,13 +88,12 @@ function Running() {
       )}
       {isRun.value && <Problems of={wrong.value} />}
       <Structure>
-        <button
-          type="button"
+        <Button
           aria-pressed={isRun.value}
           title="With the command, the duration and the sliders of Simulate"
-          onClick={() => (isRun.value = !isRun.value)}>
+          act={() => (isRun.value = !isRun.value)}>
           Run in the drawing
-        </button>
+        </Button>
       </Structure>
       {isRun.value && pinned.value.length > 0 && (
         <div class="pinned">
@@ -132,11 +107,8 @@ function Running() {
 function Described() {
   const now = opened.value;
   const shapes = useDrawing();
-  const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
-  const inText = problems.value.filter((one) => isIn(one, own));
-  const [editor, goTo] = useEditor(now?.path ?? "", now?.text ?? "", inText, (text) => void change(text, true));
-  if (!now) return problems.value.length ? <Problems of={problems.value} /> : null;
-  const isNew = !now.sha256;
+  const [editor, state] = useOpenText(route.value.path, name);
+  if (!now || now.isTask) return problems.value.length ? <Problems of={problems.value} /> : null;
   const [, , wide, high] = shapes ? whole(shapes) : [0, 0, 1, 1];
   return (
     <div class={wide > WIDE * high ? "drive wide-drawing" : "drive"}>
@@ -156,49 +128,14 @@ function Described() {
         ))}
       </section>
       <div>
-        <section aria-label="Name and state">
-          <p class="row">
-            {isNew ? (
-              <>
-                <label>
-                  Name of the file{" "}
-                  <input
-                    value={name.value}
-                    placeholder="axis.toml"
-                    onInput={(event) => (name.value = event.currentTarget.value)}
-                  />
-                </label>
-                <button
-                  type="button"
-                  class="primary"
-                  disabled={!name.value}
-                  onClick={() => void save(name.value).then(list)}>
-                  Save as a new file
-                </button>
-              </>
-            ) : (
-              <SaveButton isSaved={now.text === now.saved} save={() => save(now.path)} />
-            )}
-            <span role="status">{said.value || (now.text !== now.saved ? "Not saved." : "")}</span>
-          </p>
-          {onDisk.value && (
-            <p class="row">
-              <span role="status">The file has changed on disk since you opened it.</span>
-              <button type="button" onClick={takeFromDisk}>
-                Drop these changes and show the file
-              </button>
-            </p>
-          )}
-          <Problems of={problems.value} own={own} onLine={goTo} />
-          {!problems.value.length && <p class="note">No problems.</p>}
-        </section>
+        <section aria-label="Name and state">{state}</section>
         <section aria-label="Values of the drive">
           <Fields />
         </section>
         <section aria-label="Text">
           <details class="text" open={!isNarrow}>
             <summary>
-              <h2>{isNew ? "Text of a new file" : now.path}</h2>
+              <h2>{now.sha256 ? now.path : "Text of a new file"}</h2>
             </summary>
             {editor}
           </details>
@@ -276,9 +213,9 @@ function Fields() {
       <h2>
         {chosen.value ? `Values of ${chosen.value}.` : "Values"}{" "}
         {chosen.value ? (
-          <button type="button" class="link" onClick={() => (chosen.value = "")}>
+          <Button class="link" act={() => (chosen.value = "")}>
             Show all
-          </button>
+          </Button>
         ) : null}
       </h2>
       <Parts />
@@ -299,11 +236,6 @@ function Fields() {
       )}
     </>
   );
-}
-
-interface Part {
-  name: string;
-  title: string;
 }
 
 /** Menus that take cylinder and valve from the catalogue. */
@@ -403,11 +335,11 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
             <td>{field.units && field.units.length > 1 && <Units field={field} />}</td>
             <td>
               {field.low !== undefined && (
-                <input
-                  type="checkbox"
-                  aria-label={`Slider for ${field.key} in Simulate`}
-                  checked={pinned.value.includes(field.key)}
-                  onChange={() => pin(field.key)}
+                <Tick
+                  label=""
+                  name={`Slider for ${field.key} in Simulate`}
+                  value={pinned.value.includes(field.key)}
+                  put={() => pin(field.key)}
                 />
               )}
             </td>

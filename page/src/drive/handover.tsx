@@ -2,36 +2,17 @@
 
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { digits } from "../plots/looks";
 import { download } from "../plots/saving";
 import { link, route } from "../routes";
+import type { Fmu } from "../server/generated";
 import { attempting, bytes, type Problem, read } from "../server/server";
 import { useAnswer } from "../workspace/answers";
+import { Button } from "../workspace/fields";
 import { filesOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
-import { InFolder, Problems, Table } from "../workspace/parts";
+import { InFolder, Problems } from "../workspace/parts";
+import { Notes, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
-
-interface Variable {
-  name: string;
-  unit: string;
-  meaning: string;
-  causality: "input" | "output" | "parameter";
-  start: string;
-}
-
-interface Fmu {
-  title: string;
-  tool: string;
-  version: string;
-  token: string;
-  kinds: string[];
-  variables: Variable[];
-  sha256: string;
-  size: number;
-  fmpy: string;
-  platforms: string[];
-}
 
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
@@ -46,12 +27,9 @@ export function HandoverView() {
     <div class="handover">
       <h2>{at}</h2>
       <p class="row">
-        <button
-          type="button"
-          class="primary"
-          onClick={() => void attempt(async () => download(nameOf(at), await bytes(at)))}>
+        <Button class="primary" act={() => attempt(async () => download(nameOf(at), await bytes(at)))}>
           Save the FMU
-        </button>
+        </Button>
         <a href={link("handover")}>A new export, and all exports</a>
       </p>
       <Problems of={[...problems, ...wrong.value]} />
@@ -75,49 +53,19 @@ function Start({ path }: { path: string }) {
   );
 }
 
-const TITLES: Record<Variable["causality"], string> = {
-  input: "Inputs",
-  output: "Outputs",
-  parameter: "Parameters, set before a run",
-};
-
-function Seen({ now }: { now: Fmu }) {
+function Seen({ now: { view, sha256, fmpy } }: { now: Fmu }) {
   return (
-    <>
-      <p>
-        <b>{now.title}</b>: FMI {now.version},{" "}
-        {now.kinds.map((one) => (one === "CoSimulation" ? "co-simulation" : "model exchange")).join(" and ")}; written
-        by {now.tool}.
-      </p>
-      <p class="note">
-        {digits(now.size / 1e6, 3)} MB, SHA-256 <code data-sha256={now.sha256}>{now.sha256}</code>, token{" "}
-        <code>{now.token}</code>. Pressures are absolute.
-      </p>
-      <p class="note">Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.</p>
+    <section data-sha256={sha256} aria-label="Description of the FMU">
+      <p class="lead">{view.title}.</p>
+      <Notes of={view.notes} />
       <h2>Three lines run it in FMPy</h2>
       <pre data-copy="fmpy" tabIndex={0} role="group" aria-label="Python with FMPy, in the folder of the workspace">
-        {now.fmpy}
+        {fmpy}
       </pre>
-      {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (
-        <details key={causality} aria-label={TITLES[causality]} open={!isOverMain()}>
-          <summary>{TITLES[causality]}</summary>
-          <Table
-            label={`Table of ${causality}s`}
-            heads={["Name", "Unit", ...(causality === "output" ? [] : ["Start"]), "Meaning"]}
-            rows={now.variables
-              .filter((one) => one.causality === causality)
-              .map((one) => ({
-                cells: [
-                  one.name,
-                  one.unit,
-                  ...(causality === "output" ? [] : [one.start === "" ? "–" : digits(Number(one.start), 6)]),
-                  one.meaning,
-                ],
-                data: { "data-variable": one.name },
-              }))}
-          />
-        </details>
-      ))}
-    </>
+      <details open={!isOverMain()}>
+        <summary>Inputs, outputs and parameters</summary>
+        <Values view={{ ...view, notes: [] }} />
+      </details>
+    </section>
   );
 }

@@ -5,13 +5,11 @@ import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
-import type { Finding, SentPlatform } from "../server/generated";
+import type { Finding, RunHead as MotionHead } from "../server/generated";
+import { Button, Range } from "../workspace/fields";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
 
-export interface MotionHead {
-  platforms?: SentPlatform[];
-  cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
-}
+export type { MotionHead };
 
 const BAR = 1e5;
 const GRAM = 1e-3;
@@ -91,6 +89,19 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
 
 export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");
 
+/** Slider of the time at which the drawing is shown. */
+export const TimeRange = (props: { label: string; name?: string; end: number; at: number; words: string }) => (
+  <Range
+    label={props.label}
+    name={props.name}
+    value={props.at}
+    ends={[0, props.end]}
+    words={props.words}
+    steps={1000}
+    put={(time) => ([isPlaying.value, timeAt.value] = [false, time])}
+  />
+);
+
 /** Time of a run as a slider, and Play. With "reduced motion", only the slider moves it. */
 function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
   const time = now.arrays.get("time_s")!;
@@ -112,23 +123,11 @@ function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
   return (
     <p class="row time">
       {!CALM?.matches && (
-        <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>
+        <Button class="primary" act={() => (isPlaying.value = !isPlaying.value)}>
           {isPlaying.value ? "Stop" : "Play"}
-        </button>
+        </Button>
       )}
-      <label>
-        Time{" "}
-        <input
-          type="range"
-          min={0}
-          max={1000}
-          value={Math.round((1000 * at) / end)}
-          aria-valuetext={`${shown} s`}
-          onInput={(event) => (
-            (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
-          )}
-        />
-      </label>
+      <TimeRange label="Time" end={end} at={at} words={`${shown} s`} />
       <output>
         {shown} s{words}
       </output>
@@ -140,17 +139,13 @@ function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
  * A run at a chosen or running time: its platforms, or its circuit. `children` draws the circuit in its state, which
  * is folded below a platform.
  */
-export function MovingCircuit({
-  now,
-  drawing,
-  remedy,
-  children,
-}: {
+export function MovingCircuit(props: {
   now: Frame<MotionHead>;
   drawing: Drawing;
   remedy?: (of: Finding) => ComponentChildren; // of a platform
   children: (motion: Motion) => ComponentChildren;
 }) {
+  const { now, drawing, remedy, children } = props;
   const time = now.arrays.get("time_s")!;
   const row = indexAt(time, Math.min(timeAt.value, time[time.length - 1]!));
   const platforms = now.head.platforms ?? [];

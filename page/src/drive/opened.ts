@@ -2,39 +2,19 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link, route } from "../routes";
+import type { Checked, Field, CheckedFile as Found } from "../server/generated";
 import { answering, ask, isAnswering, newest, type Problem, Refused, read, typed, write } from "../server/server";
 import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
 
-export interface Field {
-  key: string;
-  text: string;
-  origin: string;
-  kind: "given" | "source" | "identified" | "assumed" | "default";
-  number?: number;
-  unit?: string;
-  units?: string[]; // of the same quantity
-  component: string; // of the drawing
-  copies?: string[]; // components that its table describes together
-  low?: number;
-  high?: number;
-}
-
-export interface Checked {
-  problems: Problem[];
-  name?: string;
-  kind?: "drive" | "circuit";
-  valves?: Record<string, number>; // of a circuit, with their lowest commands
-  values?: Field[];
-  notes?: string[];
-  sliders?: string[];
-}
+export type { Checked, Field };
 
 export interface Opened {
   path: string;
   text: string;
   saved: string;
   sha256: string;
+  isTask: boolean; // of a sizing, not a description
 }
 
 export const opened = signal<Opened | null>(null);
@@ -45,12 +25,6 @@ export const drawing = signal<Drawing | null>(null);
 export const said = signal("");
 /** Text on disk, if it differs from the text that the page started from and the page has unsaved changes. */
 export const onDisk = signal<Found | null>(null);
-
-interface Found {
-  text: string;
-  sha256: string | null;
-  checked: Checked;
-}
 
 /** Descriptions that were left with unsaved text. */
 const drafts = new Map<string, Opened>();
@@ -68,8 +42,17 @@ let asked = 0;
 
 const openText: Source = { read: () => opened.value?.text ?? "", write: (text: string) => void put(text) };
 
-/** Open a description, or check whether the open description still equals the file on disk. */
-export async function open(path: string): Promise<void> {
+/** Read a file with its check. A task without a name begins with the text of the server. */
+async function readFile(path: string, isTask: boolean): Promise<Found> {
+  if (!isTask) return read<Found>("/api/file", { path, checked: "1" });
+  const { text, sha256 = null } = path
+    ? await read<Pick<Found, "text" | "sha256">>("/api/file", { path })
+    : await ask<{ text: string; sha256?: null }>("/api/task", {});
+  return { text, sha256, checked: await ask<Checked>("/api/task", { text }) };
+}
+
+/** Open a description or a task, or check whether the open one still equals the file on disk. */
+export async function open(path: string, isTask = false): Promise<void> {
   const before = opened.value;
   const isOpen = before?.path === path;
   if (before && !isOpen) {
@@ -83,7 +66,7 @@ export async function open(path: string): Promise<void> {
   }
   const mine = isOpen ? asked : ++asked;
   try {
-    const found = await read<Found>("/api/file", { path, checked: "1" });
+    const found = await readFile(path, isTask);
     if (mine !== asked) return;
     if (isOpen && opened.value?.sha256 !== before.sha256) return; // it was saved meanwhile
     const own = draft && (isSaved(draft) ? null : draft);
@@ -92,7 +75,7 @@ export async function open(path: string): Promise<void> {
       return;
     }
     onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
-    if (!own) return show(path, found, mine);
+    if (!own) return show({ path, isTask }, found, mine);
     if (isOpen) return;
     drafts.delete(path);
     opened.value = own;
@@ -106,14 +89,14 @@ export async function open(path: string): Promise<void> {
 
 /** Replace the page's text by the text on disk. */
 export function takeFromDisk(): void {
-  if (opened.value && onDisk.value) show(opened.value.path, onDisk.value, ++asked);
+  if (opened.value && onDisk.value) show(opened.value, onDisk.value, ++asked);
 }
 
-function show(path: string, found: Found, mine: number): void {
+function show({ path, isTask }: Pick<Opened, "path" | "isTask">, found: Found, mine: number): void {
   said.value = "";
   onDisk.value = null;
-  opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
-  take(found.checked, mine, opened.value);
+  opened.value = { path, isTask, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
+  take(found.checked!, mine, opened.value);
 }
 
 /** Replace the text of the open file and check it. `typed`: keys that follow one another are one step of undo. */
@@ -148,9 +131,9 @@ function refused(error: unknown, mine: number): void {
 const check = newest(async () => {
   const [mine, now] = [asked, opened.value];
   if (!now) return; // it was left meanwhile
-  const { path, text } = now;
+  const { path, text, isTask } = now;
   try {
-    take(await ask<Checked>("/api/check", { path, text }), mine, { path, text });
+    take(await ask<Checked>(isTask ? "/api/task" : "/api/check", { path, text }), mine, { path, text });
   } catch (error) {
     refused(error, mine);
   }
@@ -191,29 +174,24 @@ export function useDrawing(): Drawing | null {
 
 let edits = Promise.resolve();
 
-/**
- * Set one value in the text, with an optional unit. The server keeps comments and order. Edits are applied one
- * after the other, each to the current text.
- */
-export function set(key: string, value: string | number, unit?: string): Promise<void> {
+/** Edit the text at a door of the server, after all earlier edits. `then` gets the component to show. */
+function queue(address: string, what: object, then?: (chosen: string) => void): Promise<void> {
   const into = opened.value?.path;
-  return (edits = edits.then(() => edit(into, "/api/edit", { key, value, unit })));
+  return (edits = edits.then(() => edit(into, address, what, then)));
 }
 
-/** Change the structure of a circuit in the text. `then` gets the component to show. */
-export function restructure(
+/** Set one value in the text, with an optional unit. The server keeps comments and order. */
+export const set = (key: string, value: string | number, unit?: string): Promise<void> =>
+  queue("/api/edit", { key, value, unit });
+
+/** Change the structure of a circuit in the text. */
+export const restructure = (
   what: { act: string; one?: string; other?: string; kind?: string },
   then: (chosen: string) => void,
-): void {
-  const into = opened.value?.path;
-  edits = edits.then(() => edit(into, "/api/structure", { path: into, ...what }, then));
-}
+): void => void queue("/api/structure", { path: opened.value?.path, ...what }, then);
 
 /** Write the values of a part of the catalogue into a table of the text. */
-export function takePart(table: string, part: string): void {
-  const into = opened.value?.path;
-  edits = edits.then(() => edit(into, "/api/part", { table, part }));
-}
+export const takePart = (table: string, part: string): void => void queue("/api/part", { table, part });
 
 async function edit(
   into: string | undefined,

@@ -7,6 +7,7 @@ import { useWidth } from "../plots/width";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { Finding, SentLeg, SentPlatform } from "../server/generated";
+import { Button } from "../workspace/fields";
 import { Answer } from "../workspace/result";
 import type { MotionHead } from "./moving";
 
@@ -362,19 +363,14 @@ function Pose({ now, platform, sample }: { now: Frame<MotionHead>; platform: Sen
 }
 
 /** The view of a platform with what turns it. `children` moves the time. */
-export function PlatformAt({
-  now,
-  platform,
-  sample,
-  remedy,
-  children,
-}: {
+export function PlatformAt(props: {
   now: Frame<MotionHead>;
   platform: SentPlatform;
   sample: number;
   remedy?: ((of: Finding) => ComponentChildren) | undefined;
   children: ComponentChildren;
 }) {
+  const { now, platform, sample, remedy, children } = props;
   const [turning, turnTo] = useState<Camera | null>(null);
   const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
   const [place, width] = useWidth<HTMLDivElement>();
@@ -413,9 +409,9 @@ export function PlatformAt({
               Drag or press the arrow keys to turn, + and − to zoom.
             </span>
             {Object.entries(VIEWS).map(([name, view]) => (
-              <button type="button" key={name} onClick={() => put(view)}>
+              <Button key={name} act={() => put(view)}>
                 {name}
-              </button>
+              </Button>
             ))}
           </div>
           <div

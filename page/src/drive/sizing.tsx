@@ -1,172 +1,32 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 
-import { computed, signal } from "@preact/signals";
+import { computed, signal, useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
-import type { Finding, SentView } from "../server/generated";
-import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
+import type { Candidate, Finding, Limit, Sizing } from "../server/generated";
+import { ask, attempting, type Problem, read } from "../server/server";
 import { undoable } from "../undo";
-import { questions } from "../workspace/answers";
-import { list, studies } from "../workspace/files";
+import { useAnswer } from "../workspace/answers";
+import { Button } from "../workspace/fields";
+import { changesOf, filesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, useCopied } from "../workspace/parts";
+import { InFolder, NumberField, Problems, ReportOf, Table, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import { wasSaved } from "./opened";
-import { useEditor } from "./text";
+import { type Field, open, opened, problems, set, valid } from "./opened";
+import { useOpenText } from "./text";
 
-type Ends = [number | null, number | null] | null;
-
-/** A value that 1 % of the samples exceed, its limit, and the values between which 98 % lie. */
-interface Limit {
-  name: string;
-  value: number | null;
-  limit: number | null;
-  unit: string;
-  margin: number | null;
-  interval: Ends;
-}
-
-interface Candidate {
-  name: string;
-  title: string; // maker and type of its cylinder
-  parts: string;
-  cylinder: string;
-  setting: string;
-  draws: number;
-  met: number;
-  at_least: number;
-  time_out: number | null;
-  time_back: number | null;
-  energy: number | null;
-  air: number | null;
-  load_ratio: number | null;
-  margin: number | null;
-  binding: string;
-  limits: Limit[]; // those of the task first, then air and load ratio
-  misses: boolean;
-  place: number | null;
-  file: string;
-}
-
-interface Sizing {
-  name: string;
-  words: string; // of its task
-  task: string;
-  draws: number;
-  candidates: Candidate[]; // the best first
-  view: SentView | null; // once it is done
-  sheet: SentView | null; // of the best
-  short: number;
-  done: boolean;
-  searched: boolean; // by a process, of this server or not
-  asked: { least: number; draws: number } | null;
-  provisional: string;
-}
-
-interface Task {
-  problems: Problem[];
-  name?: string;
-  values?: { key: string; text: string; given: boolean; meaning: string }[];
-  follows?: { what: string; value: number; unit: string }[];
-}
-
-const text = signal("");
-const saved = signal("");
-const sha256 = signal("");
-const task = signal<Task | null>(null);
-/** Last valid answer, kept while the text is wrong. */
-const meant = signal<Task | null>(null);
-const said = signal("");
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
-const isLoaded = signal(false); // a loaded text may be empty
-const file = signal("task.toml");
+const name = signal("task.toml"); // of a new task
 const least = signal(10); // of a search that is continued
-const found = signal<(Sizing & { folder: string }) | null>(null);
 const pinned = undoable(signal<string[]>([]));
 const orderBy = undoable(signal("Rank"));
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
-
-const checks = questions();
-
-/** Unsaved texts of tasks by path, with the hash of the file that they started from. */
-const drafts = new Map<string, { text: string; sha256: string }>();
-addEventListener("beforeunload", (event) => void (drafts.size && event.preventDefault()));
-
-/** Keep the typed text until it is saved or dropped. */
-function type(next: string): Promise<void> {
-  if (next === saved.value) drafts.delete(path.value);
-  else drafts.set(path.value, { text: next, sha256: sha256.value });
-  return change(next);
-}
-
-/** Replace the text of the task and check it. Only the newest answer counts. */
-async function change(next: string): Promise<void> {
-  text.value = next;
-  const answer = checks();
-  await attempt(async () => {
-    const one = await answer(ask<Task>("/api/task", { text: next }));
-    task.value = one;
-    if (!one.problems.length) meant.value = one;
-  });
-}
-
-async function load(at: string): Promise<void> {
-  [isLoaded.value, text.value, saved.value, sha256.value, file.value] = [false, "", "", "", at || "task.toml"]; // the name at once: it can be typed before the text is there
-  if (said.value !== wasSaved(at)) said.value = "";
-  task.value = meant.value = null;
-  await attempt(async () => {
-    const one = at
-      ? await read<{ text: string; sha256: string }>("/api/file", { path: at })
-      : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
-    if (path.value !== at) return;
-    const draft = drafts.get(at);
-    [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
-    if (draft && draft.sha256 !== one.sha256) said.value = `${at} has changed on disk since you opened it.`;
-    isLoaded.value = true;
-    await change(draft?.text ?? one.text);
-  });
-}
-
-/** Show the file instead of the typed text. */
-function dropChanges(): void {
-  drafts.delete(path.value);
-  void load(path.value);
-}
-
-async function save(): Promise<void> {
-  const [at, into, now] = [path.value, file.value, text.value];
-  said.value = "";
-  await attempt(async () => {
-    try {
-      const { sha256: written } = await write(into, now, sha256.value);
-      const left = drafts.get(at)?.text;
-      drafts.delete(at);
-      if (left !== undefined && left !== now) drafts.set(into, { text: left, sha256: written }); // typed meanwhile
-      if (path.value !== at) return;
-      [saved.value, sha256.value, said.value] = [now, written, wasSaved(into)];
-      location.hash = link("sizing", into);
-      await list();
-    } catch (error) {
-      if (!(error instanceof Refused) || error.status !== 412) throw error;
-      said.value = at
-        ? `${into} changed on disk: nothing was written.`
-        : `${into} already exists: nothing was written. Choose another name.`;
-    }
-  });
-}
-
-async function look(folder: string): Promise<void> {
-  await attempt(async () => {
-    const one = await read<Sizing | { waits: true }>("/api/sizing", { path: folder });
-    if (path.value === folder && !("waits" in one)) found.value = { ...one, folder };
-  });
-}
 
 const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
@@ -184,28 +44,32 @@ const resume = (folder: string, now: Sizing): Promise<void> =>
   attempt(async () => (await ask("/api/jobs", again(folder, now)), void follow()));
 
 export function SizingView() {
-  const now = found.value?.folder === path.value ? found.value : null; // not that of the folder before
-  const state = jobs.value.find((one) => one.out === path.value)?.state;
+  const folder = isFile.value ? "" : path.value;
+  const state = jobs.value.find((one) => one.out === folder)?.state;
+  const round = useSignal(0);
+  const [answer, problems] = useAnswer(folder, () => read<Sizing | { waits: true }>("/api/sizing", { path: folder }), [
+    state,
+    round.value,
+  ]);
+  const now = answer && !("waits" in answer) ? answer : null;
   useLayoutEffect(() => {
-    wrong.value = [];
+    [wrong.value, pinned.value] = [[], []];
     void follow();
-    if (path.value && !isFile.value) [found.value, pinned.value] = [null, []];
-    else void load(path.value);
   }, [path.value]);
   useEffect(() => {
-    const folder = path.value;
-    if (!folder || isFile.value) return;
-    void look(folder);
-    if (state !== "running" && !now?.searched) return;
-    const timer = setInterval(() => void look(folder), LOOK_MS);
-    return () => clearInterval(timer);
-  }, [path.value, state, now?.searched]);
+    if (!folder) void open(path.value, true);
+  }, [path.value, changesOf(path.value)]);
+  useEffect(() => {
+    if (!folder || (state !== "running" && !now?.searched)) return;
+    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
+    return () => clearTimeout(timer);
+  }, [answer, problems, state]);
   if (!path.value || isFile.value) return <TaskView />;
   return (
     <div class="sizing">
       {now ? <Result now={now} folder={path.value} /> : <h2>{path.value}</h2>}
-      <Problems of={wrong.value} />
-      {!now && !wrong.value.length && (
+      <Problems of={[...problems, ...wrong.value]} />
+      {!now && !problems.length && (
         <p>{state === "running" ? "There is no candidate yet." : "No search was started in this folder."}</p>
       )}
       <JobList of={path.value} output />
@@ -221,18 +85,11 @@ const All = () => (
 );
 
 function TaskView() {
-  const now = task.value;
-  const [editor, goTo] = useEditor(
-    isLoaded.value ? `task ${path.value}` : "",
-    text.value,
-    now?.problems ?? [],
-    (next) => void type(next),
-  );
-  const values = meant.value?.values ?? [];
-  const given = values.filter((one) => one.given).length;
-  const files = studies.value?.files ?? [];
-  const results = files.filter((one) => one.kind === "sizing");
-  const isSaved = sha256.value !== "" && text.value === saved.value;
+  const now = opened.value?.isTask && opened.value.path === path.value ? opened.value : null;
+  const task = now && valid.value;
+  const [editor, state] = useOpenText(path.value, name);
+  const [given, others] = ["given", "default"].map((kind) => task?.values?.filter((one) => one.kind === kind) ?? []);
+  const isSaved = now?.sha256 && now.text === now.saved;
   return (
     <>
       <div class="drive">
@@ -240,35 +97,17 @@ function TaskView() {
           <h2>{path.value || "A new task"}</h2>
           {path.value && <All />}
           {editor}
-          <p class="row">
-            <label>
-              File{" "}
-              <input
-                value={file.value}
-                disabled={sha256.value !== ""}
-                onInput={(event) => (file.value = event.currentTarget.value)}
-              />
-            </label>
-            <SaveButton isSaved={isSaved || !isLoaded.value} save={save} />
-            {path.value && text.value !== saved.value && (
-              <button type="button" onClick={dropChanges}>
-                Drop these changes and show the file
-              </button>
-            )}
-            <span role="status">{said.value}</span>
-          </p>
-          <Problems of={[...(now?.problems ?? []), ...wrong.value]} onLine={goTo} />
-          {now && !now.problems.length && <p class="note">No problems.</p>}
+          {state}
         </section>
         <section aria-label="What the task says">
-          <h2>{meant.value?.name ?? "What the task says"}</h2>
-          <TaskValues of={values.filter((one) => one.given)} />
+          <h2>{task?.name ?? "What the task says"}</h2>
+          <TaskValues label="Values of the task" of={given!} />
           <details>
-            <summary>{count(values.length - given, "default")}</summary>
-            <TaskValues of={values.filter((one) => !one.given)} />
+            <summary>{count(others!.length, "default")}</summary>
+            <TaskValues label="Defaults of the task" of={others!} />
           </details>
           <ul>
-            {meant.value?.follows?.map((one) => (
+            {task?.follows?.map((one) => (
               <li key={one.what}>
                 {one.what}: {digits(one.value)} {one.unit}
               </li>
@@ -280,24 +119,20 @@ function TaskView() {
         <h2>Search the catalogue</h2>
         <JobForm
           kind="size"
-          given={{ task: file.value }}
+          given={{ task: path.value || name.value }}
           start={{ name: "sizing" }}
-          isReady={isSaved && !now?.problems.length}
+          isReady={Boolean(isSaved && !problems.value.length)}
           after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
         </JobForm>
-        <InFolder files={results} title="Sizings" view="sizing" />
+        <InFolder files={filesOf("sizing")} title="Sizings" view="sizing" />
       </section>
     </>
   );
 }
 
-const TaskValues = ({ of }: { of: NonNullable<Task["values"]> }) => (
-  <Table
-    label={of[0]?.given === false ? "Defaults of the task" : "Values of the task"}
-    heads={["Key", "Value", "Meaning"]}
-    rows={of.map((one) => [one.key, one.text, one.meaning])}
-  />
+const TaskValues = ({ label, of }: { label: string; of: Field[] }) => (
+  <Table label={label} heads={["Key", "Value", "Meaning"]} rows={of.map((one) => [one.key, one.text, one.origin])} />
 );
 
 function Result({ now, folder }: { now: Sizing; folder: string }) {
@@ -381,15 +216,8 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .*?(; limited by|$)/, "$1");
 
 /** Progress of a search, and its continuation. */
-function Search({
-  now,
-  folder,
-  running,
-}: {
-  now: Sizing;
-  folder: string;
-  running: (typeof jobs.value)[number] | undefined;
-}) {
+function Search(props: { now: Sizing; folder: string; running: (typeof jobs.value)[number] | undefined }) {
+  const { now, folder, running } = props;
   if (running)
     return (
       <p class="row">
@@ -418,9 +246,7 @@ function Search({
         Smallest number of choices{" "}
         <NumberField low={1} high={100} whole value={least.value} put={(number) => (least.value = number)} />
       </label>
-      <button type="button" onClick={() => void resume(folder, now)}>
-        Resume
-      </button>
+      <Button act={() => resume(folder, now)}>Resume</Button>
     </p>
   );
 }
@@ -435,9 +261,9 @@ function Remedies({ of, task }: { of: Finding; task: string }) {
         const [words] = remedy.split(/: | = |, /);
         if (!pairs.length) return null;
         return (
-          <button type="button" key={remedy} title={remedy} onClick={() => void amend(task, pairs)}>
+          <Button key={remedy} title={remedy} act={() => amend(task, pairs)}>
             {remedy.includes(": ") ? `Add ${words}` : `Set ${pairs.map((pair) => pair.join(" = ")).join(", ")}`}
-          </button>
+          </Button>
         );
       })}
     </span>
@@ -445,15 +271,11 @@ function Remedies({ of, task }: { of: Finding; task: string }) {
 }
 
 /** Set keys in the text of a task, and show it. */
-const amend = (task: string, pairs: string[][]): Promise<void> =>
-  attempt(async () => {
-    const { text: before, sha256: hash } = await read<{ text: string; sha256: string }>("/api/file", { path: task });
-    let next = drafts.get(task)?.text ?? before;
-    for (const [key, value] of pairs)
-      next = (await ask<{ text: string }>("/api/edit", { text: next, key, value })).text;
-    drafts.set(task, { text: next, sha256: drafts.get(task)?.sha256 ?? hash });
-    location.hash = link("sizing", task);
-  });
+async function amend(task: string, pairs: string[][]): Promise<void> {
+  await open(task, true);
+  for (const [key, value] of pairs) await set(key!, value!);
+  location.hash = link("sizing", task);
+}
 
 /** Button that writes the data sheet of the best drive, and the link to it. */
 function DataSheet({ folder }: { folder: string }) {
@@ -466,9 +288,9 @@ function DataSheet({ folder }: { folder: string }) {
     });
   return (
     <div class="row" data-sheet={job?.state ?? "none"}>
-      <button type="button" disabled={job?.state === "running"} onClick={() => void start()}>
+      <Button disabled={job?.state === "running"} act={() => start()}>
         {job?.state === "running" ? "The data sheet is being written" : "Data sheet of the best"}
-      </button>
+      </Button>
       <ReportOf folder={`results/${own}`} changed={job?.state} word="data sheet" />
     </div>
   );
@@ -554,15 +376,12 @@ function Ranges({ now }: { now: Sizing }) {
 const WIDTH = 100;
 
 /** The range of a value as a bar, with the value, its mark and its limit. */
-function Range({
-  of: { value, limit, unit, margin, interval },
-  most,
-  isCommon,
-}: {
-  of: Limit;
-  most: number;
-  isCommon: boolean;
-}) {
+function Range(props: { of: Limit; most: number; isCommon: boolean }) {
+  const {
+    of: { value, limit, unit, margin, interval },
+    most,
+    isCommon,
+  } = props;
   const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
@@ -622,13 +441,12 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
             cells: [
               <>
                 {one.parts}{" "}
-                <button
-                  type="button"
+                <Button
                   class="link"
                   aria-label={`${isPinned ? "Unpin" : "Pin"} ${one.name}`}
-                  onClick={() => pin(one.name, isPinned)}>
+                  act={() => pin(one.name, isPinned)}>
                   {isPinned ? "unpin" : "pin"}
-                </button>
+                </Button>
               </>,
               ...COLUMNS.map(([, column, shown]) => (
                 <span data-column={column} data-si={shown(one)}>

@@ -2,16 +2,12 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
+import type { Kind } from "../server/generated";
 import { attempting, type Problem, read } from "../server/server";
 import { future, past, step } from "../undo";
+import { Button } from "../workspace/fields";
 import type { PortChoice } from "./circuit";
 import { opened, problems, restructure, valid } from "./opened";
-
-interface Kind {
-  kind: string;
-  title: string;
-  gas: boolean;
-}
 
 export const isEditing = signal(false);
 /** Selected component and selected port. */
@@ -64,30 +60,27 @@ export function Structure({ children }: { children: ComponentChildren }) {
     <div role="group" aria-label="Edit the circuit">
       <p class="row">
         {children}
-        <button
-          type="button"
-          aria-pressed={isEditing.value}
-          onClick={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
+        <Button aria-pressed={isEditing.value} act={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
           Edit the circuit
-        </button>
-        <button type="button" disabled={!past.value.length} onClick={() => step(past, future)}>
+        </Button>
+        <Button disabled={!past.value.length} act={() => step(past, future)}>
           Undo
-        </button>
-        <button type="button" disabled={!future.value.length} onClick={() => step(future, past)}>
+        </Button>
+        <Button disabled={!future.value.length} act={() => step(future, past)}>
           Redo
-        </button>
+        </Button>
         {isEditing.value && isCircuit && chosen.value && (
-          <button type="button" disabled={blocked} onClick={() => remove(chosen.value)}>
+          <Button disabled={blocked} act={() => remove(chosen.value)}>
             Remove {chosen.value}
-          </button>
+          </Button>
         )}
       </p>
       {isEditing.value && !isCircuit && (
         <p class="row">
           <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
-          <button type="button" disabled={blocked} onClick={() => restructure({ act: "open" }, () => forget())}>
+          <Button disabled={blocked} act={() => restructure({ act: "open" }, () => forget())}>
             Open it as a circuit
-          </button>
+          </Button>
         </p>
       )}
       {isEditing.value && isCircuit && !port.value && (
@@ -108,19 +101,15 @@ export function Structure({ children }: { children: ComponentChildren }) {
               </option>
             ))}
           </select>
-          <button
-            type="button"
+          <Button
             class="primary"
             disabled={blocked}
-            onClick={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>
+            act={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>
             Add here
-          </button>
-          <button
-            type="button"
-            disabled={blocked}
-            onClick={() => restructure({ act: "cut", one: port.value }, () => forget())}>
+          </Button>
+          <Button disabled={blocked} act={() => restructure({ act: "cut", one: port.value }, () => forget())}>
             Cut its line
-          </button>
+          </Button>
           <span class="note">Click another port to join it.</span>
         </p>
       )}

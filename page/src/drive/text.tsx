@@ -1,11 +1,16 @@
 /** Text of a file, in an editor that is loaded when it is shown. */
+import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { Problem } from "../server/server";
+import { Button, TextInput } from "../workspace/fields";
+import { list } from "../workspace/files";
+import { isIn, Problems } from "../workspace/parts";
 import type { Editor } from "./editor";
+import { change, onDisk, opened, problems, said, save, takeFromDisk } from "./opened";
 
 /** Return the editor of a text, and a function that goes to a line of it. Another file (`of`) has another editor. */
-export function useEditor(
+function useEditor(
   of: string,
   text: string,
   problems: Problem[],
@@ -35,4 +40,49 @@ export function useEditor(
   }, [of]);
   useEffect(show, [text, JSON.stringify(problems)]);
   return [<div ref={place} class="editor" />, (line) => editor.current?.go(line)];
+}
+
+/**
+ * Return the editor of the open text, and its name, state and problems. A text of another path is not shown; a new file
+ * gets the name of `name`.
+ */
+export function useOpenText(path: string, name: Signal<string>): [editor: ComponentChildren, state: ComponentChildren] {
+  const now = opened.value?.path === path ? opened.value : null;
+  const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
+  const inText = problems.value.filter((one) => isIn(one, own));
+  const [editor, goTo] = useEditor(
+    now ? `text ${now.path}` : "",
+    now?.text ?? "",
+    inText,
+    (text) => void change(text, true),
+  );
+  const isSaved = !now || now.text === now.saved;
+  const state = (
+    <>
+      <p class="row">
+        {now?.sha256 ? (
+          <Button aria-disabled={isSaved} act={() => isSaved || save(now.path)}>
+            Save
+          </Button>
+        ) : (
+          <>
+            <TextInput label="Name of the file" of={name} hint="axis.toml" />
+            <Button class="primary" disabled={!now || !name.value} act={() => save(name.value).then(list)}>
+              Save as a new file
+            </Button>
+          </>
+        )}
+        <span role="status">{said.value || (isSaved ? "" : "Not saved.")}</span>
+      </p>
+      {onDisk.value && (
+        <p class="row">
+          <span role="status">{now!.path} has changed on disk since you opened it.</span>
+          <Button act={takeFromDisk}>Drop these changes and show the file</Button>
+        </p>
+      )}
+      <Problems of={problems.value} own={own} onLine={goTo} />
+      {now && !problems.value.length && <p class="note">No problems.</p>}
+    </>
+  );
+  return [editor, state];
 }

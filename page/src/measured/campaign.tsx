@@ -6,38 +6,20 @@ import { FigureView } from "../plots/figure";
 import { duration } from "../plots/looks";
 import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
+import type { Campaign, Plan } from "../server/generated";
 import { ask, attempting, frame, type Problem, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
-import { kindOf, list, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
+import { Button } from "../workspace/fields";
+import { filesOf, kindOf, list, nameOf, studies } from "../workspace/files";
+import { field, JobForm, requestOf } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, InFolder, Problems, ReportOf, Select } from "../workspace/parts";
+import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";
-
-interface Campaign {
-  name: string;
-  rig: string;
-  synthetic: boolean;
-  done: number;
-  extra: number;
-  planned: number | null;
-  remaining_s: number | null;
-  state: string | null;
-  text: string;
-  cycle: string;
-  flags: Record<string, number>;
-  problems: string[];
-  log: string[];
-  groups: { label: string; points: { key: string; speed: number; friction: number; flags: string[] }[] }[];
-}
 
 const found = signal<Campaign | null>(null);
 const wrong = signal<Problem[]>([]);
 export const unread = signal<Problem[]>([]); // why the campaign could not be read, at the last look
 const attempt = attempting(wrong);
-const protocol = signal("quick-look");
-const name = signal("first");
-export const pace = signal("");
 const LOOK_MS = 500;
 const HOLD_MS = 1000; // abort is held down this long
 const MM = 1000;
@@ -49,14 +31,6 @@ interface Cycle {
   samples: number;
   position: number[];
   force: number[];
-}
-
-interface Plan {
-  text: string;
-  time_s: number;
-  cycles: number;
-  command: string;
-  python: string;
 }
 
 const cycle = signal<Cycle | null>(null);
@@ -92,7 +66,6 @@ function repeat(pauseMs: number, step: (isGone: () => boolean) => Promise<void>)
 export function CampaignView() {
   const { path: object } = route.value;
   const path = kindOf(object) === "protocol" ? "" : object;
-  useEffect(() => void (object && !path && (protocol.value = object)), [object, path]);
   useEffect(() => {
     found.value = null;
     wrong.value = unread.value = [];
@@ -125,7 +98,7 @@ export function CampaignView() {
           <a href={link("campaign")}>All campaigns, and a new one</a>
         </p>
       )}
-      {path ? found.value && <Watched now={found.value} path={path} /> : <Start />}
+      {path ? found.value && <Watched now={found.value} path={path} /> : <Start protocol={object || "quick-look"} />}
     </div>
   );
 }
@@ -236,7 +209,10 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   const timer = useRef(0);
   const isRunning = now.state !== null;
   const send = (word: string) => attempt(() => ask("/api/campaign", { path, word }));
-  const resume = () => attempt(async () => (await ask("/api/campaigns", { resume: path, ...paced() }), void follow()));
+  const resume = () =>
+    attempt(
+      async () => (await ask("/api/campaigns", { resume: path, ...paced(requestOf("campaign").pace) }), void follow()),
+    );
   const hold = () => {
     clearTimeout(timer.current);
     timer.current = window.setTimeout(() => void send("abort"), HOLD_MS);
@@ -245,9 +221,7 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   if (!isRunning)
     return now.synthetic && now.done < (now.planned ?? 0) ? (
       <p>
-        <button type="button" onClick={() => void resume()}>
-          Resume on the simulated rig
-        </button>
+        <Button act={() => resume()}>Resume on the simulated rig</Button>
       </p>
     ) : null;
   if (!studies.value?.control)
@@ -258,17 +232,10 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
     );
   return (
     <p class="row" role="group" aria-label="Requests">
-      <button type="button" onClick={() => void send("pause")}>
-        Pause after the cycle
-      </button>
-      <button type="button" onClick={() => void send("stop")}>
-        Stop the axis now
-      </button>
-      <button type="button" onClick={() => void send("resume")}>
-        Resume
-      </button>
-      <button
-        type="button"
+      <Button act={() => send("pause")}>Pause after the cycle</Button>
+      <Button act={() => send("stop")}>Stop the axis now</Button>
+      <Button act={() => send("resume")}>Resume</Button>
+      <Button
         onPointerDown={hold}
         onPointerUp={release}
         onPointerLeave={release}
@@ -276,80 +243,62 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
         onKeyUp={release}
         onBlur={release}>
         Abort (hold for 1 s)
-      </button>
+      </Button>
       <strong>Not an emergency stop.</strong>
     </p>
   );
 }
 
-export const paced = () => (pace.value.trim() ? { pace: typed("Times real time", pace.value) } : {});
+/** Part of a request: times real time, if it is typed. */
+export const paced = (pace: unknown) =>
+  String(pace ?? "").trim() ? { pace: typed("Times real time", String(pace)) } : {};
 
-function Start() {
-  const files = studies.value?.files ?? [];
-  const protocols = [
-    ...(studies.value?.protocols ?? []),
-    ...files.filter((one) => one.kind === "protocol").map((one) => one.path),
-  ];
-  const campaigns = files.filter((one) => one.kind === "campaign");
-  const start = () =>
-    attempt(async () => {
-      const job = await ask<{ number: number; out: string }>("/api/campaigns", {
-        protocol: protocol.value,
-        name: name.value,
-        ...paced(),
-      });
-      void follow();
-      const here = route.peek();
-      const isHere = () => route.peek() === here;
-      const isOver = () => jobs.value.some((one) => one.number === job.number && one.state !== "running");
-      /* The folder exists as soon as its first file exists. */
-      for (let look = 0; look < 100 && isHere(); look++) {
-        try {
-          await read("/api/campaign", { path: job.out });
-          void list();
-          if (isHere()) location.hash = link("campaign", job.out);
-          return;
-        } catch (error) {
-          if (!(error instanceof Refused)) throw error;
-          if (isOver()) return; // the list of jobs says why
-        }
-        await new Promise((resolve) => setTimeout(resolve, 100));
-      }
-    });
-  const asked = () => ({ protocol: protocol.value });
+/** Wait until the folder of a job exists, which is as soon as its first file exists, and open it. */
+async function openFirst(job: { number: number; out: string }): Promise<void> {
+  const here = route.peek();
+  const isHere = () => route.peek() === here;
+  const isOver = () => jobs.value.some((one) => one.number === job.number && one.state !== "running");
+  for (let look = 0; look < 100 && isHere(); look++) {
+    try {
+      await read("/api/campaign", { path: job.out });
+      void list();
+      if (isHere()) location.hash = link("campaign", job.out);
+      return;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      if (isOver()) return; // the list of jobs says why
+    }
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
+}
+
+function Start({ protocol }: { protocol: string }) {
+  const protocols = [...(studies.value?.protocols ?? []), ...filesOf("protocol").map((one) => one.path)];
+  const chosen = requestOf("campaign").protocol;
+  useEffect(() => void (plan.value = null), [chosen]);
+  const own = {
+    title: "Run",
+    door: "/api/campaigns",
+    fields: [
+      field("protocol", "Protocol", "choice", { choices: protocols.map((one): [string, string] => [one, one]) }),
+      field("name", "Into campaigns/", "text"),
+      field("pace", "Times real time", "text", { hint: "fastest" }),
+    ],
+    body: ({ protocol, name, pace }: Record<string, unknown>) => ({ protocol, name, ...paced(pace) }),
+  };
   return (
     <>
       <p>Run a protocol on the simulated rig. A real rig is started in a terminal: pneudrive campaign run.</p>
-      <div class="fieldset">
-        <Select
-          label="Protocol"
-          value={protocol.value}
-          options={protocols}
-          put={(name) => ([protocol.value, plan.value] = [name, null])}
-        />
-        <label class="choice">
-          Into campaigns/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-        </label>
-        <label class="choice">
-          Times real time{" "}
-          <input
-            value={pace.value}
-            placeholder="fastest"
-            onInput={(event) => (pace.value = event.currentTarget.value)}
-          />
-        </label>
-      </div>
-      <p class="row">
-        <button
-          type="button"
-          class="primary"
-          onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>
+      <JobForm
+        kind="campaign"
+        own={own}
+        start={{ protocol, name: "first", pace: "" }}
+        jobs={["campaign", "design", "characterise"]}
+        after={openFirst}>
+        <Button act={() => attempt(async () => void (plan.value = await ask<Plan>("/api/plan", { protocol: chosen })))}>
           Plan and check
-        </button>
-        <button type="button" onClick={() => void start()}>
-          Run
-        </button>
-      </p>
+        </Button>
+      </JobForm>
       {plan.value && (
         <section aria-label="Plan" data-plan={plan.value.cycles} data-si={plan.value.time_s}>
           <pre tabIndex={0} role="group" aria-label="Plan and pre-flight check">
@@ -358,8 +307,7 @@ function Start() {
           <Copied command={plan.value.command} python={plan.value.python} />
         </section>
       )}
-      <JobList kinds={["campaign", "design", "characterise"]} />
-      <InFolder files={campaigns} title="Campaigns" view="campaign" />
+      <InFolder files={filesOf("campaign")} title="Campaigns" view="campaign" />
     </>
   );
 }

@@ -1,25 +1,10 @@
 /** Differences between two drives, or between two fits of one kind. */
 import { FigureView } from "../plots/figure";
 import { digits, pretty } from "../plots/looks";
-import type { ShownFigure } from "../server/generated";
+import type { Compared } from "../server/generated";
 import { Table } from "../workspace/parts";
 
-export interface Compared {
-  names: [string, string];
-  sentence: string;
-  figure: ShownFigure | null;
-  values: {
-    key: string;
-    before: string;
-    after: string;
-    interval_before: string;
-    interval_after: string;
-    change: number | null;
-  }[];
-  lines: string[];
-  command: string;
-  python: string;
-}
+export type { Compared };
 
 /** Return whether two intervals such as "0.5 … 3.3" overlap. */
 function isAlike(some: string, others: string): boolean {

@@ -6,10 +6,19 @@ import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
 import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
-import type { Finding, SentView, ShownFigure } from "../server/generated";
+import type {
+  FrictionCurve as Curve,
+  Finding,
+  FrictionMap,
+  FrictionPoint as Point,
+  SentView,
+  ShownFigure,
+  Slice,
+} from "../server/generated";
 import { usePosted, useRequest } from "../workspace/answers";
 import { Choose } from "../workspace/choose";
-import { folderOf, nameOf, studies } from "../workspace/files";
+import { Button, Tick } from "../workspace/fields";
+import { changesOf, filesOf, folderOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Select, Table } from "../workspace/parts";
@@ -17,21 +26,7 @@ import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
 import { type Compared, Differences } from "./differences";
 import { Behind, showBehind } from "./fit";
 
-interface Point {
-  recording: string;
-  direction: number;
-  speed: number;
-  friction: number;
-  spread: number | null;
-  flags: string;
-}
-
-type Curve = {
-  friction: (number | null)[];
-  low: (number | null)[];
-  high: (number | null)[];
-  measured: [number | null, number | null];
-};
+export type { FrictionMap, Slice };
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
 interface Part<Key extends string> {
@@ -39,28 +34,6 @@ interface Part<Key extends string> {
   assembly: string;
   points: (Point & Record<Key, number>)[];
   curve?: Curve & Record<Key, number[]>;
-}
-
-export interface FrictionMap {
-  groups: (Part<"speed"> & { gauges: [number, number] })[];
-  fit: string; // why curves are missing
-  fits: string[];
-  seals: Record<string, string>; // fit of each seal
-  recordings: Record<string, string>;
-  left_out: number;
-}
-
-export interface Slice {
-  chamber: "a" | "b";
-  groups: (Part<"gauge"> & { speed: number })[];
-  python: string;
-}
-
-interface Difference {
-  groups: Part<"speed">[];
-  fit: string;
-  command: string;
-  python: string;
 }
 
 const MOST_ROWS = 300;
@@ -136,7 +109,7 @@ function isOverPressure(groups: FrictionMap["groups"]): boolean {
 export function FrictionView() {
   const { path } = route.value;
   const isFit = isToml(path);
-  const view = useView(isFit ? path : "");
+  const [view, problems] = useRequest<SentView>("/api/view", isFit ? { path } : null, [changesOf(path)]);
   if (!path)
     return (
       <Choose
@@ -155,7 +128,8 @@ export function FrictionView() {
   return (
     <div class="friction">
       <h2>{path}</h2>
-      {view ? <Shown view={view} label="Fit" /> : <FitProblems path={path} />}
+      <Problems of={problems} />
+      {view && <Shown view={view} label="Fit" />}
       <ReportOf folder={folderOf(path)} />
       {view && <Behind path={path} />}
       {view && !hasMap && (
@@ -170,11 +144,6 @@ export function FrictionView() {
       )}
     </div>
   );
-}
-
-function FitProblems({ path }: { path: string }) {
-  const [, problems] = useRequest("/api/view", { path });
-  return problems.length ? <Problems of={problems} /> : <p role="status">Reading {path}.</p>;
 }
 
 /** A map, with the fit that was opened, or the fits of its folder. */
@@ -195,9 +164,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
   const remedy = (finding: Finding) =>
     fit && finding.state !== "good" ? (
       <p>
-        <button type="button" onClick={() => void showBehind(fit)}>
-          Plan the next points
-        </button>
+        <Button act={() => showBehind(fit)}>Plan the next points</Button>
       </p>
     ) : null;
   return (
@@ -273,12 +240,11 @@ function Choices(props: { path: string; found: FrictionMap; names: string[]; now
   const maps = (studies.value?.files ?? []).filter(({ kind, path: file }) => kind === "friction map" && file !== path);
   const seals = names.filter((name) => name !== now && found.seals[name] && found.seals[now]);
   const over = (name: string) => (
-    <button
-      type="button"
+    <Button
       aria-pressed={(name === "pressure") === isOver}
-      onClick={() => ([axis.value, level.value, other.value] = [name, "", ""])}>
+      act={() => ([axis.value, level.value, other.value] = [name, "", ""])}>
       {name}
-    </button>
+    </Button>
   );
   return (
     <p class="row">
@@ -311,14 +277,11 @@ function Choices(props: { path: string; found: FrictionMap; names: string[]; now
             options={[["", "all"], ...groups.map((group) => group.label)]}
             put={(label) => (level.value = label)}
           />
-          <label>
-            <input
-              type="checkbox"
-              checked={isLog.value ?? isWide(groupsOver("speed", MM, groups))}
-              onChange={(event) => (isLog.value = event.currentTarget.checked)}
-            />{" "}
-            speed on a logarithmic scale
-          </label>
+          <Tick
+            label="speed on a logarithmic scale"
+            value={isLog.value ?? isWide(groupsOver("speed", MM, groups))}
+            put={(isIn) => (isLog.value = isIn)}
+          />
         </>
       )}
       {(seals.length > 0 || maps.length > 0) && (
@@ -378,33 +341,18 @@ function MapFigure({ path, fit, found, now }: { path: string; fit: string; found
   );
 }
 
-/** Two seals of the map by their fits, or this map and another one. */
+/** Two seals of the map or two maps, by their fits where both have one. */
 function Comparison({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
-  const own = found.seals[other.value];
-  const pair = own && fit ? { before: fit, after: own } : null;
-  const another = own ? null : { path, fit: nameOf(fit), other: other.value };
-  const [compared, refused] = usePosted<Compared>("/api/compare", pair, [found]);
-  const [apart, unlike] = useRequest<Difference>("/api/map-difference", another, [found]);
-  const problems = [...refused, ...unlike];
-  const groups = apart ? groupsOver("speed", MM, apart.groups) : [];
+  const beside = [folderOf(other.value), "fit.toml"].filter(Boolean).join("/");
+  const fitOfOther = found.seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
+  const pair = fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
+  const [compared, problems] = usePosted<Compared>("/api/compare", pair, [found]);
   return (
     <div class="panel">
       <Problems of={problems} />
-      {!problems.length && !compared && !apart && <p role="status">Comparing.</p>}
+      {!problems.length && !compared && <p role="status">Comparing.</p>}
       {compared && <Differences {...compared} />}
-      {apart && (
-        <>
-          <FigureView
-            shown={pointsFigure({
-              name: `${other.value} less ${path}`,
-              caption: `Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that the sensors of both share are not in them, and may cancel. ${apart.fit}`,
-              ...{ x: "speed, mm/s", y: "difference of friction, N", panels: [{ title: "", groups }] },
-              isLog: isLog.value ?? isWide(groups),
-            })}
-          />
-          {apart.python && <Copied of="the difference" command={apart.command} python={apart.python} />}
-        </>
-      )}
+      {compared && <Copied of="the difference" command={compared.command} python={compared.python} />}
     </div>
   );
 }

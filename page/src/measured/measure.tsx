@@ -4,16 +4,13 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
+import type { MeasuredRow as Row, Stroke } from "../server/generated";
 import { ask, newest, type Problem, Refused, read } from "../server/server";
+import { Button, Range, Tick } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { NumberField, Problems, Select, Table } from "../workspace/parts";
 
-export interface Stroke {
-  from: number;
-  to: number;
-  direction: number;
-  speed: number;
-}
+export type { Stroke };
 
 export type Faults = Record<string, { count: number; places: [number, number][] }>;
 
@@ -83,17 +80,13 @@ export function nextPlace(places: [number, number][], middle: number): [number, 
 }
 
 /** Table of the recording's faults by kind. A button moves from one place to the next. */
-export function FaultsLine({
-  faults,
-  span,
-  whole,
-  onShow,
-}: {
+export function FaultsLine(props: {
   faults: Faults;
   span: [number, number];
   whole: [number, number];
   onShow: (span: [number, number]) => void;
 }) {
+  const { faults, span, whole, onShow } = props;
   const kinds = Object.entries(faults);
   if (!kinds.length) return null;
   const show = (places: [number, number][]) => {
@@ -111,13 +104,12 @@ export function FaultsLine({
           {one.places.length > 0 && (
             <>
               {" "}
-              <button
-                type="button"
+              <Button
                 class="link"
-                onClick={() => show(one.places)}
+                act={() => show(one.places)}
                 aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>
                 show the next
-              </button>
+              </Button>
             </>
           )}
         </span>
@@ -199,16 +191,6 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
   );
 }
 
-interface Row {
-  recording: string;
-  label: string;
-  unit: string;
-  time_s: [number, number];
-  values: [number | null, number | null];
-  difference: number | null;
-  slope: number | null;
-}
-
 const measured = signal<{ rows: Row[]; of: string } | null>(null);
 let asked = ""; // what is to be measured, as JSON
 const fetchMeasured = newest(async () => {
@@ -228,25 +210,18 @@ export function pick(time: number): void {
   if (now) cursors.value = Math.abs(time - now[0]) < Math.abs(time - now[1]) ? [time, now[1]] : [now[0], time];
 }
 
-const STEPS = 1000;
-
 /** Field of a time, with a resolution of a millionth of the view. */
 export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
 
 /** Two cursors, with the time, difference and slope between them for each shown channel. */
-export function Measuring({
-  path,
-  version,
-  columns,
-  span,
-  isTimed,
-}: {
+export function Measuring(props: {
   path: string;
   version: string;
   columns: string[];
   span: [number, number];
   isTimed: boolean;
 }) {
+  const { path, version, columns, span, isTimed } = props;
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
@@ -269,17 +244,14 @@ export function Measuring({
   const put = (which: 0 | 1, time: number) => (cursors.value = which ? [now![0], time] : [time, now![1]]);
   const cursor = (which: 0 | 1) => (
     <span class="row">
-      <label>
-        Cursor {which + 1}{" "}
-        <input
-          type="range"
-          min={0}
-          max={STEPS}
-          value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))}
-          aria-valuetext={`${told(now![which], span)} ${unit}`}
-          onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)}
-        />
-      </label>
+      <Range
+        label={`Cursor ${which + 1}`}
+        value={now![which]}
+        ends={span}
+        words={`${told(now![which], span)} ${unit}`}
+        steps={1000}
+        put={(time) => put(which, time)}
+      />
       <NumberField
         label={`Cursor ${which + 1}, ${unit}`}
         value={told(now![which], span)}
@@ -291,10 +263,7 @@ export function Measuring({
   return (
     <section aria-label="Measure">
       <p class="row">
-        <label>
-          <input type="checkbox" checked={now !== null} onChange={(event) => begin(event.currentTarget.checked)} />{" "}
-          measure between two cursors
-        </label>
+        <Tick label="measure between two cursors" value={now !== null} put={begin} />
         {now && cursor(0)}
         {now && cursor(1)}
         {now && <span class="note">A click in a plot moves the nearer cursor there.</span>}
@@ -308,17 +277,8 @@ export function Measuring({
  * Table of the measured values. It is separate from the cursors, so that an answer does not overwrite a field in
  * use.
  */
-function MeasuredTable({
-  path,
-  wanted,
-  span,
-  isTimed,
-}: {
-  path: string;
-  wanted: string;
-  span: [number, number];
-  isTimed: boolean;
-}) {
+function MeasuredTable(props: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
+  const { path, wanted, span, isTimed } = props;
   const found = measured.value;
   if (!found) return null;
   const unit = isTimed ? "s" : "samples";

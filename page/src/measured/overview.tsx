@@ -8,6 +8,7 @@ import { link } from "../routes";
 import type { CommandInput } from "../server/generated";
 import type { Listed } from "../server/server";
 import { useRequest } from "../workspace/answers";
+import { Button, Tick } from "../workspace/fields";
 import { folderOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { stale, trace, useHeadlines } from "../workspace/lineage";
@@ -58,18 +59,20 @@ export function Recordings({ files: all }: { files: Listed[] }) {
     <section class="group" aria-label="Recordings">
       {map && slice && <Friction path={path} map={map} slice={slice} />}
       <div class="panel by-label">
-        <label class="folder-head">
-          <input
-            type="checkbox"
-            aria-label={`Choose all ${paths.length} recordings`}
-            checked={paths.every((file) => chosen.value.includes(file))}
-            onChange={(event) => choose(paths, event.currentTarget.checked)}
-          />{" "}
-          <a href={link("recording")}>
-            <b>Recordings</b>
-          </a>{" "}
-          <span class="note">{`${count(files.length, "recording")}, ${count(labels.length, "group")}`}</span>
-        </label>
+        <Tick
+          class="folder-head"
+          name={`Choose all ${paths.length} recordings`}
+          label={
+            <>
+              <a href={link("recording")}>
+                <b>Recordings</b>
+              </a>{" "}
+              <span class="note">{`${count(files.length, "recording")}, ${count(labels.length, "group")}`}</span>
+            </>
+          }
+          value={paths.every((file) => chosen.value.includes(file))}
+          put={(isIn) => choose(paths, isIn)}
+        />
         <ul>
           {labels.map((label) => (
             <Row
@@ -167,15 +170,16 @@ function Row(props: {
   const old = paths.filter((path) => stale.value.stale[path]);
   return (
     <li data-label={label}>
-      <label>
-        <input
-          type="checkbox"
-          aria-label={`Choose all of ${label}`}
-          checked={paths.every((path) => chosen.value.includes(path))}
-          onChange={(event) => choose(paths, event.currentTarget.checked)}
-        />{" "}
-        <b>{label}</b> <span class="note">{count(files.length, "recording")}</span>
-      </label>
+      <Tick
+        name={`Choose all of ${label}`}
+        label={
+          <>
+            <b>{label}</b> <span class="note">{count(files.length, "recording")}</span>
+          </>
+        }
+        value={paths.every((path) => chosen.value.includes(path))}
+        put={(isIn) => choose(paths, isIn)}
+      />
       <span>{part && <Spark part={part} all={all} />}</span>
       <span class="holds">
         {part && (
@@ -213,11 +217,11 @@ function Names({ paths }: { paths: string[] }) {
       <ul class="chips">
         {paths.slice(0, MOST).map((path) => (
           <li key={path}>
-            <input
-              type="checkbox"
-              aria-label={`Choose ${path}`}
-              checked={chosen.value.includes(path)}
-              onChange={(event) => choose([path], event.currentTarget.checked)}
+            <Tick
+              label=""
+              name={`Choose ${path}`}
+              value={chosen.value.includes(path)}
+              put={(isIn) => choose([path], isIn)}
             />
             <a href={link("recording", path)} title={path}>
               {nameOf(path)}
@@ -229,9 +233,9 @@ function Names({ paths }: { paths: string[] }) {
             )}
             <details class="chip-menu">
               <summary aria-label={`More of ${path}`}>⋯</summary>
-              <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>
+              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)}>
                 made from
-              </button>{" "}
+              </Button>{" "}
               <Rename path={path} />
             </details>
           </li>
@@ -273,33 +277,21 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
     <section class="panel chosen" aria-label="Chosen recordings">
       <p class="row">
         <b>{paths.length} chosen</b>
-        <button type="button" class="primary" disabled={!rig.length} onClick={() => (verb.value = "characterise")}>
+        <Button class="primary" disabled={!rig.length} act={() => (verb.value = "characterise")}>
           {rig.length > 1 ? `Characterise ${rig.length} together` : "Characterise"}
-        </button>
+        </Button>
         {seals.length === 2 ? (
           <a class="button" href={`${link("friction", mapPath)}?${address}`}>
             {`Compare ${seals.join(" and ")}`}
           </a>
         ) : (
-          paths.length === 2 && (
-            <button type="button" onClick={() => comparePair(paths)}>
-              Compare
-            </button>
-          )
+          paths.length === 2 && <Button act={() => comparePair(paths)}>Compare</Button>
         )}
         {drive.length > 0 && (
-          <button type="button" onClick={() => (verb.value = "validate")}>
-            {`Validate a drive on ${drive.length}`}
-          </button>
+          <Button act={() => (verb.value = "validate")}>{`Validate a drive on ${drive.length}`}</Button>
         )}
-        {points.length > 0 && (
-          <button type="button" onClick={save}>
-            Export table
-          </button>
-        )}
-        <button type="button" onClick={() => ([chosen.value, verb.value] = [[], ""])}>
-          Clear
-        </button>
+        {points.length > 0 && <Button act={save}>Export table</Button>}
+        <Button act={() => ([chosen.value, verb.value] = [[], ""])}>Clear</Button>
       </p>
       {forms && !rig.length && !drive.length && (
         <p class="note">

@@ -1,18 +1,21 @@
 /** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
 
-import { batch, computed, effect, signal } from "@preact/signals";
+import { batch, computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
 import type { Shade } from "../plots/paint";
 import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import { ask, attempting, frame, Live, type Problem, Refused, read, write } from "../server/server";
+import type { WindowHead as Head, Strokes as Moved, OpenedRecording as Opened, Proposal } from "../server/generated";
+import { ask, attempting, frame, type Problem, Refused, read, write } from "../server/server";
+import { useAnswer, useLive } from "../workspace/answers";
 import { Choose } from "../workspace/choose";
+import { Button, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Problems, Table } from "../workspace/parts";
-import { AnswerOf } from "../workspace/result";
+import { Answer, useView } from "../workspace/result";
 import {
   BesideRecording,
   beside,
@@ -27,50 +30,6 @@ import {
   realign,
   type Stroke,
 } from "./measure";
-
-interface Channel {
-  column: string;
-  label: string;
-  unit: string;
-}
-
-interface Opened {
-  problems?: Problem[];
-  share?: number;
-  key?: string;
-  channels?: Channel[];
-  span?: [number, number];
-  samples?: number;
-  time?: boolean;
-  layout?: string | null;
-  notes?: string[];
-}
-
-interface Moved {
-  strokes: Stroke[];
-  faults: Faults;
-  note?: string;
-}
-
-interface Head {
-  number: number;
-  problems?: Problem[];
-  path: string;
-  key: string | null; // none: the file was replaced
-  missing: number;
-  samples: number;
-  raw: boolean;
-  from: number;
-  to: number;
-}
-
-interface Proposal {
-  text: string;
-  problem: string;
-  kind: string;
-  strokes: number;
-  guesses: { role: string; column: string; unit: string; why: string }[];
-}
 
 const MOST_PLOTS = 4; // to begin with
 const MOST_ANSWERED = 500_000; // samples of a recording that is read once more for its answer
@@ -253,16 +212,9 @@ function pan(share: number): void {
 
 export function RecordingView() {
   const { path } = route.value;
-  useEffect(() => {
-    const live = new Live<Head>(take);
-    const end = effect(() => {
-      if (asked.value) live.request(asked.value);
-    });
-    return () => {
-      end();
-      live.close();
-    };
-  }, []);
+  useLive<Head>(() => asked.value, take);
+  const found = about.value;
+  const view = useView(found?.layout && found.samples! < MOST_ANSWERED ? path : "", found?.key);
   useEffect(() => {
     if (path) void open(path);
     return () => void (generation += 1);
@@ -277,7 +229,6 @@ export function RecordingView() {
         recordings
       />
     );
-  const found = about.value;
   return (
     <div class="recording">
       <h2>{path}</h2>
@@ -290,7 +241,7 @@ export function RecordingView() {
       )}
       {found?.channels && (
         <>
-          {found.layout && found.samples! < MOST_ANSWERED && <AnswerOf path={path} changed={found.key} />}
+          {view && <Answer view={view} />}
           <Controls found={found} />
           <div class="result">
             <div>
@@ -353,21 +304,11 @@ function Controls({ found }: { found: Opened }) {
   const head = views.value?.head;
   return (
     <p class="row" role="group" aria-label="View">
-      <button type="button" onClick={() => look(found.span!)}>
-        Whole recording
-      </button>
-      <button type="button" onClick={() => zoom(0.5)}>
-        Closer
-      </button>
-      <button type="button" onClick={() => zoom(2)}>
-        Wider
-      </button>
-      <button type="button" onClick={() => pan(-0.5)}>
-        Earlier
-      </button>
-      <button type="button" onClick={() => pan(0.5)}>
-        Later
-      </button>
+      <Button act={() => look(found.span!)}>Whole recording</Button>
+      <Button act={() => zoom(0.5)}>Closer</Button>
+      <Button act={() => zoom(2)}>Wider</Button>
+      <Button act={() => pan(-0.5)}>Earlier</Button>
+      <Button act={() => pan(0.5)}>Later</Button>
       <span role="status" data-from={from} data-to={to}>
         {found.time
           ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s`
@@ -391,63 +332,34 @@ function Channels({ found }: { found: Opened }) {
           {note}
         </p>
       ))}
-      <fieldset class="row">
-        <legend>Channels</legend>
-        {found.channels!.map((one) => (
-          <label key={one.column}>
-            <input
-              type="checkbox"
-              checked={shown.value.includes(one.column)}
-              onChange={(event) => {
-                const others = shown.value.filter((name) => name !== one.column);
-                shown.value = event.currentTarget.checked ? [...others, one.column] : others;
-              }}
-            />{" "}
-            {one.label}
-          </label>
-        ))}
-      </fieldset>
+      <Ticks
+        legend="Channels"
+        options={found.channels!.map((one): [string, string] => [one.column, one.label])}
+        chosen={shown.value}
+        put={(columns) => (shown.value = columns)}
+      />
     </>
   );
 }
 
 const isSpectral = signal(false);
-const spectra = signal<{ of: string; arrays: Map<string, Numbers> } | null>(null);
-const notSpectral = signal<Problem[]>([]);
+const QUIET_MS = 200; // without a change of the view, before its spectra are requested
 
 /** Spectra of the shown channels within the view. They are not requested while the view moves. */
 function Spectrum({ found, path }: { found: Opened; path: string }) {
   const [from, to] = span.value;
   const columns = shown.value.join("\n");
-  useEffect(() => {
-    if (!isSpectral.value) return;
-    let gone = false;
-    const timer = setTimeout(async () => {
-      try {
-        const one = await frame("/api/spectrum", { path, from: String(from), to: String(to), columns });
-        if (!gone) [spectra.value, notSpectral.value] = [{ of: path, arrays: one.arrays }, []];
-      } catch (error) {
-        if (!(error instanceof Refused)) throw error;
-        if (!gone) [spectra.value, notSpectral.value] = [null, error.problems];
-      }
-    }, 200);
-    return () => {
-      gone = true;
-      clearTimeout(timer);
-    };
-  }, [path, found.key, from, to, columns, isSpectral.value]);
-  const drawn = spectra.value?.of === path && spectra.value.arrays;
+  const [spectra, problems] = useAnswer(
+    isSpectral.value ? path : "",
+    () => frame("/api/spectrum", { path, from: String(from), to: String(to), columns }),
+    [found.key, from, to, columns],
+    QUIET_MS,
+  );
+  const drawn = spectra?.arrays;
   return (
     <section aria-label="Spectrum">
       <p class="row">
-        <label>
-          <input
-            type="checkbox"
-            checked={isSpectral.value}
-            onChange={(event) => (isSpectral.value = event.currentTarget.checked)}
-          />{" "}
-          spectrum of the view
-        </label>
+        <Tick label="spectrum of the view" value={isSpectral.value} put={(isOn) => (isSpectral.value = isOn)} />
         {isSpectral.value && (
           <span class="note">
             Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is
@@ -455,8 +367,8 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
           </span>
         )}
       </p>
-      {isSpectral.value && <Problems of={notSpectral.value} />}
-      {isSpectral.value && drawn && (
+      <Problems of={problems} />
+      {drawn && (
         <div class="plots">
           {found
             .channels!.filter((one) => drawn.has(`hz/${one.column}`))
@@ -572,9 +484,9 @@ function Wizard({ path }: { path: string }) {
   return (
     <section aria-label="Layout">
       <p class="row">
-        <button type="button" class={isOther ? "primary" : ""} onClick={() => void propose()}>
+        <Button class={isOther ? "primary" : ""} act={() => propose()}>
           {isOther ? "Propose a layout for this file" : "Propose a layout"}
-        </button>
+        </Button>
         <span role="status">
           {said.value ||
             "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}
@@ -603,9 +515,9 @@ function Wizard({ path }: { path: string }) {
             />
           </label>
           <p>
-            <button type="button" onClick={() => void accept()}>
+            <Button act={() => accept()}>
               {isOther ? `Accept: move the file into ${own}/ with this layout` : `Accept: write ${place}`}
-            </button>
+            </Button>
           </p>
         </>
       )}

@@ -3,72 +3,25 @@
  * each value.
  */
 
-import { computed, effect, signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
-import { type Field, open as openDrive, valid } from "../drive/opened";
+import { open as openDrive, valid } from "../drive/opened";
 import { digits, instant } from "../plots/looks";
 import { curveOf, Plot } from "../plots/plot";
 import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import { ask, attempting, Live, type Problem, Refused, read } from "../server/server";
+import type { ValidationHead as Head, ValidatedRecord as Recorded, Validation } from "../server/generated";
+import { ask, attempting, type Problem, Refused, read } from "../server/server";
 import { undoable } from "../undo";
+import { useLive } from "../workspace/answers";
+import { Button } from "../workspace/fields";
 import { filesOf, folderOf, kindOf, list, studies } from "../workspace/files";
 import { JobForm, requestOf, useHeldOut } from "../workspace/form";
 import { follow, jobs } from "../workspace/jobs";
 import { InFolder, Problems, ReportOf, Select, SliderRow, Table } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
 import { type Compared, Differences } from "./differences";
-
-interface Channel {
-  free: { nrmse: number | null; fit_percent: number | null };
-  off_s?: number;
-}
-
-interface Recorded {
-  badge?: string; // "made the fit", "held out", or empty
-  name: string;
-  file: string;
-  span: [number, number];
-  start_s?: number; // time 0 on the clock of the file
-  [column: string]: unknown;
-}
-
-interface Culprit {
-  what: string;
-  share: number;
-  text: string;
-  free: string[];
-}
-
-interface Value {
-  key: string;
-  text: string;
-  kind: string;
-  origin: string;
-  interval?: string;
-  fit?: string;
-  source?: { name: string; file: string }[];
-}
-
-interface Validation {
-  name: string;
-  drive: string;
-  editable: boolean;
-  window_s: number;
-  synthetic: boolean;
-  record: Recorded[];
-  diagnosis: { left: number; clean: boolean; culprit?: Culprit[] };
-  suspects: Field[];
-  values: Value[];
-  channels: { column: string; label: string; size: number; unit: string }[];
-}
-
-interface Head {
-  number: number;
-  problems?: Problem[];
-  fit?: Record<string, number | null>;
-}
 
 const found = signal<Validation | null>(null);
 const wrong = signal<Problem[]>([]);
@@ -112,36 +65,25 @@ async function load(at: string): Promise<void> {
 }
 
 export function ValidationView() {
-  useEffect(() => {
-    void follow();
-    const page = document.documentElement.dataset;
-    const count = () => (page.sent = String(live.sent + Number(live.isWaiting)));
-    const live = new Live<Head>((answer) => {
+  useEffect(() => void follow(), []);
+  useLive<Head>(
+    () =>
+      found.value && path.value
+        ? {
+            what: "validation",
+            path: path.value,
+            record: record.value,
+            span: span.value,
+            pixels: 1000,
+            changes: changes.value,
+            drive: found.value.drive,
+          }
+        : null,
+    (answer) => {
       wrong.value = answer.head.problems ?? [];
       if (!answer.head.problems) frame.value = answer;
-      count();
-      page.drawn = String(answer.head.number);
-      page.mostOnTheWay = String(live.mostOnTheWay);
-    });
-    const end = effect(() => {
-      const now = found.value;
-      if (!now || !path.value) return; // the list of validations, after one of them
-      live.request({
-        what: "validation",
-        path: path.value,
-        record: record.value,
-        span: span.value,
-        pixels: 1000,
-        changes: changes.value,
-        drive: now.drive,
-      });
-      count();
-    });
-    return () => {
-      end();
-      live.close();
-    };
-  }, []);
+    },
+  );
   useEffect(() => {
     if (path.value) void load(path.value);
   }, [path.value]);
@@ -245,13 +187,13 @@ function RecordingsOf({ now }: { now: Validation }) {
         label="Recordings of the validation"
         heads={["Recording", "Position, fit %", "Pressures, NRMSE %"]}
         rows={now.record.map((each, index) => {
-          const channels = now.channels.map(({ column }) => each[column] as Channel);
+          const channels = now.channels.map(({ column }) => each[column]);
           const pressures = channels.slice(1).map(({ free }) => free.nrmse ?? 0);
           return [
             <>
-              <button type="button" class="link" aria-pressed={index === record.value} onClick={() => show(index)}>
+              <Button class="link" aria-pressed={index === record.value} act={() => show(index)}>
                 {each.name}
-              </button>{" "}
+              </Button>{" "}
               {each.badge && <b class={`badge ${each.badge === "held out" ? "good" : "open"}`}>{each.badge}</b>}{" "}
               {each.file && (
                 <a class="note" href={link("recording", each.file)} aria-label={`Open the recording ${each.name}`}>
@@ -289,9 +231,9 @@ function Why({ now }: { now: Validation }) {
           <p>{cause.text}</p>
           <meter min={0} max={1} value={cause.share} aria-label={`Share explained by ${cause.what}`} />{" "}
           {cause.free.map((one) => (
-            <button type="button" key={one} class="link" onClick={() => ((key.value = one), (number.value = null))}>
+            <Button key={one} class="link" act={() => ((key.value = one), (number.value = null))}>
               Slider for {one}
-            </button>
+            </Button>
           ))}
         </div>
       ))}
@@ -304,7 +246,7 @@ function Why({ now }: { now: Validation }) {
 
 function Runs({ now, one }: { now: Validation; one: Recorded }) {
   const shown = frame.value;
-  const { off_s: off } = one[now.channels[0]!.column] as Channel;
+  const { off_s: off } = one[now.channels[0]!.column];
   return (
     <section class="panel" aria-label="Runs beside the recording" data-from={span.value[0]} data-to={span.value[1]}>
       <h3>
@@ -313,9 +255,9 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
           {off === undefined ? (
             "Drag in a plot to zoom. "
           ) : (
-            <button type="button" class="link" onClick={() => (span.value = near(off, now.window_s, one.span))}>
+            <Button class="link" act={() => (span.value = near(off, now.window_s, one.span))}>
               Zoom to {instant(off, now.window_s / 100)} s, where the position deviates
-            </button>
+            </Button>
           )}
           {one.start_s
             ? ` Times count from the beginning of the recording: 0 s in this plot is ${digits(one.start_s, 12)} s in the file.`
@@ -367,21 +309,13 @@ function ChannelPlot(props: {
   const { column, label, size, unit } = channel;
   const { arrays, head } = frame.value!;
   const x = arrays.get("time_s")!;
-  const curve = (words: string, run: string, look: number) => ({
-    ...curveOf(arrays, x, `${column}.${run}`, words),
-    look,
-  });
-  const runs = isOff
-    ? [
-        curve(`from states, ${digits(window)} s`, "restarted.residual", 0),
-        curve("free run", "free.residual", 1),
-        ...(head.fit ? [curve("changed", "changed.residual", 2)] : []),
-      ]
-    : [
-        curve("measured", "measured", 0),
-        curve("free run", "free", 1),
-        ...(head.fit ? [curve("changed", "changed", 2)] : []),
-      ];
+  const first = isOff ? ["restarted", `from states, ${digits(window)} s`] : ["measured", "measured"];
+  const runs = [first, ["free", "free run"], ...(head.fit ? [["changed", "changed"]] : [])].map(
+    ([run, words], look) => ({
+      ...curveOf(arrays, x, `${column}.${run}${isOff ? ".residual" : ""}`, words!),
+      look,
+    }),
+  );
   const [from, to] = span.value;
   return (
     <Plot
@@ -401,7 +335,7 @@ function Fits({ now, one }: { now: Validation; one: Recorded }) {
   return (
     <p role="group" aria-label="Fit of the free run">
       {now.channels.map(({ column, label }) => {
-        const fit = (one[column] as Channel).free.fit_percent;
+        const fit = one[column].free.fit_percent;
         return (
           <span key={column}>
             {label}{" "}
@@ -505,9 +439,7 @@ function Refit({ now }: { now: Validation }) {
           {has(target) && (
             <>
               <a href={link("drive", target)}>{target}</a>
-              <button type="button" onClick={() => void compare()}>
-                Compare with {now.drive}
-              </button>
+              <Button act={() => compare()}>Compare with {now.drive}</Button>
               <a class="button primary" href={link("validation", target)}>
                 Validate it on held-out recordings
               </a>

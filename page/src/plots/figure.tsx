@@ -3,7 +3,9 @@
 import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
+import { Button } from "../workspace/fields";
 import { digits, pretty } from "./looks";
+import { RowsTable } from "./rows";
 import { saveDrawing, saveRows } from "./saving";
 import { asList, edges, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 import { useWidth } from "./width";
@@ -21,7 +23,7 @@ const CHARACTER = 6.7; // width of a character of an axis
 const colour = (name: string | number): string =>
   typeof name === "number"
     ? `color-mix(in srgb, var(--fig-deep) ${Math.round(100 * name)}%, var(--fig-light))`
-    : `var(--fig-${name.replace(" ", "-")})`;
+    : `var(--${name.startsWith("look-") ? name : `fig-${name.replace(" ", "-")}`})`;
 
 /** Return the dash of a look for a line of usual width. */
 function dashOf(dash: unknown): string | undefined {
@@ -29,30 +31,22 @@ function dashOf(dash: unknown): string | undefined {
   return ({ "--": "6 4", "-.": "7 3 2 3", ":": "2 3" } as Record<string, string>)[String(dash)];
 }
 
-const around =
-  (...ends: [number, number][]) =>
-  (x: number, y: number, r: number) =>
-    `M${ends.map(([dx, dy]) => `${(x + dx * r).toFixed(1)} ${(y + dy * r).toFixed(1)}`).join("L")}Z`;
+/** Return the path of a closed line around a point, from its corners as pairs of numbers in radii. */
+const around = (corners: string) => (x: number, y: number, r: number) =>
+  `M${corners
+    .split(", ")
+    .map((pair) => pair.split(" ").map(Number))
+    .map(([dx, dy]) => `${(x + dx! * r).toFixed(1)} ${(y + dy! * r).toFixed(1)}`)
+    .join("L")}Z`;
 const SHAPES: Record<string, (x: number, y: number, r: number) => string> = {
-  s: around([-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]),
-  "^": around([0, -1.2], [1.1, 0.8], [-1.1, 0.8]),
-  v: around([0, 1.2], [1.1, -0.8], [-1.1, -0.8]),
-  D: around([0, -1.2], [1.2, 0], [0, 1.2], [-1.2, 0]),
+  s: around("-0.9 -0.9, 0.9 -0.9, 0.9 0.9, -0.9 0.9"),
+  "^": around("0 -1.2, 1.1 0.8, -1.1 0.8"),
+  v: around("0 1.2, 1.1 -0.8, -1.1 -0.8"),
+  D: around("0 -1.2, 1.2 0, 0 1.2, -1.2 0"),
   P: around(
-    [-0.4, -1.1],
-    [0.4, -1.1],
-    [0.4, -0.4],
-    [1.1, -0.4],
-    [1.1, 0.4],
-    [0.4, 0.4],
-    [0.4, 1.1],
-    [-0.4, 1.1],
-    [-0.4, 0.4],
-    [-1.1, 0.4],
-    [-1.1, -0.4],
-    [-0.4, -0.4],
+    "-0.4 -1.1, 0.4 -1.1, 0.4 -0.4, 1.1 -0.4, 1.1 0.4, 0.4 0.4, 0.4 1.1, -0.4 1.1, -0.4 0.4, -1.1 0.4, -1.1 -0.4, -0.4 -0.4",
   ),
-  "|": around([0, -1.4], [0, 1.4]),
+  "|": around("0 -1.4, 0 1.4"),
 };
 const round = (x: number, y: number, r: number) =>
   `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
@@ -84,6 +78,10 @@ function pathOf(x: Numbers, y: Numbers, { px, py }: Place, steps = false): strin
   return path;
 }
 
+/** Place of a text to the right of a point, or to its left if it would leave the panel. */
+const besideOf = (x: number, right: number, text: string) =>
+  x + 6 + CHARACTER * text.length > right ? { x: x - 6, "text-anchor": "end" as const } : { x: x + 6 };
+
 function Points({ mark, at }: { mark: Markers; at: Place }) {
   const ink = colour(mark.look[0]);
   const shape = SHAPES[mark.look[2]] ?? round;
@@ -103,7 +101,7 @@ function Points({ mark, at }: { mark: Markers; at: Place }) {
               {at.words && <title>{`${mark.label} ${at.words(value, other)}`.trim()}</title>}
             </path>
             {mark.names[k] && (
-              <text x={px + 6} y={py - 5} stroke="none" fill="var(--soft)">
+              <text {...besideOf(px, at.right, mark.names[k]!)} y={py - 5} stroke="none" fill="var(--soft)">
                 {mark.names[k]}
               </text>
             )}
@@ -198,41 +196,26 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
       return <HeatCells mark={mark} at={at} />;
     case "rule": {
       const [xs, ys] = [asList(mark.x).map((one) => at.px(one!)), asList(mark.y).map((one) => at.py(one!))];
-      const line = {
-        stroke: colour(mark.look[0]),
-        "stroke-width": 1.2 * mark.width,
-        "stroke-dasharray": dashOf(mark.look[1]),
-      };
-      const tint = ["band", "shade", "shade two"].includes(String(mark.look[0]))
-        ? colour(mark.look[0])
-        : "var(--fig-shade)";
+      const [x0 = at.left, x1 = xs.length ? undefined : at.right] = [...xs].sort((a, b) => a - b);
+      const [y0 = at.top, y1 = ys.length ? undefined : at.bottom] = [...ys].sort((a, b) => a - b);
+      const isShade = ["band", "shade", "shade two"].includes(String(mark.look[0]));
+      if (x1 !== undefined && y1 !== undefined) {
+        const tint = isShade ? colour(mark.look[0]) : "var(--fig-shade)";
+        return <rect x={x0} width={x1 - x0} y={y0} height={y1 - y0} fill={tint} />;
+      }
       return (
         <>
-          {xs.length === 2 && (
-            <rect
-              x={Math.min(...xs)}
-              width={Math.abs(xs[1]! - xs[0]!)}
-              y={at.top}
-              height={at.bottom - at.top}
-              fill={tint}
-            />
-          )}
-          {ys.length === 2 && (
-            <rect
-              y={Math.min(...ys)}
-              height={Math.abs(ys[1]! - ys[0]!)}
-              x={at.left}
-              width={at.right - at.left}
-              fill={tint}
-            />
-          )}
-          {xs.length === 1 && <path d={`M${xs[0]} ${at.top}V${at.bottom}`} {...line} />}
+          <path
+            d={xs.length ? `M${x0} ${at.top}V${at.bottom}` : `M${at.left} ${y0}H${at.right}`}
+            stroke={colour(mark.look[0])}
+            stroke-width={1.2 * mark.width}
+            stroke-dasharray={dashOf(mark.look[1])}
+          />
           {xs.length === 1 && at.hasEnds && (
-            <text x={xs[0]! + 4} y={at.top + 12} fill="var(--soft)">
+            <text x={x0 + 4} y={at.top + 12} fill="var(--soft)">
               {mark.label}
             </text>
           )}
-          {ys.length === 1 && <path d={`M${at.left} ${ys[0]}H${at.right}`} {...line} />}
         </>
       );
     }
@@ -291,19 +274,20 @@ const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.last
 /** Return the ticks of the vertical axis of a panel. */
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
-function PanelDrawing({
-  panel,
-  x,
-  y,
-  scales: [sx, sy],
-  width,
-  height,
-  isBare,
-  hasEnds,
-  longest,
-  ends,
-  name,
-}: PanelProps) {
+export function PanelDrawing(props: PanelProps) {
+  const {
+    panel,
+    x,
+    y,
+    scales: [sx, sy],
+    width,
+    height,
+    isBare,
+    hasEnds,
+    longest,
+    ends,
+    name,
+  } = props;
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const rightScale = panel.right.length ? scaleOf(panel.right_y, "y", panel.right) : null;
@@ -531,28 +515,18 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;
   const columns = Math.max(Math.min(total, Math.floor(width / least)), 1);
-  const drawnPanels = figure.panels.flatMap((panel, index) =>
+  const numbered = figure.panels.map((panel, index) => ({ panel, index }));
+  const tall = { panel: figure.tall, index: -1 };
+  const drawnPanels = (figure.tall_first ? [tall, ...numbered] : [...numbered, tall]).flatMap(({ panel, index }) =>
     panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
   );
-  if (figure.tall)
-    drawnPanels.splice(figure.tall_first ? 0 : drawnPanels.length, 0, {
-      panel: figure.tall,
-      index: -1,
-      x: axisOf(figure.tall.x, figure.x),
-      y: axisOf(figure.tall.y, figure.y),
-    });
+  /** Panels of one group have equal ends of an axis. */
+  const groupOf = (index: number, how: string): number => {
+    if (index < 0 || how === "all") return Math.min(index, 0);
+    return how === "row" ? Math.floor(index / total) : how === "col" ? index % total : index;
+  };
   const together = (index: number, how: string) =>
-    drawnPanels
-      .filter(
-        (one) =>
-          one.index === index ||
-          (index >= 0 &&
-            one.index >= 0 &&
-            (how === "all" ||
-              (how === "row" && Math.floor(one.index / total) === Math.floor(index / total)) ||
-              (how === "col" && one.index % total === index % total))),
-      )
-      .flatMap((one) => one.panel.marks);
+    drawnPanels.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
   const ratios = figure.heights.length ? figure.heights : Array<number>(rows).fill(1);
   const whole = ratios.reduce((sum, one) => sum + one, 0);
@@ -649,12 +623,12 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <figcaption>
         {shown.caption}{" "}
         <span class="saves">
-          <button type="button" class="link" onClick={() => saveDrawing(shown.name, place.current!)}>
+          <Button class="link" act={() => saveDrawing(shown.name, place.current!)}>
             Save figure
-          </button>{" "}
-          <button type="button" class="link" onClick={() => saveRows(shown.name, rowsOf(drawnPanels))}>
+          </Button>{" "}
+          <Button class="link" act={() => saveRows(shown.name, rowsOf(drawnPanels))}>
             Save numbers
-          </button>
+          </Button>
         </span>
       </figcaption>
       <NumbersTable name={shown.name} rows={() => rowsOf(drawnPanels)} />
@@ -671,30 +645,7 @@ function NumbersTable({ name, rows }: { name: string; rows: () => string[][] }) 
   return (
     <details onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${name}: values as a table`}>Values as a table</summary>
-      {open && (
-        <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${name}`}>
-          <table>
-            <thead>
-              <tr>
-                {heads.map((head) => (
-                  <th scope="col" key={head}>
-                    {head}
-                  </th>
-                ))}
-              </tr>
-            </thead>
-            <tbody>
-              {others.slice(0, MOST_ROWS).map((row, index) => (
-                <tr key={index}>
-                  {row.map((cell, k) => (
-                    <td key={k}>{cell}</td>
-                  ))}
-                </tr>
-              ))}
-            </tbody>
-          </table>
-        </div>
-      )}
+      {open && <RowsTable name={name} heads={heads} rows={others.slice(0, MOST_ROWS)} />}
     </details>
   );
 }

@@ -1,13 +1,13 @@
-/** One plot over time: with `scatter.tsx` and `paint.ts` the only files that touch uPlot. */
+/** One plot over time: with `paint.ts` and the two that save it the only files that touch uPlot. */
 
 import type { Signal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
 import type { Numbers } from "../server/frame";
+import { Button } from "../workspace/fields";
 import { digits, instant, isDark, look, pretty } from "./looks";
 import {
   type Band,
@@ -25,7 +25,8 @@ import {
   upright,
   within,
 } from "./paint";
-import { type Saved, saveCsv, savePng, saveSamples, saveSvg } from "./saving";
+import { RowsTable } from "./rows";
+import { type Saved, saveCsv, savePng, saveSamples } from "./saving";
 
 export interface Curve {
   label: string;
@@ -96,11 +97,11 @@ function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
 }
 
 /** Return numbers of an axis as the page writes all others, independent of the browser's language. */
-export const written = (_: uPlot, splits: (number | null)[]): string[] =>
+const written = (_: uPlot, splits: (number | null)[]): string[] =>
   splits.map((one) => (one === null ? "" : digits(one, 12)));
 
 /** Return the room for numbers of an axis, pixels. Numbers of a short span far from zero are long. */
-export function space(_: uPlot, _axis: number, low: number, high: number): number {
+function space(_: uPlot, _axis: number, low: number, high: number): number {
   const decimals = Math.max(0, Math.ceil(-Math.log10((high - low) / 10)));
   return Math.max(70, 20 + 7 * Math.max(Math.abs(low), Math.abs(high)).toFixed(Math.min(decimals, 12)).length);
 }
@@ -157,7 +158,7 @@ const EDGE = 8; // above and below it
 const LOW_SPACE = 16; // between numbers of a low plot
 
 /** Axes of a plot, in the colours of the paper. */
-export const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
+const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
   const axis = {
     values: written,
     stroke: ink(),
@@ -300,18 +301,13 @@ export function Plot(props: PlotProps) {
       <figcaption ref={title}>
         <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
         <span class="value" data-value="time" />
-        <Legend
-          labels={props.curves.map(({ label, look: own }, k) => [label, own ?? k])}
-          isOne={props.curves.length === 1}
-        />
+        <Legend curves={props.curves} />
         {props.onReset && (
-          <button type="button" class="link" onClick={props.onReset}>
+          <Button class="link" act={props.onReset}>
             Reset zoom
-          </button>
+          </Button>
         )}
-        <More title={props.title} saved={saved} extreme={props.extreme} samples={props.extreme && props.samples}>
-          <Values {...props} />
-        </More>
+        <More of={props} saved={saved} />
       </figcaption>
       <div ref={place} aria-hidden="true" />
     </figure>
@@ -319,12 +315,13 @@ export function Plot(props: PlotProps) {
 }
 
 /** Name and line of each curve, and its value under the pointer. A single curve is named by the title. */
-export function Legend({ labels, isOne = false }: { labels: [string, number][]; isOne?: boolean }) {
+function Legend({ curves }: { curves: Curve[] }) {
+  const isOne = curves.length === 1;
   return (
     <ul class="legend">
-      {labels.map(([label, index]) => (
+      {curves.map(({ label, look: own }, index) => (
         <li key={label}>
-          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(index) }} />{" "}
+          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(own ?? index) }} />{" "}
           <span class={isOne ? "hidden" : "name"}>{label}</span> <span class="value" />
         </li>
       ))}
@@ -333,45 +330,23 @@ export function Legend({ labels, isOne = false }: { labels: [string, number][]; 
 }
 
 /** Menu of a plot: save it, or read its values. */
-export function More({
-  title,
-  saved,
-  extreme,
-  samples,
-  children,
-}: {
-  title: string;
-  saved: () => Saved;
-  extreme?: boolean;
-  samples?: PlotProps["samples"] | false;
-  children?: ComponentChildren;
-}) {
+function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
   const [open, setOpen] = useState(false);
+  const { title, extreme, samples } = of;
   return (
-    <details class="more" onToggle={(event) => setOpen((event.currentTarget as HTMLDetailsElement).open)}>
+    <details class="more" onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${title}: save, values as a table`}>⋯</summary>
       {open && (
         <div class="menu">
           <p class="row">
-            Save as{" "}
-            {(
-              [
-                ["PNG", savePng],
-                ["SVG", saveSvg],
-                ["CSV", saveCsv],
-              ] as const
-            ).map(([name, save]) => (
-              <button key={name} type="button" onClick={() => save(saved())}>
-                {name === "CSV" && extreme ? "CSV of lowest and highest" : name}
-              </button>
-            ))}
-            {samples && (
-              <button type="button" onClick={() => void samples().then((all) => saveSamples(saved(), all))}>
-                CSV of all samples
-              </button>
+            Save as <Button act={() => savePng(saved())}>PNG</Button>
+            <Button act={() => import("./plotsvg").then(({ saveSvg }) => saveSvg(saved()))}>SVG</Button>
+            <Button act={() => saveCsv(saved())}>{extreme ? "CSV of lowest and highest" : "CSV"}</Button>
+            {extreme && samples && (
+              <Button act={() => samples().then((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
             )}
           </p>
-          {children}
+          <Values {...of} />
         </div>
       )}
     </details>
@@ -393,37 +368,22 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
   const first = curves[0];
   if (!first) return <p>No curve.</p>;
   const at = Array.from({ length: ROWS }, (_, row) => Math.round(((first.x.length - 1) * row) / (ROWS - 1)));
+  const over = xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`;
+  const value = (curve: Curve, index: number) =>
+    curve.x === first.x ? (curve.at ?? curve.y)[index]! : valueAt(curve, first.x[index]!);
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${title}`}>
+    <>
       {extreme && (
         <p class="note">Each value is the lowest or the highest of a pixel. The CSV of all samples has every value.</p>
       )}
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">
-              {xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`}
-            </th>
-            {curves.map((one) => (
-              <th scope="col" key={one.label}>
-                {one.label}, {unit}
-              </th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {at.map((index) => (
-            <tr key={index}>
-              <th scope="row">{instant(first.x[index], stepOf(first.x))}</th>
-              {curves.map((one) => (
-                <td key={one.label}>
-                  {digits((one.x === first.x ? (one.at ?? one.y)[index]! : valueAt(one, first.x[index]!)) / size, 6)}
-                </td>
-              ))}
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+      <RowsTable
+        name={title}
+        heads={[over, ...curves.map(({ label }) => `${label}, ${unit}`)]}
+        rows={at.map((index) => [
+          instant(first.x[index], stepOf(first.x)),
+          ...curves.map((curve) => digits(value(curve, index) / size, 6)),
+        ])}
+      />
+    </>
   );
 }

@@ -1,5 +1,6 @@
 /** Figures of measured points with their bars, the curves of fits with their bands, and plain lines. */
 import type { Axis, Mark, ShownFigure } from "../server/generated";
+import { digits } from "./looks";
 
 export interface Point {
   x: number;
@@ -28,7 +29,7 @@ const GREY: Look = ["grey", "-", "."];
 const DECADE = 10; // values that span as much lie on a logarithmic axis
 
 /** Return an axis that follows its values, which are in the unit of its label. */
-const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
+export const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
   ...{ label, scale, low, high: null, below: 0, above: 0, names: [], is_si: false, is_named: true, unit: "", size: 1 },
 });
 
@@ -100,4 +101,38 @@ export function pointsFigure(about: {
       ...{ legend: "above", text_scale: 1, has_margins: true, tall: null, tall_first: false },
     },
   };
+}
+
+/** A row of a strip: its name, and its values in the unit of the axis. */
+export interface StripRow {
+  name: string;
+  values: number[];
+}
+
+/** Return a figure of the values of each row on a logarithmic axis, against a limit. */
+export function stripFigure(name: string, x: string, rows: StripRow[], limit?: number): ShownFigure {
+  const figure = pointsFigure({ name, x, y: "", isLog: true, panels: [] });
+  const look: Look = ["blue", "-", "|"];
+  const words = (value: number) => (limit === undefined ? "" : value > limit ? ", misses" : ", keeps");
+  const marks = rows.map(({ values }, row): Mark => {
+    const known = values.filter((value) => value > 0);
+    const names = known.length === 1 ? known.map((value) => digits(value) + words(value)) : [];
+    return {
+      ...{ x: known, y: known.map(() => row), label: "", look, low: null, high: null, names },
+      ...{ size: 6, filled: true, joined: false, kind: "markers" },
+    };
+  });
+  if (limit !== undefined)
+    marks.push({
+      x: limit,
+      y: null,
+      label: `goal ${digits(limit)}`,
+      look: ["black", "--", ""],
+      width: 1,
+      kind: "rule",
+    });
+  const own = { marks, title: "", right: [], right_y: axis(""), legend: null, x: axis("") };
+  const names = { ...axis(""), names: rows.map((row) => row.name), low: rows.length - 0.5, high: -0.5 };
+  const sizes = { row_in: 0.2 + 0.19 * rows.length, x: { ...figure.figure.x, above: 0.15 } };
+  return { ...figure, figure: { ...figure.figure, ...sizes, panels: [{ ...own, y: names }] } };
 }

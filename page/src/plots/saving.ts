@@ -29,7 +29,6 @@ const fileOf = (title: string, ending: string): string =>
     .replace(/^-|-$/g, "")}.${ending}`;
 const paper = (): string => token("surface");
 const ink = (): string => token("axis");
-const grid = (): string => token("grid");
 
 export function savePng(of: Saved): void {
   const { canvas: drawn } = of.u.ctx;
@@ -68,77 +67,6 @@ function element(name: string, attributes: Attributes, text = ""): SVGElement {
     made.setAttribute(key, typeof value === "number" ? String(Number(value.toFixed(2))) : value);
   if (text) made.textContent = text;
   return made;
-}
-
-/** The values of an axis that are labelled, with their labels. */
-const ticksOf = (u: uPlot, axis: number): [number, string][] => {
-  const { _splits: at, _values: words } = u.axes[axis] as unknown as {
-    _splits: (number | null)[];
-    _values: (string | null)[];
-  };
-  return (at ?? []).flatMap((one, k) => (one === null || !words?.[k] ? [] : [[one, words[k]!] as [number, string]]));
-};
-
-/** The visible curves as an SVG drawing; texts stay texts. */
-export function saveSvg(of: Saved): void {
-  const { u } = of;
-  const [left, top, wide, high] = [u.over.offsetLeft, u.over.offsetTop + LINE, u.over.clientWidth, u.over.clientHeight];
-  const svg = element("svg", {
-    xmlns: "http://www.w3.org/2000/svg",
-    viewBox: `0 0 ${u.width} ${u.height + 2 * LINE}`,
-    "font-family": "system-ui, sans-serif",
-    "font-size": 12,
-    fill: ink(),
-  });
-  const put = (name: string, attributes: Attributes, text = "") => svg.append(element(name, attributes, text));
-  put("rect", { width: "100%", height: "100%", fill: paper() });
-  put("text", { x: 8, y: 15, "font-weight": 600 }, `${of.title}, ${of.y}`);
-  const [px, py] = [(value: number) => left + u.valToPos(value, "x"), (value: number) => top + u.valToPos(value, "y")];
-  for (const [value, words] of ticksOf(u, 0)) {
-    put("line", { x1: px(value), x2: px(value), y1: top, y2: top + high, stroke: grid() });
-    put("text", { x: px(value), y: top + high + 16, "text-anchor": "middle" }, words);
-  }
-  for (const [value, words] of ticksOf(u, 1)) {
-    put("line", { x1: left, x2: left + wide, y1: py(value), y2: py(value), stroke: grid() });
-    put("text", { x: left - 6, y: py(value) + 4, "text-anchor": "end" }, words);
-  }
-  put("text", { x: left + wide / 2, y: top + high + 32, "text-anchor": "middle" }, of.x);
-  const clip = element("clipPath", { id: "in" });
-  clip.append(element("rect", { x: left, y: top, width: wide, height: high }));
-  const inside = element("g", { "clip-path": "url(#in)", fill: "none", "stroke-width": 1.4 });
-  svg.append(clip, inside);
-  u.series.slice(1).forEach((series, index) => {
-    const stroke =
-      typeof series.stroke === "function"
-        ? (series.stroke as (of: uPlot, at: number) => string)(u, index + 1)
-        : series.stroke;
-    if (!stroke || stroke === "transparent") return;
-    let [path, isDown] = ["", false];
-    const values = u.data[index + 1] as ArrayLike<number | null | undefined>;
-    for (let i = 0; i < values.length; i++) {
-      const value = values[i];
-      if (value === undefined || (value === null && series.spanGaps)) continue;
-      if (value !== null) path += `${isDown ? "L" : "M"}${px(u.data[0][i]!).toFixed(1)} ${py(value).toFixed(1)}`;
-      isDown = value !== null;
-    }
-    inside.append(
-      element("path", { d: path, stroke: String(stroke), "stroke-dasharray": (series.dash ?? []).join(" ") }),
-    );
-  });
-  of.legend.forEach((one, k) => {
-    const [x, y] = [left + (k * wide) / of.legend.length, top + high + 44];
-    put("line", {
-      x1: x,
-      x2: x + 28,
-      y1: y - 4,
-      y2: y - 4,
-      stroke: look(one.look).color,
-      "stroke-width": 2,
-      "stroke-dasharray": look(one.look).dash.join(" "),
-    });
-    put("text", { x: x + 34, y }, one.label);
-  });
-  download(fileOf(of.title, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
 }
 
 /** A cell of a CSV file; a spreadsheet runs texts that begin with = + - @ unless a ' precedes them. */

@@ -1,33 +1,9 @@
 /** Traffic between the page and its server: token, requests, and the socket of the sliders. */
 import { effect, type Signal, signal } from "@preact/signals";
 import { type Frame, unpack } from "./frame";
-import type { Listed } from "./generated";
+import type { Listed, Problem, Studies } from "./generated";
 
-export interface Problem {
-  file?: string;
-  line: number | null;
-  key: string | null;
-  what: string;
-  value: string | null;
-  rule: string | null;
-  remedy: string | null;
-}
-
-export type { Listed };
-
-export interface Studies {
-  state: string; // of the folder; an answer to a request with this state has nothing else
-  folder: string;
-  version: string;
-  platform: string; // of the server
-  build: string;
-  protocols: string[];
-  control: boolean;
-  left_out: number;
-  is_cut: boolean; // of more files than are listed
-  files: Listed[];
-  catalogue: { path: string; title: string }[];
-}
+export type { Listed, Problem, Studies };
 
 export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
@@ -239,6 +215,7 @@ export class Live<Head extends { number: number }> {
   private closed = false;
 
   constructor(private readonly draw: (frame: Frame<Head>) => void) {
+    delete document.documentElement.dataset.drawn; // by another view
     this.connect();
   }
 
@@ -283,7 +260,17 @@ export class Live<Head extends { number: number }> {
   private drawNewest(): void {
     const frame = this.toDraw;
     this.toDraw = null;
-    if (frame && !this.closed) this.draw(frame);
+    if (!frame || this.closed) return;
+    this.draw(frame);
+    document.documentElement.dataset.drawn = String(frame.head.number);
+    this.count();
+  }
+
+  /** Numbers of requests, as attributes of the page. A waiting request counts as sent. */
+  private count(): void {
+    const page = document.documentElement.dataset;
+    page.sent = String(this.sent + Number(this.isWaiting));
+    page.mostOnTheWay = String(this.mostOnTheWay);
   }
 
   /** Whether another request waits. */
@@ -301,6 +288,7 @@ export class Live<Head extends { number: number }> {
     this.waiting = asked;
     this.last = asked;
     this.pump();
+    this.count();
   }
 
   private pump(): void {

@@ -1,36 +1,20 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 
 import { computed, signal } from "@preact/signals";
-import { isPlaying, type MotionHead, timeAt } from "../drive/moving";
+import { isPlaying, timeAt } from "../drive/moving";
 import { type Field, opened } from "../drive/opened";
 import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
 import { type Curve, curveOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
 import type { Frame, Numbers } from "../server/frame";
+import type { RunHead as BesideHead, RunPanel as Panel } from "../server/generated";
 import { undoable } from "../undo";
+import { Button, Pick, Tick } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { NumberField, Table } from "../workspace/parts";
 
-export interface BesideHead extends MotionHead {
-  ends?: Record<string, number>; // last values of the run
-  others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
-  loops?: string[];
-  energy?: {
-    accounts_j: Record<string, number>;
-    open_share: number;
-    lost_j: Record<string, number>;
-    air_litres_anr: Record<string, number>;
-  };
-  band?: {
-    members: number;
-    failed: number;
-    why: string;
-    refused: boolean;
-    share: [number, number];
-    ends: Record<string, [number, number]>;
-  };
-}
+export type { BesideHead };
 
 const others = undoable(signal<string[]>([]));
 const loops = undoable(signal(false));
@@ -82,48 +66,35 @@ const choices = computed(() => {
 
 const MOST_OTHERS = 7;
 
-function Tick({ of, children }: { of: typeof band; children: string }) {
-  return (
-    <label>
-      <input type="checkbox" checked={of.value} onChange={(event) => (of.value = event.currentTarget.checked)} />{" "}
-      {children}
-    </label>
-  );
-}
+const TickOf = ({ of, children }: { of: typeof band; children: string }) => (
+  <Tick label={children} value={of.value} put={(isOn) => (of.value = isOn)} />
+);
 
 export function BesideChoices() {
   return (
     <details class="beside" open={!isNarrow}>
       <summary>Compare</summary>
-      <label class="choice">
-        Compare with{" "}
-        <select
-          value=""
-          disabled={others.value.length >= MOST_OTHERS}
-          onChange={(event) => {
-            if (event.currentTarget.value) others.value = [...others.value, event.currentTarget.value];
-            event.currentTarget.value = "";
-          }}>
-          <option value="">another drive or run</option>
-          {choices.value.map((one) => (
-            <option key={one}>{one}</option>
-          ))}
-        </select>
-      </label>
+      <Pick
+        class="choice"
+        label="Compare with"
+        hint="another drive or run"
+        options={choices.value}
+        disabled={others.value.length >= MOST_OTHERS}
+        put={(path) => (others.value = [...others.value, path])}
+      />
       {others.value.map((one) => (
         <p class="row" key={one}>
           {one}{" "}
-          <button
-            type="button"
+          <Button
             class="link"
-            onClick={() => (others.value = others.value.filter((it) => it !== one))}
+            act={() => (others.value = others.value.filter((it) => it !== one))}
             aria-label={`Remove ${one}`}>
             remove
-          </button>
+          </Button>
         </p>
       ))}
       <p class="row">
-        <Tick of={band}>band of 200 members</Tick>
+        <TickOf of={band}>band of 200 members</TickOf>
         <label>
           within ±{" "}
           <NumberField
@@ -137,8 +108,8 @@ export function BesideChoices() {
         </label>
       </p>
       <p class="row">
-        <Tick of={loops}>p-V loops</Tick>
-        <Tick of={energy}>energy</Tick>
+        <TickOf of={loops}>p-V loops</TickOf>
+        <TickOf of={energy}>energy</TickOf>
       </p>
     </details>
   );
@@ -172,12 +143,6 @@ export function bandOf(
   return x && low && high ? { x, low, high } : undefined;
 }
 
-interface Panel {
-  unit: string;
-  size: number;
-  curves: { column: string; label: string }[];
-}
-
 const REST = 1e-4; // of a unit: rounding of the solver
 export const settled = (value: number): number => (Math.abs(value) < REST ? 0 : value);
 
@@ -202,54 +167,34 @@ export function Differences({ head, panels }: { head: BesideHead; panels: Panel[
             {one.path} has none of these quantities under the same names.
           </p>
         ))}
-      <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">At the end</th>
-              <th scope="col">this run</th>
-              {head.band && <th scope="col">5 to 95 % of the members</th>}
-              {compared.map((one) => (
-                <th scope="col" key={one.path}>
-                  {named(one.path)}
-                </th>
-              ))}
-              {compared.map((one) => (
-                <th scope="col" key={one.path}>
-                  largest difference to {named(one.path)}
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {panels.flatMap((panel) =>
-              panel.curves.map(({ column, label }) => {
-                const of = (value: number | undefined) =>
-                  value === undefined ? "–" : `${digits(settled(value / panel.size), 5)} ${panel.unit}`;
-                return (
-                  <tr key={column}>
-                    <th scope="row">{label}</th>
-                    <td data-end={column} data-si={head.ends![column]}>
-                      {of(head.ends![column])}
-                    </td>
-                    {head.band && <td data-band={column}>{head.band.ends[column]?.map(of).join(" … ")}</td>}
-                    {compared.map((one) => (
-                      <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>
-                        {of(one.ends[column])}
-                      </td>
-                    ))}
-                    {compared.map((one) => (
-                      <td key={one.path} data-largest={`${one.path}/${column}`} data-si={one.largest[column]}>
-                        {of(one.largest[column])}
-                      </td>
-                    ))}
-                  </tr>
-                );
-              }),
-            )}
-          </tbody>
-        </table>
-      </div>
+      <Table
+        label="Differences"
+        heads={[
+          "At the end",
+          "this run",
+          ...(head.band ? ["5 to 95 % of the members"] : []),
+          ...compared.map((one) => named(one.path)),
+          ...compared.map((one) => `largest difference to ${named(one.path)}`),
+        ]}
+        rows={panels.flatMap((panel) =>
+          panel.curves.map(({ column, label }) => {
+            const of = (value: number | undefined) =>
+              value === undefined ? "–" : `${digits(settled(value / panel.size), 5)} ${panel.unit}`;
+            const cell = (name: string, key: string, value: number | undefined) => ({
+              text: of(value),
+              data: { [`data-${name}`]: key, "data-si": value },
+            });
+            const members = head.band?.ends[column]?.map(of).join(" … ");
+            return [
+              label,
+              cell("end", column, head.ends![column]),
+              ...(head.band ? [{ text: members, data: { "data-band": column } }] : []),
+              ...compared.map((one) => cell("other", `${one.path}/${column}`, one.ends[column])),
+              ...compared.map((one) => cell("largest", `${one.path}/${column}`, one.largest[column])),
+            ];
+          }),
+        )}
+      />
     </section>
   );
 }

@@ -1,9 +1,9 @@
 /** Sliders on a running simulation. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { useEffect, useMemo } from "preact/hooks";
+import { useMemo } from "preact/hooks";
 import { Circuit } from "../drive/circuit";
-import { isPlaying, MovingCircuit, pointAt, timeAt } from "../drive/moving";
+import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
 import {
   type Field,
   opened,
@@ -18,17 +18,18 @@ import { count, digits, instant, isSevere, sentence } from "../plots/looks";
 import { type Curve, curveOf, indexAt, Plot, zooming } from "../plots/plot";
 import { route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import type { SentValue } from "../server/generated";
-import { ask, Live, type Problem, Refused } from "../server/server";
+import type { RunHead as Head, RunPanel as Panel } from "../server/generated";
+import { attempting, type Problem } from "../server/server";
 import { undoable } from "../undo";
+import { useLive } from "../workspace/answers";
 import { Choose } from "../workspace/choose";
 import { withFile } from "../workspace/command";
+import { Button, Pick, TextInput } from "../workspace/fields";
 import { studies } from "../workspace/files";
-import { Copied, Leading, Problems, SliderRow } from "../workspace/parts";
+import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { isOverMain } from "../workspace/tree";
 import {
   BesideChoices,
-  type BesideHead,
   bandOf,
   besides,
   Differences,
@@ -40,28 +41,6 @@ import {
   settled,
 } from "./beside";
 import { braked, StepsPane, stepsOf, written } from "./steps";
-
-interface Panel {
-  title: string;
-  unit: string;
-  size: number;
-  curves: { column: string; label: string }[];
-  left_out: number; // curves
-}
-
-interface Head extends BesideHead {
-  number: number;
-  path: string;
-  problems?: Problem[];
-  panels?: Panel[];
-  warnings?: string[];
-  impacts?: { time_s: number; end: string; cylinder?: string; speed_m_s: number; energy_j: number }[];
-  more_impacts?: number;
-  leading?: SentValue[];
-  events?: { time_s: number; what: string }[];
-  assumed?: number;
-  samples?: number;
-}
 
 interface Trace {
   run: string; // what was simulated, in words
@@ -114,7 +93,7 @@ const changes = computed(() => {
 
 export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
-  if (!now || !valid.value) return null;
+  if (!now || !valid.value?.kind) return null;
   const lines = command.value.split("\n");
   return {
     path: now.path,
@@ -134,7 +113,7 @@ let begun = "";
 effect(() => {
   const now = valid.value;
   const path = opened.value?.path;
-  if (!now || !path || begun === path) return;
+  if (!now?.kind || !path || begun === path) return;
   begun = path;
   zoom.value = null;
   answer.value = null;
@@ -153,24 +132,6 @@ effect(() => {
           .join("\n")
       : "0 s: 1, 1 s: -1";
 });
-
-const copied = signal<{ command: string; python: string } | null>(null);
-/** The copied lines hold for these values only. */
-effect(() => {
-  request();
-  copied.value = null;
-});
-
-async function copy(): Promise<void> {
-  const asked = request();
-  if (!asked) return;
-  try {
-    const columns = answer.peek()?.head.panels?.flatMap((panel) => panel.curves.map((one) => one.column)) ?? [];
-    copied.value = await ask("/api/copy", { ...asked, columns });
-  } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
-  }
-}
 
 function freeze(): void {
   const now = answer.value;
@@ -200,31 +161,16 @@ export function SimulateView() {
 }
 
 function Simulated() {
-  useEffect(() => {
-    const live = new Live<Head>((frame) => {
-      if (frame.head.path !== opened.value?.path) return;
-      wrong.value = frame.head.problems ?? [];
-      if (!frame.head.problems) {
-        const [hardest] = [...(frame.head.impacts ?? [])].sort((a, b) => b.energy_j - a.energy_j);
-        if (!answer.value) timeAt.value = hardest?.time_s ?? 0;
-        answer.value = frame;
-      }
-      const page = document.documentElement.dataset;
-      page.sent = String(live.sent);
-      page.drawn = String(frame.head.number);
-      page.mostOnTheWay = String(live.mostOnTheWay);
-    });
-    const end = effect(() => {
-      const asked = request();
-      if (asked) live.request(asked);
-    });
-    return () => {
-      end();
-      live.close();
-    };
-  }, []);
+  useLive<Head>(request, (frame) => {
+    if (frame.head.path !== opened.value?.path) return;
+    wrong.value = frame.head.problems ?? [];
+    if (frame.head.problems) return;
+    const [hardest] = [...(frame.head.impacts ?? [])].sort((a, b) => b.energy_j - a.energy_j);
+    if (!answer.value) timeAt.value = hardest?.time_s ?? 0;
+    answer.value = frame;
+  });
   if (textProblems.value.length && !valid.value) return <Problems of={textProblems.value} />;
-  if (!valid.value) return null;
+  if (!valid.value?.kind) return null;
   return (
     <div class="simulate">
       <div class="top">
@@ -241,20 +187,7 @@ function Simulated() {
         <AddSlider />
         <Run />
         <BesideChoices />
-        <p class="row">
-          <button type="button" onClick={freeze}>
-            Freeze the curves
-          </button>
-          {frozen.value.length > 0 && (
-            <button type="button" onClick={() => (frozen.value = [])}>
-              Remove frozen curves
-            </button>
-          )}
-          <button type="button" onClick={() => void copy()}>
-            Copy as command or Python
-          </button>
-        </p>
-        {copied.value && <Copied {...copied.value} />}
+        <Actions />
         <Notes />
       </section>
       <div class="shown">
@@ -267,6 +200,31 @@ function Simulated() {
         <Beside />
       </div>
     </div>
+  );
+}
+
+const drawnColumns = computed(() =>
+  (answer.value?.head.panels ?? []).flatMap((panel) => panel.curves.map((one) => one.column)).join("\n"),
+);
+
+/** Buttons of the run, and the lines that are copied: they hold for these values only. */
+function Actions() {
+  const asked = request();
+  const [copy, copied] = useCopied(
+    asked && { ...asked, columns: drawnColumns.value.split("\n").filter(Boolean) },
+    attempting(wrong),
+    "",
+    "/api/copy",
+  );
+  return (
+    <>
+      <p class="row">
+        <Button act={freeze}>Freeze the curves</Button>
+        {frozen.value.length > 0 && <Button act={() => (frozen.value = [])}>Remove frozen curves</Button>}
+        {copy}
+      </p>
+      {copied}
+    </>
   );
 }
 
@@ -316,16 +274,8 @@ function Remedies({ impacts }: { impacts: NonNullable<Head["impacts"]> }) {
   const bare = answer.value?.head.cylinders?.map((cylinder) => cylinder.name) ?? [];
   return (
     <>
-      {lines.some(({ steps }) => steps) && (
-        <button type="button" onClick={brake}>
-          Brake the command
-        </button>
-      )}
-      {bare.length > 0 && (
-        <button type="button" onClick={() => addCushions(bare)}>
-          Add a cushion
-        </button>
-      )}
+      {lines.some(({ steps }) => steps) && <Button act={brake}>Brake the command</Button>}
+      {bare.length > 0 && <Button act={() => addCushions(bare)}>Add a cushion</Button>}
     </>
   );
 }
@@ -409,20 +359,13 @@ function Pistons() {
   if (!cylinders.length) return null;
   return (
     <div class="pistons">
-      <label>
-        At {instant(time[row], end / time.length)} s{" "}
-        <input
-          type="range"
-          min={0}
-          max={1000}
-          value={Math.round((1000 * time[row]!) / end)}
-          aria-label="Time of the pistons"
-          aria-valuetext={`${instant(time[row], end / time.length)} s`}
-          onInput={(event) => (
-            (isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end)
-          )}
-        />
-      </label>
+      <TimeRange
+        label={`At ${instant(time[row], end / time.length)} s`}
+        name="Time of the pistons"
+        end={end}
+        at={time[row]!}
+        words={`${instant(time[row], end / time.length)} s`}
+      />
       <div>
         {cylinders.map((one) => (
           <Piston
@@ -507,7 +450,7 @@ function Notes() {
         </details>
       )}
       {head?.panels?.map(
-        ({ title, curves, left_out: count }) =>
+        ({ title, curves, left_out: count = 0 }) =>
           count > 0 && (
             <p class="note" key={title}>
               {title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.
@@ -629,24 +572,12 @@ export function Sliders() {
 function AddSlider() {
   const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
   return (
-    <p>
-      <label>
-        Slider for{" "}
-        <select
-          value=""
-          onChange={(event) => {
-            if (event.currentTarget.value) pinned.value = [...pinned.value, event.currentTarget.value];
-            event.currentTarget.value = "";
-          }}>
-          <option value="">any value</option>
-          {free.map((one) => (
-            <option key={one.key} value={one.key}>
-              {one.key} = {one.text}
-            </option>
-          ))}
-        </select>
-      </label>
-    </p>
+    <Pick
+      label="Slider for"
+      hint="any value"
+      options={free.map((one): [string, string] => [one.key, `${one.key} = ${one.text}`])}
+      put={pin}
+    />
   );
 }
 
@@ -669,25 +600,24 @@ function Slider({ field }: { field: Field }) {
       kind={kind}
       state={isChanged ? "changed" : field.kind}
       put={put}>
-      <button
-        type="button"
+      <Button
         class="icon"
         title="Remove this slider"
         aria-label={`Remove the slider of ${field.key}`}
-        onClick={() => {
+        act={() => {
           put(field.number!);
           pinned.value = pinned.value.filter((one) => one !== field.key);
         }}>
         ×
-      </button>
+      </Button>
       {isChanged && (
         <span class="row">
-          <button type="button" class="link" onClick={() => put(field.number!)}>
+          <Button class="link" act={() => put(field.number!)}>
             back to {field.text}
-          </button>
-          <button type="button" class="link" onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}>
+          </Button>
+          <Button class="link" act={() => set(field.key, unit ? `${value} ${unit}` : value)}>
             put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
-          </button>
+          </Button>
         </span>
       )}
     </SliderRow>
@@ -696,23 +626,15 @@ function Slider({ field }: { field: Field }) {
 
 /** Menu that selects a CSV file of the folder as the command of a valve. */
 function FileCommand({ valve }: { valve: string }) {
-  const files = (studies.value?.files ?? []).filter((one) => /\.csv$/i.test(one.path));
+  const files = (studies.value?.files ?? []).map((one) => one.path).filter((path) => /\.csv$/i.test(path));
   if (!files.length) return null;
   return (
-    <label>
-      Command{valve && ` of ${valve}`} from a file (time_s, command){" "}
-      <select
-        value=""
-        onChange={(event) => {
-          if (event.currentTarget.value) command.value = withFile(command.value, valve, event.currentTarget.value);
-          event.currentTarget.value = "";
-        }}>
-        <option value="">choose</option>
-        {files.map((one) => (
-          <option key={one.path}>{one.path}</option>
-        ))}
-      </select>
-    </label>
+    <Pick
+      label={`Command${valve && ` of ${valve}`} from a file (time_s, command)`}
+      hint="choose"
+      options={files}
+      put={(path) => (command.value = withFile(command.value, valve, path))}
+    />
   );
 }
 
@@ -747,18 +669,8 @@ function Run() {
         <FileCommand valve="" />
       )}
       <div class="twin">
-        <label>
-          Duration
-          <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />
-        </label>
-        <label>
-          Start
-          <input
-            value={initial.value}
-            placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"}
-            onInput={(event) => (initial.value = event.currentTarget.value)}
-          />
-        </label>
+        <TextInput label="Duration" of={duration} />
+        <TextInput label="Start" of={initial} hint={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} />
       </div>
     </div>
   );

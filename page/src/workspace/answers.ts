@@ -1,34 +1,19 @@
 /** Answers that still belong to the present question: one that comes too late is dropped. */
-import { useSignal } from "@preact/signals";
+import { effect, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { ask, type Problem, Refused, read } from "../server/server";
-
-/**
- * Return a function that begins a question. A question is a function that waits for an answer: the wait never ends
- * once the next question has begun.
- */
-export function questions(): () => <T>(answer: Promise<T>) => Promise<T> {
-  let newest = 0;
-  return () => {
-    const number = ++newest;
-    return (answer) =>
-      new Promise((resolve, reject) =>
-        answer.then(
-          (value) => void (number === newest && resolve(value)),
-          (error: unknown) => void (number === newest && reject(error)),
-        ),
-      );
-  };
-}
+import type { Frame } from "../server/frame";
+import { ask, Live, type Problem, Refused, read } from "../server/server";
 
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
- * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there.
+ * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there; `quietMs` is
+ * the time without a change before a question.
  */
 export function useAnswer<T>(
   subject: string,
   question: () => Promise<T>,
   again: unknown[] = [],
+  quietMs = 0,
 ): [T | null, Problem[]] {
   const state = useSignal<{ of: string; answer: T | null; problems: Problem[] }>({
     of: "",
@@ -38,14 +23,16 @@ export function useAnswer<T>(
   useEffect(() => {
     if (!subject) return;
     let isGone = false;
-    question().then(
-      (answer) => void (isGone || (state.value = { of: subject, answer, problems: [] })),
-      (error: unknown) => {
-        if (!(error instanceof Refused)) throw error;
-        if (!isGone) state.value = { of: subject, answer: null, problems: error.problems };
-      },
-    );
-    return () => void (isGone = true);
+    const begin = () =>
+      void question().then(
+        (answer) => void (isGone || (state.value = { of: subject, answer, problems: [] })),
+        (error: unknown) => {
+          if (!(error instanceof Refused)) throw error;
+          if (!isGone) state.value = { of: subject, answer: null, problems: error.problems };
+        },
+      );
+    const timer = quietMs ? setTimeout(begin, quietMs) : begin();
+    return () => (clearTimeout(timer ?? undefined), void (isGone = true));
   }, [subject, ...again]);
   const { of, answer, problems } = state.value;
   return of === subject ? [answer, problems] : [null, []];
@@ -58,3 +45,25 @@ export const useRequest = <T>(address: string, given: Record<string, string> | n
 /** Return the answer to a request with a body, or null without a request; see `useAnswer`. */
 export const usePosted = <T>(address: string, body: object | null, again: unknown[] = []) =>
   useAnswer<T>(body ? JSON.stringify([address, body]) : "", () => ask<T>(address, body), again);
+
+/**
+ * Send the newest request over the socket for as long as the view is shown, and pass each answer to `take`, with whether
+ * another one is expected. Nothing is sent without a request.
+ */
+export function useLive<Head extends { number: number }>(
+  request: () => Record<string, unknown> | null,
+  take: (frame: Frame<Head>, isRunning: boolean) => void,
+  again: unknown[] = [],
+): void {
+  useEffect(() => {
+    const live = new Live<Head>((frame) => take(frame, live.isRunning));
+    const end = effect(() => {
+      const newest = request();
+      if (newest) live.request(newest);
+    });
+    return () => {
+      end();
+      live.close();
+    };
+  }, again);
+}

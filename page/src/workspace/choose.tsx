@@ -4,6 +4,7 @@ import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
 import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
+import { Button } from "./fields";
 import { filesOf, list, studies, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
@@ -71,11 +72,7 @@ const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   </label>
 );
 
-const examples = (
-  <button type="button" onClick={() => void openExample()}>
-    Use example recordings
-  </button>
-);
+const examples = <Button act={() => openExample()}>Use example recordings</Button>;
 
 /** Starting points: a sentence and buttons, at most two clicks from the first curve. */
 const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: ComponentChildren][] => [
@@ -96,9 +93,9 @@ const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: Compo
   [
     "Size a drive",
     "State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.",
-    <button type="button" class={isEmpty ? "primary" : ""} onClick={() => void openTask()}>
+    <Button class={isEmpty ? "primary" : ""} act={() => openTask()}>
       Start with a task
-    </button>,
+    </Button>,
   ],
   [
     "Move a platform",
@@ -132,14 +129,7 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
 }
 
 /** Files that a view opens; `example` comes first. */
-export function Choose({
-  title,
-  hint,
-  view,
-  kinds,
-  catalogue = false,
-  recordings = false,
-}: {
+export function Choose(props: {
   title: string;
   hint: string;
   view: string;
@@ -147,6 +137,7 @@ export function Choose({
   catalogue?: boolean;
   recordings?: boolean;
 }) {
+  const { title, hint, view, kinds, catalogue = false, recordings = false } = props;
   const files = filesOf(...kinds);
   const lines = useHeadlines();
   return (

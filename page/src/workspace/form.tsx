@@ -3,12 +3,13 @@
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import type { CommandInput as Field } from "../server/generated";
+import type { CommandInput as Field, Made } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
 import { useRequest } from "./answers";
+import { Button, Tick, Ticks } from "./fields";
 import { filesOf, studies } from "./files";
 import { follow, JobList } from "./jobs";
-import { NumberField, Problems, Unsaved, useCopied } from "./parts";
+import { NumberField, Problems, Select, Unsaved, useCopied } from "./parts";
 
 type Values = Record<string, unknown>;
 
@@ -38,12 +39,6 @@ export function requestOf(kind: string, given: Values = {}): Values {
   return { kind, ...starts, ...own, ...given };
 }
 
-interface Made {
-  kind: string;
-  path: string;
-  inputs: Made[];
-}
-
 const recordingsIn = (inputs: Made[]): string[] =>
   inputs.flatMap((one) => [...(one.kind === "recording" && one.path ? [one.path] : []), ...recordingsIn(one.inputs)]);
 
@@ -55,8 +50,23 @@ export function useHeldOut(drive: string): { made: string[]; offered: string[] }
   return { made: recordingsIn(lineage?.inputs ?? []), offered: offered.map(([path]) => path) };
 }
 
+/** Command that a view describes itself: its button, its fields, its door, and the body of a request. */
+interface OwnForm {
+  title: string;
+  fields: Field[];
+  door: string;
+  body: (values: Values) => Values;
+}
+
+/** Return an input of a form. */
+export const field = (key: string, label: string, kind: string, about: Partial<Field> = {}): Field => ({
+  ...{ key, label, kind, option: "", start: "", choices: [], most: 0, hint: "", suffix: "", only: [] },
+  ...about,
+});
+
 interface FormProps {
   kind: string;
+  own?: OwnForm;
   given?: Values; // by the view: without fields
   start?: Values; // with which the fields begin, again for each other object
   isReady?: boolean;
@@ -65,10 +75,11 @@ interface FormProps {
   children?: ComponentChildren;
 }
 
-export function JobForm({ kind, given = {}, start = {}, isReady = true, after, jobs = [kind], children }: FormProps) {
+export function JobForm(props: FormProps) {
+  const { kind, own, given = {}, start = {}, isReady = true, after, jobs = [kind], children } = props;
   const wrong = useSignal<Problem[]>([]);
   const attempt = attempting(wrong);
-  const form = forms.value[kind];
+  const form = own ?? forms.value[kind];
   const drive = form?.fields.find((one) => one.kind === "drive" || one.kind === "model");
   const { made } = useHeldOut(kind === "validate" ? String(typed.value[kind]?.[drive?.key ?? ""] ?? "") : "");
   useEffect(() => void follow(), []);
@@ -81,18 +92,18 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
     if (typed.value[kind]?.name === proposed.current) put(kind, { name: free.name }); // a typed name is kept
     proposed.current = free.name;
   }, [free.name]);
-  const request = requestOf(kind, given);
+  const values = requestOf(kind, given);
   const needed = (form?.fields ?? []).find(
-    (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key],
+    (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !values[one.key],
   );
-  const [copy, copied] = useCopied(form && isReady && !needed ? request : null, attempt);
+  const [copy, copied] = useCopied(form && isReady && !needed && !own ? values : null, attempt);
   if (!form) return <Problems of={wrong.value} />;
   const shown = form.fields.filter(
-    (one) => !(one.key in given) && (!one.only.length || request[one.only[0]!] === one.only[1]),
+    (one) => !(one.key in given) && (!one.only.length || values[one.only[0]!] === one.only[1]),
   );
   const run = () =>
     attempt(async () => {
-      const job = await ask<{ number: number; out: string }>("/api/jobs", request);
+      const job = await ask<{ number: number; out: string }>(own?.door ?? "/api/jobs", own ? own.body(values) : values);
       void follow();
       await after?.(job);
     });
@@ -103,18 +114,18 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
           <FormField
             key={one.key}
             field={one}
-            value={request[one.key]}
+            value={values[one.key]}
             put={(value) => put(kind, { [one.key]: value })}
             made={made}
           />
         ))}
       </div>
-      {drive && <Unsaved path={String(request[drive.key] ?? "")} />}
+      {drive && <Unsaved path={String(values[drive.key] ?? "")} />}
       <p class="row">
-        <button type="button" class="primary" disabled={!isReady || needed !== undefined} onClick={() => void run()}>
+        <Button class="primary" disabled={!isReady || needed !== undefined} act={() => run()}>
           {form.title}
-        </button>
-        {copy}
+        </Button>
+        {!own && copy}
         {children}
       </p>
       <Problems of={wrong.value} />
@@ -148,32 +159,17 @@ function FormField(props: { field: Field; value: unknown; put: (value: unknown) 
         made={made}
       />
     );
-  if (kind === "flag")
-    return (
-      <label class="tick">
-        <input type="checkbox" checked={value === true} onChange={(event) => change(event.currentTarget.checked)} />{" "}
-        {label}
-      </label>
-    );
+  if (kind === "several")
+    return <Ticks legend={label} options={field.choices} chosen={(value as string[] | undefined) ?? []} put={change} />;
+  if (kind === "flag") return <Tick class="tick" label={label} value={value === true} put={change} />;
   if (files || kind === "choice") {
     const paths = files
       ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? (studies.value?.catalogue ?? []) : [])].map(
           (one): [string, string] => [one.path, one.path],
         )
       : field.choices;
-    return (
-      <label class="choice">
-        {label}{" "}
-        <select value={String(value ?? "")} onChange={(event) => change(event.currentTarget.value)}>
-          {files && <option value="">choose</option>}
-          {paths.map(([one, title]) => (
-            <option key={one} value={one}>
-              {title}
-            </option>
-          ))}
-        </select>
-      </label>
-    );
+    const options: [string, string][] = files ? [["", "choose"], ...paths] : paths;
+    return <Select label={label} value={String(value ?? "")} options={options} put={change} />;
   }
   if (kind === "number" && field.start !== null)
     return (
@@ -190,19 +186,14 @@ function FormField(props: { field: Field; value: unknown; put: (value: unknown) 
   );
 }
 
-function Recordings({
-  label,
-  paths,
-  chosen,
-  put: change,
-  made,
-}: {
+function Recordings(props: {
   label: string;
   paths: string[];
   chosen: string[];
   put: (value: string[]) => void;
   made: string[]; // those that made the values of the drive
 }) {
+  const { label, paths, chosen, put: change, made } = props;
   const offered = new Set([...paths, ...chosen]);
   const files = filesOf("recording").filter(({ path }) => offered.has(path));
   const others = filesOf("recording").length - files.length;
@@ -210,11 +201,7 @@ function Recordings({
     <fieldset>
       <legend>{label}</legend>
       {!files.length && <p>There is no such recording in the folder.</p>}
-      {files.length > 1 && (
-        <button type="button" onClick={() => change(files.map(({ path }) => path))}>
-          All {files.length}
-        </button>
-      )}
+      {files.length > 1 && <Button act={() => change(files.map(({ path }) => path))}>All {files.length}</Button>}
       {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
       {files.length > MOST_LISTED && (
         <p class="note">
@@ -222,16 +209,17 @@ function Recordings({
         </p>
       )}
       {files.slice(0, MOST_LISTED).map(({ path }) => (
-        <label key={path} class="tick">
-          <input
-            type="checkbox"
-            checked={chosen.includes(path)}
-            onChange={(event) =>
-              change(event.currentTarget.checked ? [...chosen, path] : chosen.filter((one) => one !== path))
-            }
-          />{" "}
-          {path} {made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>}
-        </label>
+        <Tick
+          key={path}
+          class="tick"
+          label={
+            <>
+              {path} {made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>}
+            </>
+          }
+          value={chosen.includes(path)}
+          put={(isIn) => change(isIn ? [...chosen, path] : chosen.filter((one) => one !== path))}
+        />
       ))}
     </fieldset>
   );

@@ -4,19 +4,10 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { duration } from "../plots/looks";
 import { link } from "../routes";
+import type { Job } from "../server/generated";
 import { ask, Refused, read } from "../server/server";
+import { Button } from "./fields";
 import { list } from "./files";
-
-interface Job {
-  number: number;
-  command: string;
-  kind: string;
-  out: string;
-  state: "running" | "done" | "failed" | "cancelled";
-  ends: boolean; // it was cancelled, and runs until it can stop
-  tail: string;
-  progress: { done: number; total: number; task: string } | null;
-}
 
 export const jobs = signal<Job[]>([]);
 const LOOK_MS = 300;
@@ -86,12 +77,9 @@ export function reached({ number, progress }: Pick<Job, "number" | "progress">):
 /** Cancel a job, which may finish its current run first. */
 export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
   return (
-    <button
-      type="button"
-      disabled={job.ends}
-      onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
+    <Button disabled={job.ends} act={() => ask("/api/cancel", { number: job.number }).then(() => follow())}>
       {job.ends ? "Ends after the current run ……" : children}
-    </button>
+    </Button>
   );
 }
 

@@ -3,33 +3,14 @@
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { route } from "../routes";
+import type { Lineage, Made, Stale } from "../server/generated";
 import { ask, attempting, type Problem, Refused, read } from "../server/server";
+import { useRequest } from "./answers";
+import { Button } from "./fields";
 import { list, studies } from "./files";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
 import { ObjectLink } from "./tree";
-
-interface Made {
-  kind: string;
-  name: string;
-  digest: string;
-  path: string;
-  state: "same" | "changed" | "differs" | "missing" | "named" | "unread";
-  inputs: Made[];
-}
-
-interface Lineage {
-  path: string;
-  inputs: Made[];
-  made: string[];
-  again: Record<string, unknown> | null;
-  stale: string[];
-}
-
-interface Stale {
-  stale: Record<string, string[]>;
-  unchecked: number;
-}
 
 /** Text of each state of an input. */
 const STATES: Record<Made["state"], string> = {
@@ -61,7 +42,7 @@ export function useHeadlines(): Record<string, string> {
 }
 
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
-const shown = signal<Lineage | null>(null);
+const traced = signal("");
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 
@@ -78,23 +59,13 @@ effect(() => {
 async function checkAll(): Promise<void> {
   try {
     stale.value = await read<Stale>("/api/stale");
-    if (shown.value) await trace(shown.value.path);
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
   }
 }
 
-export const trace = (path: string): Promise<void> =>
-  attempt(async () => {
-    const isOpen = shown.value?.path === path;
-    try {
-      shown.value = await read<Lineage>("/api/lineage", { path });
-    } catch (error) {
-      shown.value = null;
-      throw error;
-    }
-    if (!isOpen) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
-  });
+/** Show the lineage of a file. */
+export const trace = (path: string): void => void (traced.value = path);
 
 function Inputs({ of }: { of: Made[] }) {
   if (!of.length) return null;
@@ -116,7 +87,11 @@ function Inputs({ of }: { of: Made[] }) {
 
 /** Lineage of the requested file. */
 export function Chain() {
-  const now = shown.value;
+  const { value: path } = traced;
+  const [now, problems] = useRequest<Lineage>("/api/lineage", path ? { path } : null, [stale.value]);
+  useEffect(() => {
+    if (now) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
+  }, [now?.path]);
   const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
   const again = async () => {
     await follow((await ask<{ number: number }>("/api/jobs", now!.again)).number);
@@ -124,7 +99,7 @@ export function Chain() {
   };
   return (
     <section id="lineage" aria-label="Where a result comes from">
-      <Problems of={wrong.value} />
+      <Problems of={[...problems, ...wrong.value]} />
       {now && (
         <>
           <h2>Where {now.path} comes from</h2>
@@ -146,15 +121,11 @@ export function Chain() {
           <p class="row">
             {now.again && (
               <>
-                <button type="button" onClick={() => void attempt(again)}>
-                  Make it again under a new name
-                </button>
+                <Button act={() => attempt(again)}>Make it again under a new name</Button>
                 {copy}
               </>
             )}
-            <button type="button" onClick={() => (shown.value = null)}>
-              Close
-            </button>
+            <Button act={() => trace("")}>Close</Button>
           </p>
           {now.again && copied}
         </>

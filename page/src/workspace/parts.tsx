@@ -7,6 +7,7 @@ import { link } from "../routes";
 import type { SentValue } from "../server/generated";
 import { ask, type attempting, connection, type Listed, type Problem, read } from "../server/server";
 import { useAnswer } from "./answers";
+import { Button, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -21,9 +22,9 @@ export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (li
         <div class="problem" key={index}>
           <p>
             {one.line !== null && onLine && (!own || isIn(one, own)) ? (
-              <button type="button" class="link" onClick={() => onLine(one.line!)}>
+              <Button class="link" act={() => onLine(one.line!)}>
                 line {one.line}
-              </button>
+              </Button>
             ) : (
               placeOf(one) && <b>{placeOf(one)}:</b>
             )}{" "}
@@ -65,53 +66,42 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
       setDone("Not copied: the browser does not allow it. Select the lines and copy them.");
     }
   };
+  const texts = [
+    { name: "command", of: "Command", text: command },
+    { name: "Python", of: "Python", text: python },
+  ].filter(({ text }) => text);
   return (
     <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
         In the folder of the workspace.{" "}
-        {command && (
-          <button type="button" onClick={() => copy("command", command)}>
-            Copy the command
-          </button>
-        )}{" "}
-        <button type="button" onClick={() => copy("Python", python)}>
-          Copy the Python
-        </button>{" "}
+        {texts.map(({ name, text }) => (
+          <>
+            <Button act={() => copy(name, text!)}>Copy the {name}</Button>{" "}
+          </>
+        ))}
         <span role="status">{done}</span>
       </p>
-      {command && (
-        <pre data-copy="command" tabIndex={0} role="group" aria-label="Command">
-          {command}
+      {texts.map(({ name, of: label, text }) => (
+        <pre data-copy={name.toLowerCase()} tabIndex={0} role="group" aria-label={label}>
+          {text}
         </pre>
-      )}
-      <pre data-copy="python" tabIndex={0} role="group" aria-label="Python">
-        {python}
-      </pre>
+      ))}
     </section>
   );
 }
 
 /** Return a button that shows a job as lines to copy, and these lines. They disappear when the job changes. */
-export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "") {
+export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "", door = "/api/work") {
   const [held, hold] = useState({ asked: "", command: "", python: "" });
   const asked = JSON.stringify(job);
   const copy = () =>
-    attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>("/api/work", job)) }));
+    attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>(door, job)) }));
   const button = (
-    <button type="button" disabled={!job} onClick={() => void copy()}>
+    <Button disabled={!job} act={() => copy()}>
       Copy as command or Python
-    </button>
+    </Button>
   );
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
-}
-
-/** Button that saves a text. It is never disabled in HTML, because a disabled button loses the focus. */
-export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Promise<void> }) {
-  return (
-    <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>
-      Save
-    </button>
-  );
 }
 
 /** Field of a text. An answer that arrives during typing does not replace the typed text. */
@@ -173,8 +163,6 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
   );
 }
 
-const STEPS = 400;
-
 interface SliderProps {
   id: string;
   label: string;
@@ -191,20 +179,21 @@ interface SliderProps {
 }
 
 /** A value with its slider, its field and its unit. */
-export function SliderRow({
-  id,
-  label,
-  title,
-  value,
-  shown = value,
-  ends: [low, high],
-  unit = "",
-  name,
-  kind,
-  state,
-  put,
-  children,
-}: SliderProps) {
+export function SliderRow(props: SliderProps) {
+  const {
+    id,
+    label,
+    title,
+    value,
+    shown = value,
+    ends: [low, high],
+    unit = "",
+    name,
+    kind,
+    state,
+    put,
+    children,
+  } = props;
   return (
     <div class="slider">
       <label for={id}>
@@ -215,17 +204,12 @@ export function SliderRow({
           </>
         ))}
       </label>
-      <input
+      <Range
         id={id}
-        type="range"
-        min={0}
-        max={STEPS}
-        step={1}
-        value={Math.round((STEPS * (value - low)) / (high - low))}
-        aria-valuetext={`${digits(value)} ${unit}`}
-        onInput={(event) =>
-          put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))
-        }
+        value={value}
+        ends={[low, high]}
+        words={`${digits(value)} ${unit}`}
+        put={(next) => put(Number(next.toPrecision(5)))}
       />
       <NumberField label={`${name}, ${unit || "number"}`} value={shown} put={put} />
       <span class="unit">{unit}</span>
@@ -305,36 +289,6 @@ export function Leading({ of }: { of: SentValue[] }) {
   );
 }
 
-/** Numbers that one looks at first, side by side. */
-export function Tiles({
-  of,
-  label,
-}: {
-  of: {
-    key: string;
-    title: string;
-    text: string;
-    note?: string | undefined;
-    missed?: boolean;
-    data?: Record<string, unknown>;
-  }[];
-  label: string;
-}) {
-  return (
-    <dl class="tiles" aria-label={label}>
-      {of.map((one) => (
-        <div key={one.key}>
-          <dt>{one.title}</dt>
-          <dd class={one.missed ? "missed" : ""} {...one.data}>
-            {pretty(one.text)}
-          </dd>
-          {one.note && <dd class="note">{one.note}</dd>}
-        </div>
-      ))}
-    </dl>
-  );
-}
-
 /** Return a time of the file system as text, with its year unless it is the present one. */
 export function day(seconds: number): string {
   const at = new Date(1000 * seconds);
@@ -383,19 +337,15 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
 }
 
 /** A choice with its label; an option is a value, or a value with its text. */
-export function Select({
-  label,
-  value,
-  options,
-  put,
-}: {
+export function Select(props: {
   label: string;
   value: string;
   options: (string | [string, string])[];
   put: (value: string) => void;
 }) {
+  const { label, value, options, put } = props;
   return (
-    <label>
+    <label class="choice">
       {label}{" "}
       <select value={value} onChange={(event) => put(event.currentTarget.value)}>
         {options.map((option) => {

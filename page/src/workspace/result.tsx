@@ -40,15 +40,12 @@ export function Notes({ of }: { of: string[] }) {
 const STATES = { good: "in order", open: "open", bad: "needs you" };
 
 /** Headline with its state, at most five numbers with their limits, and the findings, the worst first, with buttons for their remedies. */
-export function Answer({
-  view,
-  withFindings = true,
-  remedy,
-}: {
+export function Answer(props: {
   view: SentView;
   withFindings?: boolean;
   remedy?: ((of: Finding) => ComponentChildren) | undefined;
 }) {
+  const { view, withFindings = true, remedy } = props;
   const isJudged =
     view.state !== "good" || view.leading.some((one) => one.limit) || view.findings.some((one) => one.state !== "good");
   return (
@@ -95,20 +92,6 @@ export function Findings({ of, remedy }: { of: Finding[]; remedy?: ((of: Finding
       )}
     </>
   );
-}
-
-/** Answer of a result above its special view. `changed` asks for it again; a result that cannot be read yet has none. */
-export function AnswerOf({
-  path,
-  changed,
-  withFindings = true,
-}: {
-  path: string;
-  changed?: unknown;
-  withFindings?: boolean;
-}) {
-  const view = useView(path, changed);
-  return view && <Answer view={view} withFindings={withFindings} />;
 }
 
 /** Return the view of a result; null while it is read, and for a result that cannot be read yet. */

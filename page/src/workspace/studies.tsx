@@ -1,15 +1,16 @@
 /** Start page: ways to begin, files by kind, origin of results. */
 
-import { effect, signal, untracked } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import type { Compared } from "../measured/differences";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
-import { ask, connection, type Listed, type Problem, Refused } from "../server/server";
+import { ask, connection, type Listed, Refused } from "../server/server";
 import { viewOf } from "../views";
-import { questions } from "./answers";
+import { usePosted } from "./answers";
 import { Starts } from "./choose";
+import { Button, Tick } from "./fields";
 import { folderOf, GROUPS, list, listed, refused, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
 import { Copied, day, Problems } from "./parts";
@@ -65,62 +66,35 @@ const ALIKE = [
 const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
 const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
-const compared = signal<Compared | null>(null);
 const differences = signal<typeof import("../measured/differences") | null>(null);
-const apart = signal<Problem[]>([]);
-
 const overview = signal<typeof import("../measured/overview") | null>(null);
 
 /** Compare two files. */
-export const comparePair = (paths: string[]): void => {
-  [pair.value, compared.value] = [paths, null];
-  compare();
-};
+export const comparePair = (paths: string[]): void => void (pair.value = paths);
 
 /** Select a file for the comparison. The newest two count. */
-const tick = (path: string): void => {
-  pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
-  compared.value = null;
-  compare();
-};
+const tick = (path: string): void =>
+  void (pair.value = pair.value.includes(path)
+    ? pair.value.filter((one) => one !== path)
+    : [...pair.value, path].slice(-2));
 
-const comparing = questions();
-
-/** Compare the two selected files in their current state. */
-function compare(): void {
-  const [before, after] = pair.value;
-  const answer = comparing(); // others may be ticked meanwhile
-  apart.value = [];
-  if (!before || !after) return;
-  answer(ask<Compared>("/api/compare", { before, after })).then(
-    async (found) => {
-      differences.value ??= await answer(import("../measured/differences"));
-      compared.value = found;
-    },
-    (error: unknown) => {
-      if (!(error instanceof Refused)) throw error;
-      [compared.value, apart.value] = [null, error.problems];
-    },
-  );
-}
-
-effect(() => {
-  if (studies.value) untracked(compare); // the files may be others by now
-});
-
+/** Comparison of the two selected files in their current state. */
 function Compare() {
-  if (!pair.value.length) return null;
+  const [before, after] = pair.value;
+  const [compared, problems] = usePosted<Compared>("/api/compare", before && after ? { before, after } : null, [
+    studies.value,
+  ]);
+  useEffect(() => {
+    if (after) void import("../measured/differences").then((loaded) => (differences.value = loaded));
+  }, [after]);
+  if (!before) return null;
   const Differences = differences.value?.Differences;
   return (
     <section class="panel" aria-label="Compare two">
-      <h2>
-        {pair.value.length < 2
-          ? `Compare ${pair.value[0]} with another of its kind: tick its box`
-          : pair.value.join(" and ")}
-      </h2>
-      <Problems of={apart.value} />
-      {compared.value && Differences && <Differences {...compared.value} />}
-      {compared.value && <Copied {...compared.value} />}
+      <h2>{after ? `${before} and ${after}` : `Compare ${before} with another of its kind: tick its box`}</h2>
+      <Problems of={problems} />
+      {compared && Differences && <Differences {...compared} />}
+      {compared && <Copied {...compared} />}
     </section>
   );
 }
@@ -145,14 +119,13 @@ export function Rename({ path }: { path: string }) {
   const now = renaming.value;
   if (now.path !== path)
     return (
-      <button
-        type="button"
+      <Button
         class="link"
         aria-label={`Rename ${path}`}
         disabled={isUnsaved(path)}
-        onClick={() => (renaming.value = { path, to: path })}>
+        act={() => (renaming.value = { path, to: path })}>
         rename
-      </button>
+      </Button>
     );
   return (
     <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
@@ -235,20 +208,12 @@ function FileRow({ file, hasDate, parts }: { file: Listed; hasDate: boolean; par
       </span>
       <span class="row">
         {ALIKE.includes(kind) && (
-          <label>
-            <input
-              type="checkbox"
-              aria-label={`Compare ${path}`}
-              checked={pair.value.includes(path)}
-              onChange={() => tick(path)}
-            />{" "}
-            compare
-          </label>
+          <Tick label="compare" name={`Compare ${path}`} value={pair.value.includes(path)} put={() => tick(path)} />
         )}
         {TRACED.includes(kind) && (
-          <button type="button" class="link" aria-label={`Made from: ${path}`} onClick={() => void trace(path)}>
+          <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)}>
             made from
-          </button>
+          </Button>
         )}
         {!FOLDERS.includes(kind) && !inCatalogue(path) && <Rename path={path} />}
       </span>

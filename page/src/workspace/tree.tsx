@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { link, route } from "../routes";
 import { viewOf } from "../views";
+import { Button } from "./fields";
 import { filesOf, GROUPS, kindOf, list, nameOf, studies, take, taking } from "./files";
 
 const MOST = 200; // rows of a group; the search finds the others
@@ -60,9 +61,9 @@ function Group({ title, view, rows }: { title: string; view: string; rows: Liste
     <li class="group">
       <div class="head">
         {rows.length ? (
-          <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>
+          <Button class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} act={toggle}>
             {isOpen ? "▾" : "▸"}
-          </button>
+          </Button>
         ) : (
           <span class="fold" />
         )}
@@ -102,10 +103,10 @@ export function Tree() {
         <a class="home" href={link("studies")} aria-current={route.value.view === "studies" ? "page" : undefined}>
           Overview
         </a>
-        <button type="button" class="icon" title="Read the folder again" onClick={() => void list()}>
+        <Button class="icon" title="Read the folder again" act={() => list()}>
           <span aria-hidden="true">↻</span>
           <span class="hidden">Read the folder again</span>
-        </button>
+        </Button>
       </p>
       <input
         type="search"

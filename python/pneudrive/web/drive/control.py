@@ -6,12 +6,13 @@ import posixpath
 import shlex
 import time
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
-from pneudrive.control.benchmarks import ControlComparison, read_comparison, standard
+from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
@@ -21,6 +22,7 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.progress import Watch
+from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
@@ -28,13 +30,14 @@ from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, boun
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
 MOST_EACH = 20_000  # runs whose values of a measure are sent
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
+TRUE = "True drive: factors of the described values, and values in SI."
 SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
 #: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
 _PANELS = (
@@ -236,9 +239,9 @@ def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
 
 
 def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
-    """Return the assumed drive, the true drive and the results of a run."""
+    """Return the results of a run, the gains with the ranges of their sliders, and the assumed drive."""
     tuning, about = prepared.tuning, run.provenance
-    score = Score(**about["score"])
+    score, view = Score(**about["score"]), view_of_score(about)
     gains = []
     for gain in tuning.gains:
         size, _, unit = str(gain.quantity).partition(" ")
@@ -246,28 +249,40 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
         scale = float(size) / gain.value if gain.value else 1.0
         slider = {"key": gain.key, "number": float(size), "unit": unit, "low": scale * low, "high": scale * high}
         gains.append(slider | {"meaning": gain.meaning, "rule": "given" if gain.given else gain.rule})
-    measures = ((name, title, getattr(score, name)) for name, (title, *_) in SHOWN.items())
+    true = tuple((name, f"{value:.4g}") for name, value in about["deviations"].items())
+    deviations = (ShownTable(TRUE, ("deviation", "value"), true),) if true else ()
+    told = f"{tuning.law} for {tuning.belief.name}, every {1e3 * tuning.period_s:.3g} ms"
+    setup = f"Setup {prepared.setup_name}. {prepared.setup.about}"
+    values = f"{len(about['assumed'])} values are assumed: Drive lists those of the drive."
     return {
         "law": tuning.law,
         "drive": prepared.circuit.name,
-        "believes": tuning.belief.name,
-        "period_s": tuning.period_s,
         "gains": gains,
-        "plant": tuning.plant.rows(),
-        "limits": tuning.limits,
-        "setup": [prepared.setup_name, prepared.setup.about],
-        "true": [{"name": name, "value": f"{value:.4g}"} for name, value in about["deviations"].items()],
-        "score": [
-            {"name": name, "title": title, "text": written(name, value), "value": number(value)}
-            for name, title, value in measures
-            if value is not None
-        ],
-        "view": view_of_score(about).data(),
-        "events": about["events"][:20],
-        "assumed": len(about["assumed"]),
+        "max_error_m": number(score.max_error_m),
+        "view": replace(view, tables=(*deviations, *view.tables)).data(),
+        "told": _assumed(f"Assumed drive: {told}", assumptions({tuning.law: tuning}), (setup, values)),
         "synthetic": True,
         "lost": score.lost,
     }
+
+
+def _assumed(
+    title: str, about: Mapping[str, Any], notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()
+) -> dict[str, Any]:
+    """Return the drive as laws assume it, their gains and their limits as the data of a view."""
+    laws = about["laws"].items()
+    gains = tuple(
+        (name, *(gain[key] for key in ("key", "written", "meaning", "rule")))
+        for name, law in laws
+        for gain in law["gains"]
+    )
+    plant = tuple((name, value) for name, value in about["plant"])
+    shown = (
+        ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), gains),
+        ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), plant),
+    )
+    limits = (f"{name}: {limit}" for name, law in laws for limit in law["limits"])
+    return View(title, notes=(*notes, *limits), tables=(*tables, *shown)).data()
 
 
 def choices(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -387,10 +402,10 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
         with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
             job = BenchmarkRequest.of(card.about["asked"]).job(workspace, path)
     told = card.about["laws"]
-    failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
+    truth = tuple((name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items())
+    true = ShownTable(TRUE, ("deviation", "least", "largest"), truth)
     return {
-        **{key: getattr(card, key) for key in ("drive", "mismatch", "spread", "count")},
-        "setup": [card.setup, str(card.about.get("setup_about", ""))],
+        "spread": card.spread,
         "total": card.count * len(card.references) * len(told),
         "finished": card.is_finished,
         "done": len(card.runs),
@@ -408,12 +423,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
             }
             for run in card.runs[:MOST_EACH]
         ],
-        "told": told,
-        "plant": card.about["plant"],
-        "true": [
-            {"name": name, "least": f"{low:.4g}", "largest": f"{high:.4g}"} for name, (low, high) in card.truth.items()
-        ],
-        "failed": failed[:20],
+        "told": _assumed("Assumed and true drive", card.about, tables=[true] if truth else []),
         "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
         "python": job.python if job else python("card", path=path),
     }

@@ -22,9 +22,10 @@ from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.files.content import read_bytes
-from pneudrive.fmu.description import read_fmu
+from pneudrive.fmu.description import SeenVariable, read_fmu
 from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
+from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, described_at
 from pneudrive.web.messages import Value, problems_of, python
 from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+#: Causality of the variables of an FMU -> title of their table.
+CAUSALITIES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters, set before a run"}
 FULL_OPENING = 1.0  # command that every valve takes, also one that switches
 #: Values of chambers a and b that are given both or not at all.
 _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
@@ -319,11 +322,24 @@ def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
     last = f'run["{outputs[0]}"][-1]' if outputs else "run[-1]"
     with zipfile.ZipFile(file) as archive:
         systems = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
-    return {
-        **{key: getattr(fmu, key) for key in ("title", "tool", "version", "token", "kinds")},
-        "platforms": sorted(systems - {""}),
-        "variables": [vars(variable) for variable in fmu.variables],
-        "sha256": hashlib.sha256(data).hexdigest(),
-        "size": len(data),
-        "fmpy": python("fmu", path=path, start=start, last=last),
-    }
+    kinds = " and ".join("co-simulation" if kind == "CoSimulation" else "model exchange" for kind in fmu.kinds)
+    digest = hashlib.sha256(data).hexdigest()
+    view = View(
+        f"{fmu.title}: FMI {fmu.version}, {kinds}; written by {fmu.tool}",
+        notes=(
+            f"{len(data) / 1e6:.3g} MB, SHA-256 {digest}, token {fmu.token}. Pressures are absolute.",
+            f"Compiled for {', '.join(sorted(systems - {''}))} only. For another system, export the drive there.",
+        ),
+        tables=tuple(
+            ShownTable(title, ("name", "unit", "start", "meaning"), rows)
+            for kind, title in CAUSALITIES.items()
+            if (rows := tuple(_row(v) for v in fmu.variables if v.causality == kind))
+        ),
+    )
+    fmpy = python("fmu", path=path, start=start, last=last)
+    return {"view": view.data(), "sha256": digest, "fmpy": fmpy}
+
+
+def _row(variable: SeenVariable) -> tuple[str, ...]:
+    start = f"{float(variable.start):.6g}" if variable.start else ""
+    return variable.name, variable.unit, start, variable.meaning

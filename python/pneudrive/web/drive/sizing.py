@@ -43,7 +43,8 @@ def checked_or_first(text: str | None = None) -> dict[str, Any]:
         "problems": [],
         "name": task.name,
         "values": [
-            {"key": one.key, "text": one.text, "given": one.is_given, "meaning": one.meaning} for one in values_of(task)
+            {"key": key, "text": text, "kind": "given" if is_given else "default", "origin": meaning}
+            for key, text, is_given, meaning in values_of(task)
         ],
         "follows": [dict(zip(("what", "value", "unit"), row, strict=True)) for row in follows_from(task)],
     }

@@ -11,9 +11,10 @@ import numpy as np
 
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.figures import Axis, Figure, Line, Markers, Panel
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.identify.design import next_measurements
-from pneudrive.identify.files import common, curve_differences, read_fit
+from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import (
     PROBABILITIES,
@@ -26,12 +27,15 @@ from pneudrive.identify.static.result import (
 )
 from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
+from pneudrive.views import ShownFigure, View
 from pneudrive.web.jobs import RIG
 from pneudrive.web.lineage import SAME, Lineage, recordings_of_map
 from pneudrive.web.messages import Array, bounded, number, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
@@ -43,6 +47,14 @@ MOST_POINTS = 10_000
 MOST_CURVES = 8  # of each seal, mounting and drive: as many as there are line styles
 MOST_NEXT = 200  # largest number of proposed points
 SPEEDS = 120  # points of a curve
+PROFILES = (
+    "Interval of each value at every probability, by profile likelihood: all other values are fitted again at each "
+    "point. If the curve of a side ends below 95 %, the data do not limit the value on this side."
+)
+ELLIPSES = (
+    "Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the profile and "
+    "not the ellipse."
+)
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 
 
@@ -206,73 +218,6 @@ def _beside(path: str, name: str) -> str:
     return f"{path.rpartition('/')[0]}/{name}".lstrip("/")
 
 
-def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dict[str, Any]:
-    """Return the difference between two maps, for each pair of pressures that both have measured.
-
-    Points are paired one to one (same direction, speeds within `NEAR`). The curves belong to the fits next to the maps.
-
-    Raises
-    ------
-    RecordingError
-        A file is not a friction map.
-    CommandError
-        The maps have no pressures in common.
-    """
-    names, files = (path, other), (basename(fit) or FIT, FIT)
-    (_, old, old_fits, old_why), (_, new, new_fits, new_why) = (
-        _drawn_groups(workspace.path(name, MAPS), file) for name, file in zip(names, files, strict=True)
-    )
-    # Maps with one assembly each are always compared. Otherwise equal assemblies are compared.
-    are_single = all(len({group["assembly"] for group in groups}) == 1 for groups in (old, new))
-    groups, pairs = [], []
-    for before in old:
-        near = (one for one in new if np.abs(np.subtract(before["gauges"], one["gauges"])).max() < SAME_PA)
-        after = next((one for one in near if are_single or one["assembly"] == before["assembly"]), None)
-        if after is None:
-            continue
-        group = {"label": before["label"], "points": _paired(before["points"], after["points"])}
-        groups.append(group)
-        first, second = old_fits.get(before["assembly"]), new_fits.get(after["assembly"])
-        low, high = (0.0, -1.0) if first is None or second is None else common(first, second, "speed_m_s")
-        if first is not None and second is not None and low < high:
-            speeds = np.geomspace(low, high, SPEEDS)
-            found = curve_differences(first, second, speeds, *before["gauges"])
-            ends = {"friction": "value", "low": "low", "high": "high"}
-            curve = {name: [number(getattr(each, key)) for each in found] for name, key in ends.items()}
-            group["curve"] = {"speed": speeds.tolist(), "measured": [low, high], **curve}
-            pairs.append(tuple(before["gauges"]))
-    if not groups:
-        raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
-    fit_names = list(map(_beside, names, files))
-    lines = {"command": "", "python": ""}
-    if pairs:
-        copied = python("difference", names=fit_names, count=SPEEDS, pairs=pairs)
-        lines = {"command": shell("compare", *fit_names), "python": copied}
-    return {"groups": groups, "fit": " ".join(filter(None, (old_why, new_why))), **lines}
-
-
-def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the differences of the points of two maps, each used once.
-
-    The uncertainties of both maps are treated as independent.
-    """
-    left, out = list(new), []
-    for before in old:
-        distances = [
-            (abs(np.log(after["speed"] / before["speed"])), place)
-            for place, after in enumerate(left)
-            if after["direction"] == before["direction"]
-        ]
-        distance, place = min(distances, default=(np.inf, 0))
-        if distance > NEAR:
-            continue
-        after = left.pop(place)
-        spreads = (before["spread"], after["spread"])
-        spread = None if None in spreads else float(np.hypot(*spreads))
-        out.append({**after, "friction": after["friction"] - before["friction"], "spread": spread})
-    return out
-
-
 def _band(curve: Prediction) -> dict[str, list[float]]:
     return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
 
@@ -296,9 +241,7 @@ def _fit(workspace: Workspace, path: str) -> AnyFit:
 
 
 def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return the details of a fit: ellipses of its values and, with its map, residuals and profiles.
-
-    Numbers are in the displayed units.
+    """Return the details of a fit as a view with figures: its ellipses and, with its map, residuals and profiles.
 
     Raises
     ------
@@ -306,40 +249,54 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
         The file is not a fit.
     """
     fit = _fit(workspace, path)
-    scales = {name: readable(unit) for name, unit in fit.units.items()}
-    found: dict[str, Any] = {
-        "ellipses": [
-            {
-                "x": {"name": one.x, "unit": scales[one.x][1]},
-                "y": {"name": one.y, "unit": scales[one.y][1]},
-                "correlation": one.correlation,
-                "points": (one.points / [scales[one.x][0], scales[one.y][0]]).tolist(),
-            }
-            for one in (ellipses(fit) if fit.covariance.size and fit.intervals else ())
-        ],
-        "residuals": [],
-        "profiles": [],
-        "designs": isinstance(fit, FrictionFit),
-    }
+    figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
+    found: dict[str, Any] = {"designs": isinstance(fit, FrictionFit)}
     if not isinstance(fit, SlidingFit):
-        return found | {"why": f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."}
+        why = f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."
+        return found | {"view": View(why, figures=tuple(figures)).data()}
     edge = next(iter(Lineage(workspace).edges(path)), None)
     if edge is None or edge.state != SAME:
-        return found | {"why": "Residuals and profiles need the map of the fit, but this map was removed or changed."}
+        why = "Residuals and profiles need the map of the fit, but this map was removed or changed."
+        return found | {"view": View(why, figures=tuple(figures)).data()}
     table = read_map(workspace.path(edge.path))
     data = with_map(fit, table).compared()["friction"]
-    found["residuals"] = list(zip(data.at.tolist(), (data.measured - data.model).tolist(), strict=True))
     copied = ""
     if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
         copied = "ends = profiles(fit, curves)\n"
-        for name, ends in profiles(fit, table).items():
-            (size, unit), value = scales[name], fit.free_values()[name]
-            low, high = ([number(end / size) for end in ends[:, side]] for side in (0, 1))
-            own = {"name": name, "unit": unit, "value": value / size, "low": low, "high": high}
-            found["profiles"].append({**own, "probability": PROBABILITIES})
+        figures.insert(0, _profiles(fit, profiles(fit, table)))
+    points = Panel([Markers(data.at, data.measured - data.model, size=3.0)])
+    rest = Figure([points], Axis("speed / mm/s", "log"), Axis("measured minus fitted friction / N"))
+    figures.insert(0, ShownFigure("Residuals over speed", "", rest))
     command = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
     lines = {"command": command, "python": python("fit", map=edge.path, fit=path, profiles=copied)}
-    return found | {"map": edge.path, "why": "", **lines}
+    return found | {"view": View("", figures=tuple(figures)).data(), **lines}
+
+
+def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
+    """Return the size of the usual unit of a value, and the axis of the value in this unit."""
+    size, unit = readable(fit.units[name])
+    return size, Axis(name if unit in ("", "1") else f"{name} / {unit}", is_si=False)
+
+
+def _profiles(fit: FrictionFit, found: Mapping[str, Array]) -> ShownFigure:
+    """Return the interval of each value at every probability. An open end is left out."""
+    panels, percent = [], [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
+    for name, ends in found.items():
+        size, axis = _axis(fit, name)
+        at = np.array([*ends[::-1, 0], fit.free_values()[name], *ends[:, 1]]) / size
+        known = np.isfinite(at)
+        line = Line(at[known], np.array(percent)[known])
+        panels.append(Panel([line], f"Profile of {name}", axis, "probability of the interval, %"))
+    return ShownFigure("Profiles", PROFILES, Figure(panels, columns=3))
+
+
+def _ellipses(fit: AnyFit) -> list[ShownFigure]:
+    panels = []
+    for pair in ellipses(fit):
+        (x_size, x), (y_size, y) = _axis(fit, pair.x), _axis(fit, pair.y)
+        line = Line(*(pair.points / [x_size, y_size]).T)
+        panels.append(Panel([line], f"{pair.y} over {pair.x}: correlation {pair.correlation:.2g}", x, y))
+    return [ShownFigure("Values that change together", ELLIPSES, Figure(panels, columns=3))] if panels else []
 
 
 def next_points(
@@ -357,15 +314,8 @@ def next_points(
     fit = FrictionFit.from_toml(workspace.path(path, DESCRIPTIONS))
     rig = load_rig(RIG)
     plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
-    expected = []
-    for name, then in plan.half_widths_then.items():
-        size, unit = readable(fit.units[name])
-        now = number(plan.half_widths_now[name] / size)
-        expected.append({"name": name, "unit": unit, "now": now, "then": number(then / size)})
     return {
-        "points": [vars(point) for point in plan.points],
-        "seconds": plan.seconds,
-        "expected": expected,
+        "view": plan.view().data(),
         "command": shell("design", path, rig=RIG, points=points),
         "python": "import pneudrive as pn\n" + python("design", fit=path, rig=RIG, points=points) + "\n",
     }

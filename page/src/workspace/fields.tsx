@@ -1,0 +1,140 @@
+/** Buttons and fields, each in one line of a view. They know nothing of the server. */
+import type { Signal } from "@preact/signals";
+import type { ButtonHTMLAttributes, ComponentChildren } from "preact";
+
+/** A button that acts; a link in the form of a button has the class `link`. */
+export const Button = ({ act, ...others }: ButtonHTMLAttributes & { act?: () => unknown }) => (
+  <button type="button" {...(act && { onClick: () => void act() })} {...others} />
+);
+
+interface TickProps {
+  label: ComponentChildren; // or a name that only a screen reader tells
+  name?: string;
+  value: boolean;
+  put: (value: boolean) => void;
+  class?: string;
+}
+
+/** A box to tick with its label. Without a label, it has a name. */
+export function Tick({ label, name, value, put, class: look }: TickProps) {
+  const box = (
+    <input type="checkbox" aria-label={name} checked={value} onChange={(event) => put(event.currentTarget.checked)} />
+  );
+  if (label === "") return box;
+  return (
+    // biome-ignore lint/a11y/noLabelWithoutControl: the box is its control
+    <label class={look}>
+      {box} {label}
+    </label>
+  );
+}
+
+/** Boxes to tick below a legend. What is chosen is in the order of choosing. */
+export const Ticks = (props: {
+  legend: string;
+  options: [key: string, label: string][];
+  chosen: string[];
+  put: (chosen: string[]) => void;
+}) => (
+  <fieldset>
+    <legend>{props.legend}</legend>
+    <div class="row">
+      {props.options.map(([key, label]) => {
+        const others = props.chosen.filter((other) => other !== key);
+        const put = (isIn: boolean) => props.put(isIn ? [...others, key] : others);
+        return <Tick key={key} label={label} value={props.chosen.includes(key)} put={put} />;
+      })}
+    </div>
+  </fieldset>
+);
+
+interface TextProps {
+  label: ComponentChildren;
+  of: Signal<string>;
+  hint?: string;
+  size?: number;
+  class?: string;
+  children?: ComponentChildren; // behind the field
+}
+
+/** A field of a text that is kept in a signal. */
+export const TextInput = ({ label, of, hint, size, class: look, children }: TextProps) => (
+  <label class={look}>
+    {label}{" "}
+    <input
+      value={of.value}
+      placeholder={hint}
+      size={size}
+      onInput={(event) => (of.value = event.currentTarget.value)}
+    />
+    {children}
+  </label>
+);
+
+interface RangeProps {
+  label?: ComponentChildren;
+  name?: string | undefined; // that only a screen reader tells
+  id?: string;
+  value: number;
+  ends: [number, number];
+  words: string; // of the value
+  put: (value: number) => void;
+  steps?: number;
+}
+
+/** A slider between two ends, with its label if it has one. */
+export function Range({ label, name, id, value, ends: [low, high], words, put, steps = 400 }: RangeProps) {
+  const slider = (
+    <input
+      id={id}
+      type="range"
+      min={0}
+      max={steps}
+      step={1}
+      aria-label={name}
+      value={Math.round((steps * (value - low)) / (high - low))}
+      aria-valuetext={words}
+      onInput={(event) => put(low + ((high - low) * event.currentTarget.valueAsNumber) / steps)}
+    />
+  );
+  if (!label) return slider;
+  return (
+    // biome-ignore lint/a11y/noLabelWithoutControl: the slider is its control
+    <label>
+      {label} {slider}
+    </label>
+  );
+}
+
+interface PickProps {
+  label: ComponentChildren;
+  hint: string; // shown in place of a value
+  options: (string | [string, string])[];
+  put: (value: string) => void;
+  disabled?: boolean;
+  class?: string;
+}
+
+/** A menu that acts: what is chosen is not kept. */
+export const Pick = ({ label, hint, options, put, disabled, class: look }: PickProps) => (
+  <label class={look}>
+    {label}{" "}
+    <select
+      value=""
+      disabled={disabled}
+      onChange={({ currentTarget: menu }) => {
+        if (menu.value) put(menu.value);
+        menu.value = "";
+      }}>
+      <option value="">{hint}</option>
+      {options.map((option) => {
+        const [key, text] = Array.isArray(option) ? option : [option, option];
+        return (
+          <option key={key} value={key}>
+            {text}
+          </option>
+        );
+      })}
+    </select>
+  </label>
+);
