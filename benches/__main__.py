@@ -66,7 +66,7 @@ def solvers(peers_only: bool) -> list[Any]:
         return peers
     from benches.solvers import ours
 
-    return [ours.Pneudrive(), ours.Columns(), *peers]
+    return [ours.Pneudrive(), ours.Called(), ours.Columns(), *peers]
 
 
 def machine() -> dict[str, Any]:

@@ -11,8 +11,10 @@ import warnings
 from pathlib import Path
 
 import pneudrive as pn
+from benches import servo
 from pneudrive.describe.system import System
 from pneudrive.errors import PneudriveWarning
+from pneudrive.simulation.session import Session
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / "tests" / "golden"
@@ -34,12 +36,14 @@ def count(name: str, tol: float) -> dict[str, int]:
     case = json.loads((GOLDEN / f"{name}.json").read_text())
     drive = System.of_drive(case["drive"]).compiled()
     if "servo" in case:
-        servo = (case["servo"][key] for key in ("kp", "kd", "amplitude_m", "frequency_hz"))
-        run = drive.servo(*servo, case["duration_s"], case["servo"]["sample_rate_hz"], case["initial"], tol)
-    else:
-        times, commands = (list(column) for column in zip(*case["commands"], strict=True))
-        plans = [("command", times, commands)]
-        run = drive.simulate(plans, case["duration_s"], case["sample_rate_hz"], case["initial"], tol)
+        gains = (case["servo"][key] for key in ("kp", "kd", "amplitude_m", "frequency_hz"))
+        control = servo.controller(*gains, 0.5 * case["drive"]["cylinder"]["stroke_m"])
+        session = Session(drive.start(case["initial"], tol))
+        session.control(control, 1.0 / case["servo"]["sample_rate_hz"], case["duration_s"])
+        return session.statistics
+    times, commands = (list(column) for column in zip(*case["commands"], strict=True))
+    plans = [("command", times, commands)]
+    run = drive.simulate(plans, case["duration_s"], case["sample_rate_hz"], case["initial"], tol)
     return dict(run["statistics"])
 
 

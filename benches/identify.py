@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pneudrive as pn
+from benches.servo import controller, follow_sine
 from benches.tables import text
 
 START = {"position_m": 0.25, "velocity_m_s": 0.0} | {f"pressure_{c}_pa": 3e5 for c in "ab"}
@@ -49,16 +50,11 @@ NOISE, SHARE = (1e-6, 200.0), 0.2
 def servo(drive: Any, seconds: float, noise: tuple[float, float], seed: int) -> dict[str, np.ndarray]:
     """Record a servo that follows a sine, at 1 kHz."""
     core = drive.system.compiled()
-    run = core.servo(8.0, 0.25, 0.1, 0.5, seconds, 1000.0, START, 1e-8)
-    gas, n = core.chambers(run["states"]), len(run["commands"])
+    run = follow_sine(core, controller(8.0, 0.25, 0.1, 0.5, 0.25), seconds, 1000.0, START, 1e-8)
     rng = np.random.default_rng(seed)
-    columns = {"time_s": np.arange(n) * 1e-3, "command": run["commands"]}
-    for name, values, size in (
-        ("position_m", run["states"][:, 0], noise[0]),
-        ("pressure_a_pa", gas[:, 0], noise[1]),
-        ("pressure_b_pa", gas[:, 2], noise[1]),
-    ):
-        columns[name] = values + size * rng.standard_normal(n)
+    columns = {name: run[name] for name in ("time_s", "command")}
+    for name, size in (("position_m", noise[0]), ("pressure_a_pa", noise[1]), ("pressure_b_pa", noise[1])):
+        columns[name] = run[name] + size * rng.standard_normal(len(run["time_s"]))
     return columns
 
 

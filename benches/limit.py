@@ -16,10 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from benches import ensemble
+from benches import ensemble, servo
 from benches.problem import CASES, Case
 from benches.solvers.ours import Pneudrive, motion
 from benches.tables import text
+from pneudrive.simulation.session import Session
 
 #: Operations of an attempt by Rodas5P, and by Rodas3, which a servo's samples take.
 RODAS5P, RODAS3 = 2630, 1065
@@ -41,10 +42,9 @@ def attempts(case: Case, tol: float) -> int:
     core = Pneudrive().drive
     if case.servo is None:
         return core.simulate(*motion(case), tol)["statistics"]["factorisations"]
-    servo = case.servo
-    gains = (servo.kp, servo.kd, servo.amplitude_m, servo.frequency_hz)
-    run = core.servo(*gains, case.data["duration_s"], servo.sample_rate_hz, case.data["initial"], tol)
-    return run["statistics"]["factorisations"]
+    session = Session(core.start(case.data["initial"], tol))
+    session.control(servo.compiled(*case.servo.gains), case.servo.period, case.data["duration_s"])
+    return session.statistics["factorisations"]
 
 
 def measure(cases: Mapping[str, tuple[float, float]]) -> list[tuple[str, ...]]:

@@ -44,6 +44,11 @@ class Servo:
         """Time for which a command is held, s."""
         return 1.0 / self.sample_rate_hz
 
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Gains, amplitude, frequency and centre, as the controllers of `benches.servo` take them."""
+        return self.kp, self.kd, self.amplitude_m, self.frequency_hz, self.centre_m
+
     def command(self, i: int, x: float, v: float) -> float:
         """Return the command at the i-th sample."""
         w = 2.0 * math.pi * self.frequency_hz

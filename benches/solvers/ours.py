@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from benches import servo
 from benches.problem import COLUMNS, A, Case
 from pneudrive.describe.system import System
 
@@ -18,21 +19,40 @@ class Pneudrive:
 
     def __init__(self) -> None:
         self.drive = System.of_drive(A.data["drive"]).compiled()
+        self.controllers: dict[str, Any] = {}
+
+    def controller(self, *gains: float) -> Any:
+        """Return the controller of a case in compiled code."""
+        return servo.compiled(*gains)
 
     def solve(self, case: Case, tol: float) -> np.ndarray:
         """Return the states of a case at its samples, shape (n, 6)."""
-        states = self.bare(case, tol)
-        return np.hstack([states[:, :2], self.drive.chambers(states)])
+        found = self.bare(case, tol)
+        if case.servo is not None:
+            return np.stack([found[name] for name in servo.READS], axis=1)
+        return np.hstack([found[:, :2], self.drive.chambers(found)])
 
     def bare(self, case: Case, tol: float) -> Any:
-        """Solve a case for the solver's own states: mass and energy of the gas in place of p and T."""
+        """Solve a case for the solver's own states: mass and energy of the gas in place of p and T.
+
+        With a controller it is a session, as a user calls it, and reads all columns of the comparison.
+        """
         if case.servo is None:
             return self.drive.sampled_states(*motion(case), tol)
-        servo = case.servo
-        gains = (servo.kp, servo.kd, servo.amplitude_m, servo.frequency_hz)
-        return self.drive.servo(*gains, case.data["duration_s"], servo.sample_rate_hz, case.data["initial"], tol)[
-            "states"
-        ]
+        if case.name not in self.controllers:
+            self.controllers[case.name] = self.controller(*case.servo.gains)
+        sampling = case.data["duration_s"], case.servo.sample_rate_hz
+        return servo.follow_sine(self.drive, self.controllers[case.name], *sampling, case.data["initial"], tol)
+
+
+class Called(Pneudrive):
+    """The same with a controller in Python, which the session calls at each sample."""
+
+    name = "pneudrive, controller in Python"
+
+    def controller(self, *gains: float) -> Any:
+        """Return the controller of a case in Python."""
+        return servo.controller(*gains)
 
 
 class Columns(Pneudrive):

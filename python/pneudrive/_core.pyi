@@ -64,12 +64,6 @@ class SimulationResult(Result):
     citations: list[str]
 
 @type_check_only
-class ServoResult(TypedDict):
-    states: NDArray[float64]
-    commands: NDArray[float64]
-    statistics: dict[str, int]
-
-@type_check_only
 class Shooting(TypedDict):
     times: Sequence[float] | NDArray[float64]
     commands: Sequence[float] | NDArray[float64]
@@ -181,6 +175,15 @@ class Session:
         columns: Sequence[str],
         look: Callable[[float], object] | None = None,
     ) -> Result: ...
+    def control(
+        self,
+        controller: Callable[..., float] | int,
+        period: float,
+        until: float,
+        columns: Sequence[str],
+        command: str,
+        look: Callable[[float], object] | None = None,
+    ) -> NDArray[float64]: ...
     def read(self, name: str) -> float: ...
     def save(self) -> bytes: ...
     def restore(self, saved: bytes) -> None: ...
@@ -313,16 +316,6 @@ class Circuit:
         openings: NDArray[float64],
         temperatures: Sequence[float],
     ) -> dict[str, NDArray[float64]]: ...
-    def restarted(
-        self,
-        times: Sequence[float] | NDArray[float64],
-        commands: Sequence[float] | NDArray[float64],
-        duration: float,
-        sample_rate: float,
-        restarts: NDArray[float64],
-        temperatures: Sequence[float],
-        rtol: float,
-    ) -> tuple[dict[str, NDArray[float64]], list[str]]: ...
     def sampled_states(
         self,
         plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],
@@ -331,17 +324,6 @@ class Circuit:
         start: Mapping[str, float],
         rtol: float,
     ) -> NDArray[float64]: ...
-    def servo(
-        self,
-        kp: float,
-        kd: float,
-        amplitude_m: float,
-        frequency_hz: float,
-        duration_s: float,
-        sample_rate_hz: float,
-        start: Mapping[str, float],
-        rtol: float,
-    ) -> ServoResult: ...
     def shoot(self, command: str | None, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def simulate(
         self,

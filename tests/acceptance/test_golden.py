@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from benches.servo import READS, controller, follow_sine
 
 import pneudrive as pn
 from oracle.compare import difference, outside_impact, simulated
@@ -78,18 +79,11 @@ def test_servo_control_follows_the_independent_model():
     case, want = CASES["case_c"], golden("case_c")
     servo = case["servo"]
     drive = System.of_drive(case["drive"]).compiled()
-    run = drive.servo(
-        servo["kp"],
-        servo["kd"],
-        servo["amplitude_m"],
-        servo["frequency_hz"],
-        case["duration_s"],
-        servo["sample_rate_hz"],
-        case["initial"],
-        DEFAULT_RTOL,
-    )
-    keep, rows = round(servo["sample_rate_hz"] / case["sample_rate_hz"]), run["states"]
-    states = np.hstack([rows[:, :2], drive.chambers(rows)])[::keep]
+    gains = (servo[key] for key in ("kp", "kd", "amplitude_m", "frequency_hz"))
+    control = controller(*gains, 0.5 * case["drive"]["cylinder"]["stroke_m"])
+    rate = servo["sample_rate_hz"]
+    run = follow_sine(drive, control, case["duration_s"], rate, case["initial"], DEFAULT_RTOL)
+    states = np.stack([run[name] for name in READS], axis=1)[:: round(rate / case["sample_rate_hz"])]
     found = difference(case, states, want)
     assert found.meets(case), found
     assert np.ptp(want[:, 0]) > 0.15  # it moves

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from benches.servo import controller, follow_sine
 
 import pneudrive as pn
 from pneudrive.errors import PneudriveWarning
@@ -33,17 +34,10 @@ def commands(seed: int, duration_s: float, truth) -> np.ndarray:
     random = np.random.default_rng(seed)
     core = truth.system.compiled()
     start = truth.core_initial(pn.Initial(pressure_a="4 bar abs", pressure_b="4 bar abs"))
-    done = core.servo(
-        float(random.uniform(15.0, 25.0)),
-        float(random.uniform(0.3, 0.6)),
-        float(random.uniform(0.08, 0.14)),
-        float(random.uniform(0.4, 0.9)),
-        duration_s,
-        100.0,
-        start,
-        1e-6,
-    )
-    return np.repeat(done["commands"], round(RATE_HZ / 100.0))
+    gains = [float(random.uniform(*each)) for each in ((15.0, 25.0), (0.3, 0.6), (0.08, 0.14), (0.4, 0.9))]
+    control = controller(*gains, 0.5 * truth.cylinder.stroke_m)
+    done = follow_sine(core, control, duration_s, 100.0, start, 1e-6)
+    return np.repeat(done["command"], round(RATE_HZ / 100.0))
 
 
 def record(

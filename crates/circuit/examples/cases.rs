@@ -4,7 +4,7 @@
 #[allow(dead_code)] // the tests use more
 mod drive;
 
-use circuit::{Driven, Servo};
+use circuit::{Driven, Look, Sampling};
 use drive::Drive;
 
 fn main() {
@@ -24,13 +24,22 @@ fn main() {
         contact_age_s: 0.0,
     };
     let options = ode::Options { rtol: if servo_loop { 1e-3 } else { 1e-4 }, ..Default::default() };
-    let servo = Servo { kp: 8.0, kd: 0.25, middle: 0.25, amplitude: 0.1, frequency: 0.5 };
+    let omega = std::f64::consts::PI;
+    let mut servo = |t: f64, seen: &[f64]| {
+        let (target, speed) = (0.25 + 0.1 * (omega * t).sin(), 0.1 * omega * (omega * t).cos());
+        Some((8.0 * (target - seen[0]) + 0.25 * (speed - seen[1])).clamp(-1.0, 1.0))
+    };
     let mut best = f64::INFINITY;
     for _ in 0..runs {
         let start = std::time::Instant::now();
         let rows = if servo_loop {
-            Driven::servo(&servo, drive.session(&initial, options), (10.0, rate), &mut |_| false)
-                .map(|run| run.0)
+            let mut session = drive.session(&initial, options);
+            let column = |name: &str| session.columns().iter().position(|own| own.ends_with(name));
+            let columns = ["position_m", "velocity_m_s"].map(|name| column(name).expect("a column")).to_vec();
+            let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
+            let sampling =
+                Sampling { columns, input: input.expect("a command"), period: 1.0 / rate, until: 10.0 };
+            session.control(&sampling, &mut servo, &mut Look::new(&mut |_| false))
         } else {
             let plan = (&[0.0, 1.0][..], &[0.6, -0.6][..]);
             Driven::states(drive.planned(plan, 2.0, &initial, options), (2.0, rate), &mut |_| false)

@@ -6,7 +6,7 @@
 mod drive;
 
 use circuit::Shooting;
-use drive::Drive;
+use drive::{Drive, plan};
 
 fn main() {
     let json = include_str!("case_a.json");
@@ -15,14 +15,16 @@ fn main() {
     let times: Vec<f64> = (0..=10_000).map(|k| f64::from(k) / 1000.0).collect();
     let run = |parameters: &[&str], with_initial: bool| {
         let asked = Shooting {
-            commands: times.iter().map(|t| 0.08 * (9.0 * t).sin() + 0.03 * (31.0 * t).cos()).collect(),
-            others: Vec::new(),
+            plans: plan(
+                "command",
+                times.clone(),
+                times.iter().map(|t| 0.08 * (9.0 * t).sin() + 0.03 * (31.0 * t).cos()).collect(),
+            ),
             sample_times: times.clone(),
-            times: times.clone(),
             starts: vec![0],
             initial: vec![0.25, 0.0, 3.2e5, 295.0, 2.8e5, 290.0, 1e-6],
             parameters: parameters.iter().map(ToString::to_string).collect(),
-            with_initial: with_initial.into(),
+            by_start: (!with_initial).then(Vec::new),
             outputs: ["position_m", "pressure_a_pa", "pressure_b_pa"].map(String::from).to_vec(),
             options: ode::Options { rtol: 1e-4, ..Default::default() },
             threads: 1,

@@ -17,9 +17,9 @@ mod ground;
 mod part;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, Driven, IMPACT_ENERGY_J_M2, InputPlan, Linear, Mechanics, Members, Names,
-    Network, Prescribed, Record, Restart, Run, Servo, Session, Settable, Shooting, Shot, Target, Variables,
-    close, friction_law, own_law, sample_times, steady_sensitivity, valve_openings,
+    ALONG, Assembly, Driven, IMPACT_ENERGY_J_M2, InputPlan, Linear, Mechanics, Members, Names, Network,
+    Prescribed, Record, Run, Sampling, Session, Settable, Shooting, Shot, Target, Variables, close,
+    friction_law, own_law, sample_times, steady_sensitivity, valve_openings,
 };
 pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{

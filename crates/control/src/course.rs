@@ -10,9 +10,9 @@ use crate::thresholds::{RETURN_LEAST_TIME, STOP_LEAST_TIME};
 ///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fade<S = f64> {
-    /// s.
+    /// Begin, s.
     pub begin: S,
-    /// s.
+    /// Duration, s.
     pub duration: S,
     /// Distance, m, speed, m/s, and acceleration, m/s2, at the start.
     pub from: [S; 3],

@@ -8,9 +8,9 @@ mod traced;
 
 use crate::types::Sample;
 pub use guard::STATUS;
-use guard::{Asked, Fixed, GUARD, Guard, Limits};
+use guard::{Fixed, GUARD, Guard, GuardInputs, Limits};
 pub use print::Language;
-pub use traced::{Function, Graph, Node, Operator, Traced, record};
+pub use traced::{LawGraph, Node, Traced, record};
 
 use crate::controller::Controller;
 use crate::course::Course;
@@ -18,6 +18,7 @@ use crate::follower::{Ahead, Decided, Follower, Takeover};
 use crate::gains::Gain;
 use crate::hold::Hold;
 use crate::law::{AnyLaw, Law};
+use crate::number::{Memory, set_to};
 use crate::observer::Observer;
 use crate::reference::{Reference, Wanted, between, blend};
 use crate::thresholds::FARTHEST;
@@ -26,7 +27,7 @@ use math::Real;
 
 /// An input or parameter of exported code.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Given {
+pub struct ExportVariable {
     /// Its name.
     pub name: String,
     /// SI unit; `1` for a pure number.
@@ -35,39 +36,39 @@ pub struct Given {
     pub meaning: String,
 }
 
-/// A law with its observer and its checks as graphs. All of them take [`Program::inputs`], the parameters and the state, in that
+/// A law with its observer and its checks as graphs. All of them take [`LawProgram::inputs`], the parameters and the state, in that
 /// order.
 #[derive(Clone, Debug)]
-pub struct Program {
+pub struct LawProgram {
     /// Key of the law.
     pub law: &'static str,
     /// The period, s.
     pub period: f64,
-    /// Time after which the present command acts, s. Some [`Program::inputs`] refer to that time.
+    /// Time after which the present command acts, s. Some [`LawProgram::inputs`] refer to that time.
     pub ahead: f64,
     /// Inputs of a sample.
-    pub inputs: Vec<Given>,
+    pub inputs: Vec<ExportVariable>,
     /// Parameters with their values: gains of the law, then limits of the checks.
-    pub parameters: Vec<(Given, f64)>,
+    pub parameters: Vec<(ExportVariable, f64)>,
     /// Number of gains among them.
     pub gains: usize,
     /// Numbers that are stored from one sample to the next, and between the pieces of a step.
     pub memory: [usize; 2],
     /// [`CHECKED`], the checked inputs, and the state of the checks.
-    pub check: Graph,
+    pub check: LawGraph,
     /// State at the first sample.
-    pub begin: Graph,
+    pub begin: LawGraph,
     /// State at a later sample.
-    pub observe: Graph,
+    pub observe: LawGraph,
     /// [`RESULTS`], then the state.
-    pub command: Graph,
+    pub command: LawGraph,
 }
 
 /// Inputs of a move of a reference: positions, m, and times, s.
 pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_time"];
 
 /// Position, velocity, acceleration and jerk of a move at a time. The reference is at rest before and after the move.
-pub fn along_a_move() -> Graph {
+pub fn along_a_move() -> LawGraph {
     record(MOVE.len(), |given| {
         let [from, to, begin, duration, t] = [0, 1, 2, 3, 4].map(|place| given[place]);
         let Wanted { position, velocity, acceleration, jerk } =
@@ -76,10 +77,10 @@ pub fn along_a_move() -> Graph {
     })
 }
 
-/// Results of [`Program::check`] before the checked inputs.
+/// Results of [`LawProgram::check`] before the checked inputs.
 pub const CHECKED: [&str; 3] = ["opens", "begins", "status"];
 
-/// Results of [`Program::command`] before the state.
+/// Results of [`LawProgram::command`] before the state.
 pub const RESULTS: [(&str, &str, &str); 4] = [
     ("command", "1", "command of the valve, -1 .. 1"),
     ("velocity", "m/s", "velocity, estimated"),
@@ -90,8 +91,9 @@ pub const RESULTS: [(&str, &str, &str); 4] = [
 /// Number of samples after which the number of commands that do not act yet is constant.
 const SETTLED: u32 = 200;
 
-fn inputs(with_pressures: bool) -> Vec<Given> {
-    let given = |name: &str, unit, meaning: &str| Given { name: name.into(), unit, meaning: meaning.into() };
+fn inputs(with_pressures: bool) -> Vec<ExportVariable> {
+    let given =
+        |name: &str, unit, meaning: &str| ExportVariable { name: name.into(), unit, meaning: meaning.into() };
     let mut all = vec![given("position", "m", "measured position")];
     if with_pressures {
         for side in ["a", "b"] {
@@ -115,7 +117,7 @@ fn inputs(with_pressures: bool) -> Vec<Given> {
 }
 
 /// Limits of the checks, with their values for a controller.
-fn limits(controller: &Controller) -> Vec<(Given, f64)> {
+fn limits(controller: &Controller) -> Vec<(ExportVariable, f64)> {
     let rules = controller.supervisor.as_ref().map(|own| own.rules).unwrap_or_default();
     let [low, high] = [rules.position[0].max(0.0), rules.position[1].min(controller.model.stroke)];
     [
@@ -124,17 +126,19 @@ fn limits(controller: &Controller) -> Vec<(Given, f64)> {
         ("speed_limit", "m/s", "highest speed of the reference", rules.speed.min(FARTHEST)),
         ("stop_deceleration", "m/s2", "deceleration of a stop ramp", rules.stop_deceleration),
     ]
-    .map(|(name, unit, meaning, value)| (Given { name: name.into(), unit, meaning: meaning.into() }, value))
+    .map(|(name, unit, meaning, value)| {
+        (ExportVariable { name: name.into(), unit, meaning: meaning.into() }, value)
+    })
     .into()
 }
 
 /// Returns the program of a law, its observer and its checks. Without pressure sensors, the pressures come from the
 /// model. The code does not learn: friction and valve are those of the model.
-pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program, String> {
+pub fn program(controller: &Controller, with_pressures: bool) -> Result<LawProgram, String> {
     macro_rules! any {
         ($($law:ident),*) => {
             match &controller.law {
-                $(AnyLaw::$law(law) => Ok(Recorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
+                $(AnyLaw::$law(law) => Ok(LawRecorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
                 AnyLaw::Nmpc(_) => Err(
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
@@ -151,7 +155,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
     any!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion)
 }
 
-struct Recorder<'c> {
+struct LawRecorder<'c> {
     controller: &'c Controller,
     with_pressures: bool,
 }
@@ -164,7 +168,7 @@ enum Piece {
     Command,
 }
 
-impl Asked<Traced> {
+impl GuardInputs<Traced> {
     /// Returns the step for the inputs of the code, in their order.
     fn of(all: &[Traced], with_pressures: bool) -> Self {
         let (first, rest) = all.split_at(if with_pressures { 3 } else { 1 });
@@ -174,7 +178,7 @@ impl Asked<Traced> {
             acceleration: own[2],
             jerk: own[3],
         };
-        Asked {
+        GuardInputs {
             position: first[0],
             pressures: with_pressures.then(|| [first[1], first[2]]),
             now: wanted(&rest[..4]),
@@ -198,7 +202,7 @@ impl Asked<Traced> {
     }
 }
 
-impl Recorder<'_> {
+impl LawRecorder<'_> {
     /// Returns two observers of a controller in steady operation: at time zero after its last command, and at the next
     /// sample.
     fn settled(&self) -> [Observer; 2] {
@@ -238,11 +242,11 @@ impl Recorder<'_> {
     fn program<L: Law<Traced>>(
         &self,
         law: impl Fn(&mut dyn FnMut(&'static str, f64) -> Traced) -> L,
-    ) -> Program {
+    ) -> LawProgram {
         let (mut any, inputs) = (self.controller.law.clone(), inputs(self.with_pressures));
         let gains: Vec<(Gain, f64)> = any.gains().map(|(gain, value)| (*gain, *value)).collect();
         let of_gain = |&(gain, value): &(Gain, f64)| {
-            (Given { name: gain.key.into(), unit: gain.unit, meaning: gain.meaning.into() }, value)
+            (ExportVariable { name: gain.key.into(), unit: gain.unit, meaning: gain.meaning.into() }, value)
         };
         let parameters: Vec<_> = gains.iter().map(of_gain).chain(limits(self.controller)).collect();
         let settled = self.settled();
@@ -266,17 +270,11 @@ impl Recorder<'_> {
                     of_gains[place.expect("a gain of the law")]
                 };
                 let mut own = self.traced(law(&mut of_gain), observer);
-                let mut place = 0;
-                own.numbers(&mut |number| {
-                    if let Some(known) = remembered.get(place) {
-                        *number = *known;
-                    }
-                    place += 1;
-                });
-                self.step(piece, &mut own, &Asked::of(sample, self.with_pressures))
+                own.numbers(&mut set_to(remembered));
+                self.step(piece, &mut own, &GuardInputs::of(sample, self.with_pressures))
             })
         };
-        Program {
+        LawProgram {
             law: self.controller.law.key(),
             period: self.controller.period,
             ahead: self.controller.ahead(),
@@ -292,7 +290,7 @@ impl Recorder<'_> {
     }
 
     /// The checks of a sample. Their state ends with the velocity of the last command.
-    fn check(&self, inputs: usize, parameters: usize, gains: usize) -> Graph {
+    fn check(&self, inputs: usize, parameters: usize, gains: usize) -> LawGraph {
         let Follower { model, plant, period, .. } = &**self.controller;
         let fixed = Fixed {
             period: *period,
@@ -307,12 +305,13 @@ impl Recorder<'_> {
             let (of_limits, state) = rest.split_at(parameters);
             let [low, high, speed, deceleration] = [0, 1, 2, 3].map(|place| of_limits[gains + place]);
             let limits = Limits { position: [low, high], speed, deceleration };
-            let mut own = Guard::of(&state[..GUARD]);
-            let asked = Asked::of(sample, self.with_pressures);
+            let mut own = Guard::new();
+            own.each(&mut set_to(&state[..GUARD]));
+            let asked = GuardInputs::of(sample, self.with_pressures);
             let checked = own.check(&fixed, &limits, &asked, state[GUARD]);
             let mut results = vec![checked.opens, checked.begins, checked.status];
             results.extend(checked.asked.numbers());
-            results.extend(own.numbers());
+            own.each(&mut |number| results.push(*number));
             results
         })
     }
@@ -322,7 +321,7 @@ impl Recorder<'_> {
         &self,
         piece: Piece,
         own: &mut Follower<L, Traced>,
-        given: &Asked<Traced>,
+        given: &GuardInputs<Traced>,
     ) -> Vec<Traced> {
         let at = given.sample(self.controller.period);
         let mut results = Vec::new();
@@ -338,7 +337,7 @@ impl Recorder<'_> {
             Piece::Observe => own.observe(&at),
             Piece::Command => {
                 let nowhere = Reference::Moves { start: 0.0, moves: vec![] };
-                let Asked { now, then, stands, .. } = *given;
+                let GuardInputs { now, then, stands, .. } = *given;
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
                 let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);

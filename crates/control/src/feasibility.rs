@@ -2,10 +2,7 @@
 
 use crate::model::Model;
 use crate::reference::{Reference, Wanted};
-use crate::thresholds::{
-    FEASIBLE_FOLLOWS, FEASIBLE_FOUND, FEASIBLE_LEAST_STEP, FEASIBLE_PIECES, FEASIBLE_SLOW, FEASIBLE_SLOWEST,
-    FEASIBLE_STEP,
-};
+use crate::thresholds::*;
 use crate::types::{Plant, State};
 
 /// Largest demands of a reference on a drive.

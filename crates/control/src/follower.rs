@@ -6,7 +6,7 @@ use crate::adaptation::Adaptation;
 use crate::course::Course;
 use crate::gains::{FACTOR_BOUNDS, FACTORS};
 use crate::hold::{Hold, Resting};
-use crate::law::{AnyLaw, FACTORED, Law, Tick};
+use crate::law::{AnyLaw, Law, Tick};
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer};
@@ -75,7 +75,7 @@ pub struct Answer {
     pub wanted: Wanted,
     /// Estimated velocity, m/s, and disturbance, N.
     pub velocity: f64,
-    /// N.
+    /// Disturbance, N.
     pub disturbance: f64,
     /// It holds.
     pub holds: bool,
@@ -175,26 +175,21 @@ impl Follower {
     /// unused by this law, are rejected. Nothing changes then.
     pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
         let law = self.law.key();
-        let known: Vec<_> = FACTORED.iter().filter(|own| own.law == law).collect();
-        let mut changes = Vec::new();
+        let known: Vec<&str> = self.law.gains().flat_map(|(gain, _)| gain.factors).copied().collect();
         for (key, factor) in FACTORS.iter().zip(factors) {
             if !factor.is_finite() || !FACTOR_BOUNDS.contain(factor) {
                 return Err(format!("factors.{key} = {factor} is out of bounds: it must be {FACTOR_BOUNDS}"));
             }
-            match known.iter().find(|own| own.key == *key) {
-                Some(own) => changes.push((own.gain, factor)),
-                None if factor == 1.0 => {}
-                None => {
-                    let keys: Vec<_> = known.iter().map(|own| own.key).collect();
-                    let has = if keys.is_empty() { "none".into() } else { keys.join(", ") };
-                    return Err(format!(
-                        "factors.{key} = {factor}: the law {law} does not use it; its factors are {has}. Leave it out"
-                    ));
-                }
+            if factor != 1.0 && !known.contains(key) {
+                let has = if known.is_empty() { "none".into() } else { known.join(", ") };
+                return Err(format!(
+                    "factors.{key} = {factor}: the law {law} does not use it; its factors are {has}. Leave it out"
+                ));
             }
         }
         for (gain, value) in self.law.gains() {
-            changes.iter().filter(|(key, _)| *key == gain.key).for_each(|(_, factor)| *value *= factor);
+            let own = FACTORS.iter().zip(factors).filter(|(key, _)| gain.factors.contains(key));
+            own.for_each(|(_, factor)| *value *= factor);
         }
         Ok(())
     }

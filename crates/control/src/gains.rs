@@ -15,17 +15,8 @@ pub struct Gain {
     pub meaning: &'static str,
     /// Rule that determines the value, in words.
     pub rule: &'static str,
-}
-
-/// Gain that a factor of a controller file multiplies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Factor {
-    /// The word of the law.
-    pub law: &'static str,
-    /// Its name: [`FACTORS`].
-    pub key: &'static str,
-    /// The gain.
-    pub gain: &'static str,
+    /// Factors of a controller file that multiply it, of [`FACTORS`].
+    pub factors: &'static [&'static str],
 }
 
 /// Names of the factors.
@@ -51,7 +42,7 @@ pub(crate) fn listed<G: Gains>(own: &mut G) -> Vec<(&'static Gain, &mut f64)> {
 /// Defines a law: a struct of its gains and of its memory, with the initial values of the memory.
 macro_rules! law {
     ($(#[$attribute:meta])* pub struct $name:ident {
-        $($gain:ident: $unit:literal, $bounds:expr, $meaning:literal, rule $rule:literal;)*
+        $($gain:ident: $unit:literal, $bounds:expr, $meaning:literal, rule $rule:literal $(, factor $factor:literal)?;)*
     } memory<$number:ident> { $($memory:ident: $type:ty = $begins:expr),* $(,)? }) => {
         $(#[$attribute])*
         #[derive(Clone, Debug)]
@@ -88,6 +79,7 @@ macro_rules! law {
         impl $crate::gains::Gains for $name {
             const GAINS: &'static [$crate::gains::Gain] = &[$($crate::gains::Gain {
                 key: stringify!($gain), unit: $unit, bounds: $bounds, meaning: $meaning, rule: $rule,
+                factors: &[$($factor)?],
             },)*];
 
             fn gains_mut(&mut self) -> Vec<&mut f64> {

@@ -1,44 +1,45 @@
 //! Holding: a drive at rest at its target.
 
 use crate::model::{Model, Slip};
-use crate::number::{Memory, Number};
-use crate::thresholds::{
-    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FARTHEST, HOLD_FASTEST, HOLD_FORGETS, HOLD_LEAVE, HOLD_MANY,
-    HOLD_NEARER, HOLD_NOISE, HOLD_RAMP, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_STRONGEST, HOLD_SWITCHING,
-    HOLD_TRIES_AFTER, HOLD_VAIN,
-};
+use crate::number::{Number, memory};
+use crate::thresholds::*;
 
-/// Holding: the force at which the seal rests is kept.
-#[derive(Clone, Debug)]
-pub struct Hold<S = f64> {
-    /// Error below which holding begins, m.
-    pub band: f64,
-    /// Time for which the error must have been within the band, s.
-    pub after: f64,
-    /// Time near the target, s; time within the band about any place, s; and the error at this place, m.
-    waited: S,
-    rested: S,
-    place: S,
-    /// Whether holding is active, 0 or 1; the kept force, N; and approximately the force at its beginning, N.
-    holds: S,
-    force: S,
-    begun: S,
-    /// While the reference is at rest: the error of the last rest, m, and the least error, m. Then the number of slips
-    /// past the target since the least error.
-    rest: S,
-    nearest: S,
-    vain: S,
-    /// Time for which the drive has been kept many bands away, s, and whether it is moved nearer, 0 or 1.
-    far_for: S,
-    tries: S,
-    /// Error at the last try, m, and the number of successive tries that did not reduce the error.
-    tried: S,
-    missed: S,
-    /// Error at the beginning of holding, m, and how often the drive has left a rest while the reference is at rest.
-    origin: S,
-    slid: S,
-    /// Distance by which the drive left its rest at the last sample, m; 0 if it did not.
-    pub(crate) left: S,
+memory! {
+    /// Holding: the force at which the seal rests is kept.
+    pub struct Hold<S> {
+        /// Time near the target, s; time within the band about any place, s; and the error at this place, m.
+        waited: S,
+        rested: S,
+        place: S,
+        /// Whether holding is active, 0 or 1; the kept force, N; and approximately the force at its beginning, N.
+        holds: S,
+        force: S,
+        begun: S,
+        /// While the reference is at rest: the error of the last rest, m, and the least error, m. Then the number of
+        /// slips past the target since the least error.
+        rest: S,
+        nearest: S,
+        vain: S,
+        /// Time for which the drive has been kept many bands away, s, and whether it is moved nearer, 0 or 1.
+        far_for: S,
+        tries: S,
+        /// Error at the last try, m, and the number of successive tries that did not reduce the error.
+        tried: S,
+        missed: S,
+        /// Error at the beginning of holding, m, and how often the drive has left a rest while the reference is at rest.
+        origin: S,
+        slid: S,
+    }
+    const {
+        /// Error below which holding begins, m.
+        pub band: f64,
+        /// Time for which the error must have been within the band, s.
+        pub after: f64,
+    }
+    beside {
+        /// Distance by which the drive left its rest at the last sample, m; 0 if it did not.
+        pub(crate) left: S,
+    }
 }
 
 /// Inputs of holding for one sample.
@@ -48,7 +49,7 @@ pub(crate) struct Resting<S> {
     pub stands: S,
     /// Error of the position, m.
     pub error: S,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: S,
     /// Force of the gas, N.
     pub gas: S,
@@ -56,61 +57,7 @@ pub(crate) struct Resting<S> {
     pub level: S,
 }
 
-impl<S: Number> Memory<S> for Hold<S> {
-    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        let Hold {
-            waited,
-            rested,
-            place,
-            holds,
-            force,
-            begun,
-            rest,
-            nearest,
-            vain,
-            far_for,
-            tries,
-            tried,
-            missed,
-            origin,
-            slid,
-            ..
-        } = self;
-        [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed]
-            .into_iter()
-            .chain([origin, slid])
-            .for_each(see);
-    }
-}
-
 impl<S: Number> Hold<S> {
-    /// Returns holding with a band, m, that begins after a time, s.
-    pub fn new(band: f64, after: f64) -> Self {
-        let [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed] =
-            [S::zero(); 13];
-        let [origin, slid, left] = [S::zero(); 3];
-        Hold {
-            band,
-            after,
-            waited,
-            rested,
-            place,
-            holds,
-            force,
-            begun,
-            rest,
-            nearest,
-            vain,
-            far_for,
-            tries,
-            tried,
-            missed,
-            origin,
-            slid,
-            left,
-        }
-    }
-
     /// Returns 1 if the drive is to be kept where it rests, else 0. It is kept after two slips past the target that
     /// came no nearer.
     /// A further slip would not help.

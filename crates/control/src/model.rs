@@ -6,7 +6,7 @@ use crate::number::Number;
 use crate::thresholds::{LEAST_SPEED, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
 use crate::types::{Plant, State};
 use math::{Function, Over};
-pub use parts::{Held, Openings, Side, Slip, Valve};
+pub use parts::{ConstantGas, Openings, Side, Slip, Valve};
 use physics::chamber::{EnergyBalance, Exchange, GasState};
 use physics::flow::{End, leaking, opened};
 use physics::friction::{At, Contact, plastic_share};
@@ -18,12 +18,12 @@ pub struct Model {
     /// The gas.
     pub gas: Gas<f64>,
     /// The air around.
-    pub ambient: Held,
+    pub ambient: ConstantGas,
     /// The supply.
-    pub supply: Held,
+    pub supply: ConstantGas,
     /// Chambers a and b.
     pub sides: [Side; 2],
-    /// m.
+    /// Stroke, m.
     pub stroke: f64,
     /// Moving mass, kg.
     pub mass: f64,
@@ -31,7 +31,7 @@ pub struct Model {
     pub load: f64,
     /// Heat-transfer coefficient to the walls, W/(m2 K).
     pub heat_transfer: f64,
-    /// K.
+    /// Wall temperature, K.
     pub wall_temperature: f64,
     /// The valve.
     pub valve: Valve,
@@ -155,7 +155,7 @@ impl Model {
     #[inline(always)]
     pub fn chambers_on<S: Over<f64>>(
         &self,
-        supply: &Held,
+        supply: &ConstantGas,
         [x, v]: [S; 2],
         gas: [GasState<S>; 2],
         openings: impl Openings<S>,

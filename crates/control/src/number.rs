@@ -29,6 +29,63 @@ pub trait Memory<S>: Clone {
     fn each(&mut self, see: &mut dyn FnMut(&mut S));
 }
 
+/// Returns a visitor that sets numbers to these values, in order. Without a value, a number stays.
+pub(crate) fn set_to<S: Copy>(values: &[S]) -> impl FnMut(&mut S) {
+    let mut values = values.iter();
+    move |own| *own = values.next().copied().unwrap_or(*own)
+}
+
+/// A number, or several, that are zero at first.
+pub trait Zeros {
+    /// Returns zero.
+    fn zeros() -> Self;
+}
+
+impl<S: Number> Zeros for S {
+    fn zeros() -> Self {
+        S::zero()
+    }
+}
+
+impl<S: Number, const N: usize> Zeros for [S; N] {
+    fn zeros() -> Self {
+        [S::zero(); N]
+    }
+}
+
+/// Defines a state of stored numbers that are zero at first. It may have constants, and numbers that are not stored.
+macro_rules! memory {
+    ($(#[$about:meta])* $of:vis struct $name:ident<$number:ident> {
+        $($(#[$stored_about:meta])* $of_stored:vis $stored:ident: $type:ty,)*
+    }
+    $(const { $($(#[$constant_about:meta])* $of_constant:vis $constant:ident: $kind:ty,)* })?
+    $(beside { $($(#[$other_about:meta])* $of_other:vis $other:ident: $of_type:ty,)* })?) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug)]
+        $of struct $name<$number = f64> {
+            $($($(#[$constant_about])* $of_constant $constant: $kind,)*)?
+            $($(#[$stored_about])* $of_stored $stored: $type,)*
+            $($($(#[$other_about])* $of_other $other: $of_type,)*)?
+        }
+
+        impl<$number: $crate::number::Number> $name<$number> {
+            /// Returns the initial state.
+            #[allow(clippy::new_without_default)]
+            pub fn new($($($constant: $kind),*)?) -> Self {
+                use $crate::number::Zeros;
+                $name { $($($constant,)*)? $($stored: Zeros::zeros(),)* $($($other: Zeros::zeros(),)*)? }
+            }
+        }
+
+        impl<$number: $crate::number::Number> $crate::number::Memory<$number> for $name<$number> {
+            fn each(&mut self, see: &mut dyn FnMut(&mut $number)) {
+                $($crate::number::Memory::each(&mut self.$stored, see);)*
+            }
+        }
+    };
+}
+pub(crate) use memory;
+
 impl<S: Number> Memory<S> for S {
     fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
         see(self);

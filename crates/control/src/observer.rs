@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
 use crate::model::{Model, Openings};
-use crate::number::Number;
+use crate::number::{Memory, Number};
 use crate::spool::Spool;
 use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIECE, OBSERVER_REST};
 use crate::types::{Sample, State, gas_at};
@@ -125,44 +125,27 @@ pub struct Noise {
 ///
 /// Source: [anderson1979].
 fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
+    type Matrix = [[f64; 3]; 3];
+    let matrix = |entry: &dyn Fn(usize, usize) -> f64| -> Matrix {
+        std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
+    };
     let t = period;
     let f = [[1.0, t, 0.5 * t * t / mass], [0.0, 1.0, t / mass], [0.0, 0.0, 1.0]];
     let q = noise.disturbance * noise.disturbance;
     // Covariance of a disturbance that wanders evenly within a period: the integral of F(s) e3 e3' F(s)'.
     let way = |s: f64| [0.5 * s * s / mass, s / mass, 1.0];
-    let mut wander = [[0.0; 3]; 3];
     let nodes = [(0.5 - 0.15_f64.sqrt(), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + 0.15_f64.sqrt(), 5.0 / 18.0)];
-    for (node, weight) in nodes {
-        let own = way(node * t);
-        for (i, row) in wander.iter_mut().enumerate() {
-            for (j, entry) in row.iter_mut().enumerate() {
-                *entry += q * t * weight * own[i] * own[j];
-            }
-        }
-    }
+    let nodes = nodes.map(|(node, weight)| (way(node * t), weight));
+    let wander = matrix(&|i, j| nodes.iter().map(|(own, weight)| q * t * weight * own[i] * own[j]).sum());
     let r = noise.position * noise.position;
     let mut p = [[1e-6, 0.0, 0.0], [0.0, 1e-2, 0.0], [0.0, 0.0, 1e4]];
     let mut gain = [0.0; 3];
     for _ in 0..20_000 {
-        let mut fp = [[0.0; 3]; 3];
-        let mut next = wander;
-        for i in 0..3 {
-            for j in 0..3 {
-                fp[i][j] = (0..3).map(|k| f[i][k] * p[k][j]).sum();
-            }
-        }
-        for i in 0..3 {
-            for j in 0..3 {
-                next[i][j] += (0..3).map(|k| fp[i][k] * f[j][k]).sum::<f64>();
-            }
-        }
+        let fp = matrix(&|i, j| (0..3).map(|k| f[i][k] * p[k][j]).sum());
+        let next = matrix(&|i, j| wander[i][j] + (0..3).map(|k| fp[i][k] * f[j][k]).sum::<f64>());
         let before = gain;
         gain = [0, 1, 2].map(|i| next[i][0] / (next[0][0] + r));
-        for i in 0..3 {
-            for j in 0..3 {
-                p[i][j] = next[i][j] - gain[i] * next[0][j];
-            }
-        }
+        p = matrix(&|i, j| next[i][j] - gain[i] * next[0][j]);
         if (0..3).all(|i| (gain[i] - before[i]).abs() <= 1e-12 * gain[i].abs()) {
             break;
         }
@@ -173,17 +156,7 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
 impl Observer {
     /// Returns the observer in other numbers, at the same time and without any past samples.
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
-        let zero = S::zero();
-        let (pair, time) = ([zero; 2], self.time);
-        let state = State {
-            position: zero,
-            velocity: zero,
-            disturbance: zero,
-            friction: zero,
-            pressures: pair,
-            temperatures: pair,
-        };
-        Observer { state, spool: self.spool.at_rest(), gain: self.gain, time }
+        Observer { state: State::new(), spool: self.spool.at_rest(), gain: self.gain, time: self.time }
     }
 }
 
@@ -238,11 +211,7 @@ impl<S: Number> Observer<S> {
 
     /// Visits each number of the observer.
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
-        let State { position, velocity, disturbance, friction, pressures, temperatures } = &mut self.state;
-        for own in [position, velocity, disturbance, friction] {
-            see(own);
-        }
-        pressures.iter_mut().chain(temperatures).for_each(&mut *see);
+        self.state.each(see);
         self.spool.numbers(see);
     }
 }

@@ -1,18 +1,19 @@
 //! Reference of a drive: position with its derivatives over time.
 
 use crate::number::Number;
+use serde::Deserialize;
 use std::f64::consts::TAU;
 
 /// Wanted state of a drive at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wanted<S = f64> {
-    /// m.
+    /// Position, m.
     pub position: S,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: S,
-    /// m/s2.
+    /// Acceleration, m/s2.
     pub acceleration: S,
-    /// m/s3.
+    /// Jerk, m/s3.
     pub jerk: S,
 }
 
@@ -68,50 +69,60 @@ pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> 
 }
 
 /// A motion of a reference.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Reference {
     /// Moves, one after the other. The reference rests at the start before the first move.
     Moves {
-        /// m.
+        /// Start, m.
+        #[serde(rename = "start_m")]
         start: f64,
         /// The entries in the order of their times.
         moves: Vec<Move>,
     },
     /// A sine about a centre. Its amplitude grows from zero within the first period.
     Sine {
-        /// m.
+        /// Centre, m.
+        #[serde(rename = "centre_m")]
         centre: f64,
-        /// m.
+        /// Amplitude, m.
+        #[serde(rename = "amplitude_m")]
         amplitude: f64,
-        /// Hz.
+        /// Frequency, Hz.
+        #[serde(rename = "frequency_hz")]
         frequency: f64,
     },
     /// Polynomials, one after the other. Between two of them, the reference rests where the first one ends.
     Pieces {
-        /// m.
+        /// Start, m.
+        #[serde(rename = "start_m")]
         start: f64,
         /// The entries in the order of their times.
         pieces: Vec<Piece>,
         /// Moving mass and load along them; `None`: those of the model.
+        #[serde(default)]
         efforts: Option<Efforts>,
     },
 }
 
 /// Moving mass and load of a drive at times at equal distances. The first one is at time zero.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Efforts {
     /// Distance of the times, s.
+    #[serde(rename = "period_s")]
     pub period: f64,
     /// One entry for each time.
     pub rows: Vec<Effort>,
     /// For each time, the part of the force of each axis of the run that acts on this axis as a load. Empty: none.
+    #[serde(default)]
     pub others: Vec<Vec<f64>>,
 }
 
 /// Moving mass and load of a drive at one time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct Effort {
-    /// kg.
+    /// Moving mass, kg.
     pub mass: f64,
     /// Force in +x that neither gas nor friction gives, N.
     pub load: f64,
@@ -147,14 +158,21 @@ pub const COEFFICIENTS: usize = 10;
 const MOMENTS: u32 = 200;
 
 /// A polynomial: position, m, over the elapsed fraction of its duration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "[f64; 2 + COEFFICIENTS]")]
 pub struct Piece {
-    /// s.
+    /// Begin, s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,
     /// Coefficients of the powers 0, 1, .. of that fraction, m.
     pub coefficients: [f64; COEFFICIENTS],
+}
+
+impl From<[f64; 2 + COEFFICIENTS]> for Piece {
+    fn from([begin, duration, coefficients @ ..]: [f64; 2 + COEFFICIENTS]) -> Self {
+        Piece { begin, duration, coefficients }
+    }
 }
 
 impl Piece {
@@ -174,13 +192,13 @@ impl Piece {
 }
 
 /// A move to a position, from the end of the previous move.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct Move {
-    /// s.
+    /// Begin, s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,
-    /// m.
+    /// Target, m.
     pub to: f64,
 }
 

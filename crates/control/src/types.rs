@@ -1,6 +1,7 @@
 //! Ground floor: sample, state and plant of a drive, arrangement of its valves. These types do not depend on other
 //! files.
 
+use crate::number::memory;
 use crate::thresholds::LEAST_LAG;
 use math::Over;
 use physics::chamber::GasState;
@@ -8,9 +9,9 @@ use physics::chamber::GasState;
 /// Readings of the sensors at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<S = f64> {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// m.
+    /// Position, m.
     pub position: S,
     /// Pressures in chambers a and b, Pa absolute; `None`: they come from the model.
     pub pressures: Option<[S; 2]>,
@@ -19,27 +20,28 @@ pub struct Sample<S = f64> {
 /// The time of a sample, and the period until the next one, s.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// s.
+    /// Period, s.
     pub period: f64,
 }
 
-/// The state of a drive that a law receives.
-#[derive(Clone, Copy, Debug)]
-pub struct State<S = f64> {
-    /// m.
-    pub position: S,
-    /// m/s.
-    pub velocity: S,
-    /// Force that is not part of the model, N in +x.
-    pub disturbance: S,
-    /// Friction force without its viscous part, N.
-    pub friction: S,
-    /// Pa absolute.
-    pub pressures: [S; 2],
-    /// K.
-    pub temperatures: [S; 2],
+memory! {
+    /// The state of a drive that a law receives.
+    pub struct State<S> {
+        /// Position, m.
+        pub position: S,
+        /// Velocity, m/s.
+        pub velocity: S,
+        /// Force that is not part of the model, N in +x.
+        pub disturbance: S,
+        /// Friction force without its viscous part, N.
+        pub friction: S,
+        /// Pa absolute.
+        pub pressures: [S; 2],
+        /// Temperatures, K.
+        pub temperatures: [S; 2],
+    }
 }
 
 impl<S: Over<f64>> State<S> {

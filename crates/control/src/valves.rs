@@ -4,6 +4,7 @@ mod reach;
 
 use crate::gains::{Gain, law, listed};
 use crate::model::Model;
+use crate::number::memory;
 use crate::observer::Observer;
 use crate::spool::Spool;
 use crate::thresholds::{STIFFNESS_RATE, STIFFNESS_WEIGHT};
@@ -220,27 +221,15 @@ const THREE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0]];
 const SEVEN: [[f64; 2]; 7] =
     [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 1.0]];
 
-/// Modes, their residuals, and their durations.
-#[derive(Clone, Debug)]
-pub(crate) struct Switched<S> {
-    /// Residuals of the forces of both chambers, N.
-    missing: [S; 2],
-    /// Samples for which no valve may switch.
-    waits: S,
-    /// Each chamber filled, shut or vented: 1, 0, -1.
-    mode: [S; 2],
-}
-
-impl<S: crate::number::Number> Switched<S> {
-    fn new() -> Self {
-        Switched { missing: [S::zero(); 2], waits: S::zero(), mode: [S::zero(); 2] }
-    }
-}
-
-impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
-    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        let Switched { missing, waits, mode } = self;
-        missing.iter_mut().chain([waits]).chain(mode).for_each(see);
+memory! {
+    /// Modes, their residuals, and their durations.
+    pub(crate) struct Switched<S> {
+        /// Residuals of the forces of both chambers, N.
+        missing: [S; 2],
+        /// Samples for which no valve may switch.
+        waits: S,
+        /// Each chamber filled, shut or vented: 1, 0, -1.
+        mode: [S; 2],
     }
 }
 
@@ -249,7 +238,7 @@ impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
 struct Choosing {
     /// Samples for which a mode stays.
     stays: f64,
-    /// s.
+    /// Period, s.
     period: f64,
     /// Force that is missing when a valve switches, N.
     dead_band: f64,

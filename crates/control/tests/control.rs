@@ -3,7 +3,7 @@
 use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
-    Arrangement, COEFFICIENTS, Controller, Held, LAWS, Model, Move, Noise, Observer, Piece, Reference,
+    Arrangement, COEFFICIENTS, ConstantGas, Controller, LAWS, Model, Move, Noise, Observer, Piece, Reference,
     Sample, Side, Slip, Valve, Wanted, blend, demand, export, least_factor, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
@@ -40,8 +40,8 @@ fn drive() -> Model {
     let value = |key: &str| values.iter().find(|own| own.0 == key).map_or(f64::INFINITY, |own| own.1);
     let law = AnyLaw::build("lugre", &mut |parameter| value(parameter.key), &Choices::default());
     Model {
-        ambient: Held { pressure: 101_325.0, temperature: 293.15 },
-        supply: Held { pressure: 7e5, temperature: 293.15 },
+        ambient: ConstantGas { pressure: 101_325.0, temperature: 293.15 },
+        supply: ConstantGas { pressure: 7e5, temperature: 293.15 },
         sides: [side(0.0, 1.0), side(STROKE, -1.0)],
         stroke: STROKE,
         mass: 2.0,

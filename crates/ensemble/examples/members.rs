@@ -5,7 +5,7 @@
 #[allow(dead_code)] // the tests of circuits use more
 mod drive;
 
-use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
+use ensemble::{Column, Ensemble, EnsembleRequest, Kernel, Plan, Reduction, Statistic};
 
 /// Numbers in which members differ, with their ranges.
 const VARY: [(&str, f64, f64); 12] = [
@@ -39,9 +39,10 @@ fn main() {
     };
     let row = |_| VARY.map(|(_, low, high)| low + share() * (high - low));
     let values: Vec<f64> = (0..members).flat_map(row).collect();
-    let mut outputs: Vec<Reduction> = (1..8).map(|column| Reduction { column, what: What::Final }).collect();
-    outputs.push(Reduction { column: 1, what: What::When { value: 0.45, above: true } });
-    let asked = Asked {
+    let mut outputs: Vec<Reduction> =
+        (1..8).map(|column| Reduction { column, what: Statistic::Final }).collect();
+    outputs.push(Reduction { column: 1, what: Statistic::When { value: 0.45, above: true } });
+    let asked = EnsembleRequest {
         members,
         values: &values,
         plans: vec![Plan {

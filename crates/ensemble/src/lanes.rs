@@ -1,8 +1,8 @@
 //! Members side by side in the lanes of one register. Each has its own time, step and commands. A finished
 //! member makes room for the next. No member depends on its neighbours.
 
-use crate::reduction::Follower;
-use crate::worker::{Came, Status, Worker};
+use crate::reduction::Reducer;
+use crate::worker::{Came, MemberStatus, Worker};
 use circuit::{Circuit, failure_of};
 use math::Lane;
 use ode::{Output, Stepper};
@@ -78,7 +78,7 @@ impl<R: Lane> Queue<'_, '_, R> {
 /// Runs members and returns their results in order. The list is shorter after a stop.
 pub(crate) fn run<R: Lane>(
     worker: &mut Worker<'_, R>,
-    follower: &mut Follower<'_, R>,
+    follower: &mut Reducer<'_, R>,
     members: Range<usize>,
     stop: &AtomicBool,
 ) -> Vec<Came> {
@@ -97,7 +97,7 @@ pub(crate) fn run<R: Lane>(
 /// Running members.
 struct Group<'g, 'w, 'a, 'f, R: Lane> {
     queue: &'g mut Queue<'w, 'a, R>,
-    follower: &'g mut Follower<'f, R>,
+    follower: &'g mut Reducer<'f, R>,
     stepper: Stepper<R, Circuit<R>>,
     seats: Vec<Option<Seat>>,
 }
@@ -112,7 +112,7 @@ fn gathered<R: Lane>(seats: &[Option<Seat>]) -> Circuit<R> {
 impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
     fn new(
         queue: &'g mut Queue<'w, 'a, R>,
-        follower: &'g mut Follower<'f, R>,
+        follower: &'g mut Reducer<'f, R>,
         begun: Vec<(Seat, Vec<f64>)>,
     ) -> Self {
         let (seats, starts): (Vec<Seat>, Vec<Vec<f64>>) = begun.into_iter().unzip();
@@ -174,7 +174,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
             ode::System::settle(circuit, &mut y);
             self.follower.finish(lane, (seat.duration, &y), circuit, &mut row);
         }
-        let came = Came { row, failure: failure.map(|reason| (Status::Stopped, reason)), attempts };
+        let came = Came { row, failure: failure.map(|reason| (MemberStatus::Stopped, reason)), attempts };
         let member = seat.member;
         self.queue.enter(member, came);
         self.seats[lane] = None;

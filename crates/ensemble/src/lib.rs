@@ -12,7 +12,7 @@ mod reduction;
 mod run;
 mod worker;
 
-pub use plan::{Asked, Column, Ensemble, Kernel, Plan};
-pub use reduction::{Follower, Reduction, What};
+pub use plan::{Column, Ensemble, EnsembleRequest, Kernel, Plan};
+pub use reduction::{Reducer, Reduction, Statistic};
 pub use run::Outcome;
-pub use worker::Status;
+pub use worker::MemberStatus;

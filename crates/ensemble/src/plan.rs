@@ -1,8 +1,8 @@
 //! What members run, as asked and checked.
 
-use crate::reduction::{Reduction, What};
+use crate::reduction::{Reduction, Statistic};
 use circuit::{
-    Assembly, Error, Members, Names, Network, Starting, budget, sample_times,
+    Assembly, Error, Members, Names, Network, budget, sample_times,
     specification::{self, FromJson},
 };
 use math::has_eight;
@@ -57,7 +57,7 @@ pub struct Plan<'a> {
 
 /// Request for the run of an ensemble.
 #[derive(Clone, Debug)]
-pub struct Asked<'a> {
+pub struct EnsembleRequest<'a> {
     /// Number of members.
     pub members: usize,
     /// Numbers in which the members differ, one row for each member.
@@ -148,7 +148,7 @@ impl Ensemble {
 /// Checked request.
 pub(crate) struct Planned<'a> {
     pub ensemble: &'a Ensemble,
-    pub asked: &'a Asked<'a>,
+    pub asked: &'a EnsembleRequest<'a>,
     /// Index of the input of each plan.
     pub inputs: Vec<usize>,
     pub options: Options,
@@ -156,7 +156,7 @@ pub(crate) struct Planned<'a> {
 }
 
 impl<'a> Planned<'a> {
-    pub fn of(ensemble: &'a Ensemble, asked: &'a Asked<'a>) -> Result<Self, Error> {
+    pub fn of(ensemble: &'a Ensemble, asked: &'a EnsembleRequest<'a>) -> Result<Self, Error> {
         let (template, k) = (ensemble.template(), ensemble.names().len());
         if asked.values.len() != asked.members * k {
             return refuse(format!(
@@ -181,7 +181,7 @@ impl<'a> Planned<'a> {
             return refuse(format!("duration = {duration} s must be above zero"));
         }
         let mut rates = asked.outputs.iter().filter_map(|output| match output.what {
-            What::Samples { rate } => Some(rate),
+            Statistic::Samples { rate } => Some(rate),
             _ => None,
         });
         if let Some(rate) = rates.next() {
@@ -212,7 +212,7 @@ impl<'a> Planned<'a> {
     /// Returns the numbers that an output has for each member.
     pub fn width(&self, output: &Reduction) -> usize {
         match output.what {
-            What::Samples { rate } => sample_times(self.asked.duration.row(0)[0], rate).len(),
+            Statistic::Samples { rate } => sample_times(self.asked.duration.row(0)[0], rate).len(),
             _ => 1,
         }
     }
@@ -235,27 +235,9 @@ fn in_row(member: usize, error: &Error) -> Error {
 }
 
 fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
-    let starts = template.variables.starts.iter();
-    let rules = starts.flat_map(|(starting, names)| {
-        let rule = match starting {
-            Starting::Gas(_) => "above zero",
-            Starting::Kept(_) => "0 or 1",
-            _ => "finite",
-        };
-        let given = if matches!(starting, Starting::Inner(_)) { 0 } else { names.len() };
-        names.iter().take(given).map(move |name| (name, rule))
-    });
-    let rules: Vec<(&String, &str)> = rules.collect();
     for (member, row) in initial.values.chunks_exact(initial.width.max(1)).enumerate() {
-        for ((name, rule), &value) in rules.iter().zip(row) {
-            let fits = match *rule {
-                "above zero" => value > 0.0,
-                "0 or 1" => value == 0.0 || value == 1.0,
-                _ => true,
-            };
-            if !(value.is_finite() && fits) {
-                return refuse(format!("member {member}: the start {name} = {value} must be {rule}"));
-            }
+        if let Some((name, value, rule)) = template.impossible_start(row, false) {
+            return refuse(format!("member {member}: the start {name} = {value} must be {rule}"));
         }
     }
     Ok(())

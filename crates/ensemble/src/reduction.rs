@@ -19,7 +19,7 @@ const PARABOLAS: usize = 2;
 
 /// Reduction of a column to numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum What {
+pub enum Statistic {
     /// Its value at the end.
     Final,
     /// Its greatest value.
@@ -39,7 +39,7 @@ pub enum What {
     },
     /// Samples at a fixed rate, 1/s, from the start to the end.
     Samples {
-        /// 1/s.
+        /// Rate, 1/s.
         rate: f64,
     },
 }
@@ -53,7 +53,7 @@ pub struct Reduction {
     /// Index of the column among those of the circuit.
     pub column: usize,
     /// Reduction of the column.
-    pub what: What,
+    pub what: Statistic,
 }
 
 /// Source of a column.
@@ -73,7 +73,7 @@ struct Fold {
 }
 
 /// Follows the members in the lanes of a run.
-pub struct Follower<'a, R: Lane> {
+pub struct Reducer<'a, R: Lane> {
     assembly: &'a Assembly,
     asked: &'a [Reduction],
     sources: Vec<Source>,
@@ -105,7 +105,7 @@ pub struct Follower<'a, R: Lane> {
     row: Vec<R>,
 }
 
-impl<'a, R: Lane> Follower<'a, R> {
+impl<'a, R: Lane> Reducer<'a, R> {
     /// Creates a follower for members with the structure of `assembly`, over `duration` s if samples are requested.
     pub fn new(assembly: &'a Assembly, asked: &'a [Reduction], duration: f64) -> Self {
         let quantity = |asked: &Reduction| assembly.variables.quantities[asked.column];
@@ -120,10 +120,10 @@ impl<'a, R: Lane> Follower<'a, R> {
         };
         let sources: Vec<Source> = asked.iter().map(source).collect();
         let rate = asked.iter().find_map(|asked| match asked.what {
-            What::Samples { rate } => Some(rate),
+            Statistic::Samples { rate } => Some(rate),
             _ => None,
         });
-        Follower {
+        Reducer {
             folds: vec![Fold::default(); R::L * asked.len()],
             times: rate.map_or(Vec::new(), |rate| sample_times(duration, rate)),
             next: vec![usize::MAX; R::L],
@@ -158,7 +158,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         for (fold, asked) in self.folds[lane * self.asked.len()..].iter_mut().zip(self.asked) {
             fold.samples.clear();
             fold.value = match asked.what {
-                What::Mean | What::Integral => 0.0,
+                Statistic::Mean | Statistic::Integral => 0.0,
                 _ => f64::NAN,
             };
         }
@@ -171,16 +171,16 @@ impl<'a, R: Lane> Follower<'a, R> {
         }
         self.changes(lane, circuit);
         let row = &mut self.row;
-        if self.asked.iter().any(|asked| asked.what == What::Final) {
+        if self.asked.iter().any(|asked| asked.what == Statistic::Final) {
             self.assembly.row(circuit, R::c(t), y, &mut self.net, row);
         }
         let mut out = out.iter_mut();
         let mut put = |value: f64| *out.next().expect("room for each number") = value;
         for (fold, asked) in self.folds[lane * self.asked.len()..].iter().zip(self.asked) {
             match asked.what {
-                What::Final => put(row[asked.column].get(lane)),
-                What::Mean => put(fold.value / t),
-                What::Samples { .. } => fold.samples.iter().for_each(|value| put(*value)),
+                Statistic::Final => put(row[asked.column].get(lane)),
+                Statistic::Mean => put(fold.value / t),
+                Statistic::Samples { .. } => fold.samples.iter().for_each(|value| put(*value)),
                 _ => put(fold.value),
             }
         }
@@ -228,7 +228,7 @@ impl<'a, R: Lane> Follower<'a, R> {
             };
             let course = states.course(i);
             self.courses[r] = Some(course);
-            if let What::When { value, .. } = asked.what {
+            if let Statistic::When { value, .. } = asked.what {
                 let way = (course.value(0.0) - R::c(value)).abs();
                 self.far[r] = R::mask_bits(course.spread().lt(way));
                 self.busy |= !(self.far[r] | self.found[r]);
@@ -326,14 +326,14 @@ impl<'a, R: Lane> Follower<'a, R> {
 }
 
 /// Data of an attempt that all lanes share.
-struct Look<'l, 'a, 's, R: Lane> {
-    follower: &'l mut Follower<'a, R>,
+struct AttemptWork<'l, 'a, 's, R: Lane> {
+    follower: &'l mut Reducer<'a, R>,
     at: (f64, f64),
     states: &'l mut Accepted<'s, R>,
     circuit: &'l Circuit<R>,
 }
 
-impl<R: Lane> Work for Look<'_, '_, '_, R> {
+impl<R: Lane> Work for AttemptWork<'_, '_, '_, R> {
     type Out = ();
     #[inline(always)]
     fn work(self) {
@@ -342,8 +342,8 @@ impl<R: Lane> Work for Look<'_, '_, '_, R> {
 }
 
 /// Returns whether no step has to be evaluated.
-fn is_whole(what: What) -> bool {
-    matches!(what, What::Final | What::Samples { .. })
+fn is_whole(what: Statistic) -> bool {
+    matches!(what, Statistic::Final | Statistic::Samples { .. })
 }
 
 /// Returns a circuit whose lanes are all equal.
@@ -351,7 +351,7 @@ fn gathered<R: Lane>(circuit: &Circuit<f64>) -> Circuit<R> {
     Circuit::gather(&vec![circuit; R::L])
 }
 
-impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
+impl<R: Lane> Output<R, Circuit<R>> for Reducer<'_, R> {
     fn due(&self, lane: usize) -> f64 {
         self.times.get(self.next[lane]).copied().unwrap_or(f64::INFINITY)
     }
@@ -377,7 +377,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
     #[inline(always)]
     fn step(&mut self, lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
         if self.attempt != states.attempt() {
-            R::within(Look { follower: self, at: (t, h), states, circuit });
+            R::within(AttemptWork { follower: self, at: (t, h), states, circuit });
         }
         if self.busy >> lane & 1 == 1 {
             self.attend((lane, t, h), states, circuit);
@@ -385,7 +385,7 @@ impl<R: Lane> Output<R, Circuit<R>> for Follower<'_, R> {
     }
 }
 
-impl<R: Lane> Follower<'_, R> {
+impl<R: Lane> Reducer<'_, R> {
     /// Computes the columns of all waiting samples of a lane, and of as many samples of each other lane.
     fn put_samples(&mut self, lane: usize, circuit: &Circuit<R>) {
         let (width, end) = (self.at.len(), self.waiting[lane].len());
@@ -399,7 +399,7 @@ impl<R: Lane> Follower<'_, R> {
             let all = self.folds.chunks_exact_mut(self.asked.len()).enumerate();
             for (other, folds) in all.filter(|(other, _)| of(*other).is_some()) {
                 for (fold, asked) in folds.iter_mut().zip(self.asked) {
-                    if let What::Samples { .. } = asked.what {
+                    if let Statistic::Samples { .. } = asked.what {
                         fold.samples.push(self.row[asked.column].get(other));
                     }
                 }
@@ -423,13 +423,13 @@ impl<R: Lane> Follower<'_, R> {
             let place = lane * self.asked.len() + r;
             let so_far = self.folds[place].value;
             let value = match what {
-                What::Final | What::Samples { .. } => continue,
-                What::When { .. } if !so_far.is_nan() => continue,
+                Statistic::Final | Statistic::Samples { .. } => continue,
+                Statistic::When { .. } if !so_far.is_nan() => continue,
                 // Far from the threshold, the step is not evaluated.
-                What::When { .. } if t > 0.0 && self.far[r] >> lane & 1 == 1 => {
+                Statistic::When { .. } if t > 0.0 && self.far[r] >> lane & 1 == 1 => {
                     continue;
                 }
-                What::When { value, above } => {
+                Statistic::When { value, above } => {
                     let points = self.points(r, lane, states);
                     let Some(time) = self.passing(r, at, points, (value, above), states, circuit) else {
                         continue;
@@ -437,13 +437,13 @@ impl<R: Lane> Follower<'_, R> {
                     self.found[r] |= 1 << lane;
                     time
                 }
-                What::Mean | What::Integral => {
+                Statistic::Mean | Statistic::Integral => {
                     let points = self.points(r, lane, states);
                     h.mul_add((0..POINTS).fold(0.0, |sum, k| points[k].mul_add(WEIGHTS[k], sum)), so_far)
                 }
-                What::Max | What::Min => {
+                Statistic::Max | Statistic::Min => {
                     let points = self.points(r, lane, states);
-                    let sign = if what == What::Max { 1.0 } else { -1.0 };
+                    let sign = if what == Statistic::Max { 1.0 } else { -1.0 };
                     let own = self.extreme(r, at, (points, sign, so_far), states, circuit);
                     if sign * own <= sign * so_far { so_far } else { own }
                 }

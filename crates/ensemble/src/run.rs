@@ -1,9 +1,9 @@
 //! Members in chunks, chunks on threads.
 
 use crate::lanes;
-use crate::plan::{Asked, Ensemble, Kernel, Planned};
-use crate::reduction::Follower;
-use crate::worker::{Came, Status, Worker};
+use crate::plan::{Ensemble, EnsembleRequest, Kernel, Planned};
+use crate::reduction::Reducer;
+use crate::worker::{Came, MemberStatus, Worker};
 use circuit::{Error, run_jobs};
 use math::{Lane, Task, with_eight};
 use ode::System;
@@ -24,7 +24,7 @@ type Base = math::Lanes<2>;
 pub struct Outcome {
     /// For each output the numbers of all members, one member after the other.
     pub columns: Vec<Vec<f64>>,
-    /// Outcome of each member: see [`Status`].
+    /// Outcome of each member: see [`MemberStatus`].
     pub status: Vec<u8>,
     /// Reasons why members have no numbers, by member.
     pub reasons: Vec<(usize, String)>,
@@ -35,13 +35,17 @@ pub struct Outcome {
 impl Ensemble {
     /// Runs all members. `interrupted` receives the number of finished members from time to time, and returns
     /// whether to stop.
-    pub fn run(&self, asked: &Asked, interrupted: &mut dyn FnMut(f64) -> bool) -> Result<Outcome, Error> {
+    pub fn run(
+        &self,
+        asked: &EnsembleRequest,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Outcome, Error> {
         let plan = Planned::of(self, asked)?;
         let widths: Vec<usize> = asked.outputs.iter().map(|output| plan.width(output)).collect();
         let total: usize = widths.iter().sum();
         let mut outcome = Outcome {
             columns: widths.iter().map(|width| vec![f64::NAN; width * asked.members]).collect(),
-            status: vec![Status::Done as u8; asked.members],
+            status: vec![MemberStatus::Done as u8; asked.members],
             reasons: Vec::new(),
             attempts: 0,
         };
@@ -55,7 +59,7 @@ impl Ensemble {
 }
 
 /// A run of the members of a plan into an outcome. Counts are per member and per output.
-struct Run<'r, 'a> {
+struct EnsembleRun<'r, 'a> {
     plan: &'r Planned<'a>,
     total: usize,
     widths: &'r [usize],
@@ -63,11 +67,11 @@ struct Run<'r, 'a> {
     interrupted: &'r mut dyn FnMut(f64) -> bool,
 }
 
-impl Task for Run<'_, '_> {
+impl Task for EnsembleRun<'_, '_> {
     type Out = Result<bool, Error>;
 
     fn run<R: Lane<Plain = R>>(self) -> Self::Out {
-        let Run { plan, total, widths, outcome, interrupted } = self;
+        let EnsembleRun { plan, total, widths, outcome, interrupted } = self;
         let asked = plan.asked;
         let done = std::cell::Cell::new(0);
         // A small number of members is divided among all threads.
@@ -111,7 +115,7 @@ impl<'a> Planned<'a> {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<bool, Error> {
         let circuit = &self.ensemble.template().circuit;
-        let run = Run { plan: self, total, widths, outcome, interrupted };
+        let run = EnsembleRun { plan: self, total, widths, outcome, interrupted };
         match self.kernel {
             Kernel::Eight if circuit.is_fused() && circuit.n_events() == 0 => with_eight(run),
             _ => run.run::<Base>(),
@@ -125,8 +129,8 @@ impl<'a> Planned<'a> {
         Worker {
             planned: self,
             members: self.ensemble.members.clone(),
-            follower: Follower::new(template, &self.asked.outputs, duration),
-            side_by_side: beside.then(|| Follower::new(template, &self.asked.outputs, duration)),
+            follower: Reducer::new(template, &self.asked.outputs, duration),
+            side_by_side: beside.then(|| Reducer::new(template, &self.asked.outputs, duration)),
             width,
         }
     }

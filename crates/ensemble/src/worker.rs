@@ -1,7 +1,7 @@
 //! One member at a time: its numbers, its start and its run.
 
 use crate::plan::Planned;
-use crate::reduction::Follower;
+use crate::reduction::Reducer;
 use circuit::{Assembly, Circuit, Error, Look, Members, Session};
 use math::Lane;
 use ode::Options;
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Outcome of a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Status {
+pub enum MemberStatus {
     /// The run reached its end.
     Done = 0,
     /// The run failed, and its numbers are not finite.
@@ -22,13 +22,13 @@ pub enum Status {
 /// Result of a member.
 pub(crate) struct Came {
     pub row: Vec<f64>,
-    pub failure: Option<(Status, String)>,
+    pub failure: Option<(MemberStatus, String)>,
     pub attempts: u64,
 }
 
 impl Came {
     pub fn refused(error: &Error) -> Self {
-        Came { row: Vec::new(), failure: Some((Status::Refused, error.to_string())), attempts: 0 }
+        Came { row: Vec::new(), failure: Some((MemberStatus::Refused, error.to_string())), attempts: 0 }
     }
 }
 
@@ -36,9 +36,9 @@ impl Came {
 pub(crate) struct Worker<'a, R: Lane> {
     pub planned: &'a Planned<'a>,
     pub members: Members,
-    pub follower: Follower<'a, f64>,
+    pub follower: Reducer<'a, f64>,
     /// Follower of several members side by side, if the circuit allows it.
-    pub side_by_side: Option<Follower<'a, R>>,
+    pub side_by_side: Option<Reducer<'a, R>>,
     pub width: usize,
 }
 
@@ -89,7 +89,7 @@ impl<R: Lane> Worker<'_, R> {
                 self.follower.finish(0, (duration, &session.settled()), session.circuit(), &mut row);
                 None
             }
-            Err(error) => Some((Status::Stopped, error.to_string())),
+            Err(error) => Some((MemberStatus::Stopped, error.to_string())),
         };
         Came { row, failure, attempts }
     }

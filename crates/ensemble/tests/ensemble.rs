@@ -6,7 +6,7 @@ mod drive;
 
 use circuit::{Network, specification};
 use drive::Drive;
-use ensemble::{Asked, Column, Ensemble, Outcome, Plan, Reduction, Status, What};
+use ensemble::{Column, Ensemble, EnsembleRequest, MemberStatus, Outcome, Plan, Reduction, Statistic};
 use ode::Options;
 use std::sync::Arc;
 
@@ -48,8 +48,8 @@ fn rows(members: usize) -> Vec<f64> {
     values
 }
 
-fn asked(values: &[f64], outputs: Vec<Reduction>, threads: usize) -> Asked<'_> {
-    Asked {
+fn asked(values: &[f64], outputs: Vec<Reduction>, threads: usize) -> EnsembleRequest<'_> {
+    EnsembleRequest {
         members: values.len() / VARY.len(),
         values,
         plans: vec![Plan {
@@ -68,29 +68,29 @@ fn asked(values: &[f64], outputs: Vec<Reduction>, threads: usize) -> Asked<'_> {
     }
 }
 
-fn output(ensemble: &Ensemble, column: &str, what: What) -> Reduction {
+fn output(ensemble: &Ensemble, column: &str, what: Statistic) -> Reduction {
     let columns = ensemble.template().columns();
     Reduction { column: columns.iter().position(|own| own == column).expect("a column"), what }
 }
 
 fn all(ensemble: &Ensemble) -> Vec<Reduction> {
-    let when = |value| What::When { value, above: true };
+    let when = |value| Statistic::When { value, above: true };
     [
-        ("position_m", What::Final),
-        ("pressure_a_pa", What::Final),
-        ("pressure_b_pa", What::Max),
-        ("velocity_m_s", What::Min),
+        ("position_m", Statistic::Final),
+        ("pressure_a_pa", Statistic::Final),
+        ("pressure_b_pa", Statistic::Max),
+        ("velocity_m_s", Statistic::Min),
         ("position_m", when(0.45)),
-        ("mass_flow_a_kg_s", What::Integral),
-        ("pressure_a_pa", What::Mean),
-        ("position_m", What::Samples { rate: 100.0 }),
-        ("mass_flow_a_kg_s", What::Samples { rate: 100.0 }),
+        ("mass_flow_a_kg_s", Statistic::Integral),
+        ("pressure_a_pa", Statistic::Mean),
+        ("position_m", Statistic::Samples { rate: 100.0 }),
+        ("mass_flow_a_kg_s", Statistic::Samples { rate: 100.0 }),
     ]
     .map(|(column, what)| output(ensemble, column, what))
     .into()
 }
 
-fn run(ensemble: &Ensemble, asked: &Asked) -> Outcome {
+fn run(ensemble: &Ensemble, asked: &EnsembleRequest) -> Outcome {
     ensemble.run(asked, &mut |_| false).expect("runs")
 }
 
@@ -116,7 +116,7 @@ fn a_member_is_the_drive_that_it_describes() {
     let ensemble = ensemble(&names()).expect("members");
     let values = rows(12);
     let outcome = run(&ensemble, &asked(&values, all(&ensemble), 1));
-    assert!(outcome.status.iter().all(|status| *status == Status::Done as u8), "{:?}", outcome.reasons);
+    assert!(outcome.status.iter().all(|status| *status == MemberStatus::Done as u8), "{:?}", outcome.reasons);
     for (member, row) in values.chunks_exact(VARY.len()).enumerate() {
         let initial = drive::Initial {
             position_m: START[0],
@@ -186,7 +186,7 @@ fn a_member_that_fails_costs_the_others_nothing() {
     // A start behind the cover of the cylinder.
     let mut starts: Vec<f64> = START.repeat(8);
     starts[5 * 6] = -0.3;
-    let others = Asked { initial: Column::new(starts, 6), ..asked(&refused, all(&ensemble), 2) };
+    let others = EnsembleRequest { initial: Column::new(starts, 6), ..asked(&refused, all(&ensemble), 2) };
     let others = run(&ensemble, &others);
     assert_eq!(others.status, [0, 0, 0, 2, 0, 1, 0, 0]);
     let reasons: Vec<usize> = others.reasons.iter().map(|(member, _)| *member).collect();
@@ -257,12 +257,12 @@ fn a_circuit_has_members_too() {
         Err(error) => panic!("{error}"),
     };
     let (values, column) = (vec![1e-9, 1e-3, 2e-9, 1e-3, 2e-9, 2e-3], "tank.pressure_pa");
-    let asked = Asked {
+    let asked = EnsembleRequest {
         members: 3,
         plans: Vec::new(),
         duration: Column::new(vec![5.0], 1),
         initial: Column::new(vec![101_300.0, 293.15], 2),
-        outputs: vec![output(&ensemble, column, What::When { value: 3e5, above: true })],
+        outputs: vec![output(&ensemble, column, Statistic::When { value: 3e5, above: true })],
         ..asked(&values, Vec::new(), 2)
     };
     let times = run(&ensemble, &asked).columns.remove(0);

@@ -5,7 +5,7 @@
 #[allow(dead_code)] // the tests of circuits use more
 mod drive;
 
-use ensemble::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Reduction, What};
+use ensemble::{Column, Ensemble, EnsembleRequest, Kernel, Outcome, Plan, Reduction, Statistic};
 
 const MEMBERS: usize = 70;
 const DURATION: f64 = 1.0;
@@ -48,11 +48,11 @@ fn run(ensemble: &Ensemble, kernel: Kernel, threads: usize) -> Outcome {
     let starts: Vec<f64> = (0..MEMBERS).flat_map(starts).collect();
     let columns = ensemble.template().columns();
     let mut outputs: Vec<Reduction> =
-        (1..columns.len()).map(|column| Reduction { column, what: What::Final }).collect();
-    outputs.push(Reduction { column: 1, what: What::When { value: 0.4, above: true } });
-    outputs.push(Reduction { column: 4, what: What::Max });
-    outputs.push(Reduction { column: 1, what: What::Samples { rate: 50.0 } });
-    let asked = Asked {
+        (1..columns.len()).map(|column| Reduction { column, what: Statistic::Final }).collect();
+    outputs.push(Reduction { column: 1, what: Statistic::When { value: 0.4, above: true } });
+    outputs.push(Reduction { column: 4, what: Statistic::Max });
+    outputs.push(Reduction { column: 1, what: Statistic::Samples { rate: 50.0 } });
+    let asked = EnsembleRequest {
         members: MEMBERS,
         values: &values,
         plans: vec![Plan {

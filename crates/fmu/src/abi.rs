@@ -1,9 +1,9 @@
 //! Checks the pointers of a C caller, and turns them into slices, texts and instances.
 #![allow(unsafe_code)]
 
-use crate::instance::{Instance, Kept, Listener, Logger, Phase, Status, c_text};
+use crate::instance::{FmiStatus, FmuInstance, KeptState, Listener, Logger, Phase, c_text};
 use crate::processor;
-use crate::refusal::{Refusal, refuse};
+use crate::refusal::{CallRefusal, refuse};
 use std::ffi::{CStr, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -24,15 +24,15 @@ pub const ANY: &[Phase] = &[
 /// # Safety
 /// `instance` is null, or was made by one of our functions and not freed.
 pub unsafe fn with(
-    instance: *mut Instance,
+    instance: *mut FmuInstance,
     what: &str,
     phases: &[Phase],
-    work: impl FnOnce(&mut Instance) -> Result<(), Refusal>,
-) -> Status {
+    work: impl FnOnce(&mut FmuInstance) -> Result<(), CallRefusal>,
+) -> FmiStatus {
     // SAFETY: guaranteed by the caller.
     match unsafe { instance.as_mut() } {
         Some(instance) => instance.call(what, phases, work),
-        None => Status::Error,
+        None => FmiStatus::Error,
     }
 }
 
@@ -40,7 +40,7 @@ pub unsafe fn with(
 ///
 /// # Safety
 /// `values` is null, or points to `n` values that live as long as the slice.
-pub unsafe fn given<'a, T>(values: *const T, n: usize) -> Result<&'a [T], Refusal> {
+pub unsafe fn given<'a, T>(values: *const T, n: usize) -> Result<&'a [T], CallRefusal> {
     match (n, values.is_null()) {
         (0, _) => Ok(&[]),
         (_, true) => refuse("a null pointer was given for an array"),
@@ -53,7 +53,7 @@ pub unsafe fn given<'a, T>(values: *const T, n: usize) -> Result<&'a [T], Refusa
 ///
 /// # Safety
 /// As for [`given`], and the caller has exclusive access.
-pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], Refusal> {
+pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], CallRefusal> {
     match (n, values.is_null()) {
         (0, _) => Ok(&mut []),
         (_, true) => refuse("a null pointer was given for an array"),
@@ -66,7 +66,7 @@ pub unsafe fn room<'a, T>(values: *mut T, n: usize) -> Result<&'a mut [T], Refus
 ///
 /// # Safety
 /// As for [`room`].
-pub unsafe fn fill<T: Copy>(what: &str, target: *mut T, n: usize, values: &[T]) -> Result<(), Refusal> {
+pub unsafe fn fill<T: Copy>(what: &str, target: *mut T, n: usize, values: &[T]) -> Result<(), CallRefusal> {
     crate::model::check_length(what, n, values.len())?;
     // SAFETY: guaranteed by the caller.
     unsafe { room(target, n)? }.copy_from_slice(values);
@@ -126,7 +126,7 @@ pub struct Order<'a> {
 }
 
 /// Makes an instance. Creates an instance. On failure, it sends a message and returns null.
-pub fn instantiate(order: Order<'_>) -> *mut Instance {
+pub fn instantiate(order: Order<'_>) -> *mut FmuInstance {
     let Order { name, token, resources, outside, logger, environment } = order;
     let made = catch_unwind(AssertUnwindSafe(|| {
         let listener = || Listener { logger, environment, name: c_text(name.unwrap_or("pneudrive")) };
@@ -136,13 +136,13 @@ pub fn instantiate(order: Order<'_>) -> *mut Instance {
         let path: &Path = &folder(resources).join("drive.json");
         let made = std::fs::read_to_string(path)
             .or_else(|error| refuse(format!("{} cannot be read: {error}", path.display())))
-            .and_then(|text| Instance::new(&text, Some(token.unwrap_or_default()), outside, listener()));
+            .and_then(|text| FmuInstance::new(&text, Some(token.unwrap_or_default()), outside, listener()));
         made.map_err(|refusal| (listener(), refusal.message))
     }));
     match made {
         Ok(Ok(instance)) => Box::into_raw(Box::new(instance)),
         Ok(Err((listener, message))) => {
-            listener.tell(Status::Error, &message);
+            listener.tell(FmiStatus::Error, &message);
             ptr::null_mut()
         }
         Err(_) => ptr::null_mut(),
@@ -162,7 +162,7 @@ pub fn is_able(tell: impl FnOnce(*const c_char)) -> bool {
 ///
 /// # Safety
 /// As for [`with`]. The instance is not used again.
-pub unsafe fn free(instance: *mut Instance) {
+pub unsafe fn free(instance: *mut FmuInstance) {
     if !instance.is_null() {
         // SAFETY: guaranteed by the caller.
         let instance = unsafe { Box::from_raw(instance) };
@@ -174,7 +174,7 @@ pub unsafe fn free(instance: *mut Instance) {
 ///
 /// # Safety
 /// `target` is null, or points to null or to one of our states.
-pub unsafe fn keep(instance: &Instance, target: *mut *mut Kept) -> Result<(), Refusal> {
+pub unsafe fn keep(instance: &FmuInstance, target: *mut *mut KeptState) -> Result<(), CallRefusal> {
     // SAFETY: guaranteed by the caller.
     let Some(place) = (unsafe { target.as_mut() }) else {
         return refuse("a null pointer was given for the state");
@@ -191,7 +191,7 @@ pub unsafe fn keep(instance: &Instance, target: *mut *mut Kept) -> Result<(), Re
 ///
 /// # Safety
 /// `kept` is null, or one of our states that was not freed.
-pub unsafe fn state<'a>(kept: *const Kept) -> Result<&'a Kept, Refusal> {
+pub unsafe fn state<'a>(kept: *const KeptState) -> Result<&'a KeptState, CallRefusal> {
     // SAFETY: guaranteed by the caller.
     match unsafe { kept.as_ref() } {
         Some(kept) => Ok(kept),
@@ -203,7 +203,7 @@ pub unsafe fn state<'a>(kept: *const Kept) -> Result<&'a Kept, Refusal> {
 ///
 /// # Safety
 /// As for [`keep`].
-pub unsafe fn free_state(target: *mut *mut Kept) {
+pub unsafe fn free_state(target: *mut *mut KeptState) {
     // SAFETY: guaranteed by the caller.
     if let Some(place) = unsafe { target.as_mut() }
         && !place.is_null()
@@ -219,11 +219,11 @@ pub unsafe fn free_state(target: *mut *mut Kept) {
 /// # Safety
 /// As for [`keep`] and [`given`].
 pub unsafe fn revive(
-    instance: &Instance,
+    instance: &FmuInstance,
     bytes: *const u8,
     size: usize,
-    target: *mut *mut Kept,
-) -> Result<(), Refusal> {
+    target: *mut *mut KeptState,
+) -> Result<(), CallRefusal> {
     // SAFETY: guaranteed by the caller.
     let (kept, place) = unsafe { (instance.kept(given(bytes, size)?)?, target.as_mut()) };
     let Some(place) = place else { return refuse("a null pointer was given for the state") };
@@ -232,20 +232,5 @@ pub unsafe fn revive(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::folder;
-    use std::path::PathBuf;
-
-    #[test]
-    fn resources_are_found_by_path_and_by_uri() {
-        let path = PathBuf::from("/tmp/a drive/ü");
-        for location in [
-            "/tmp/a drive/ü",
-            "file:///tmp/a%20drive/%C3%BC",
-            "file:/tmp/a drive/%c3%bc",
-            "file://localhost/tmp/a%20drive/ü",
-        ] {
-            assert_eq!(folder(location), path, "{location}");
-        }
-    }
-}
+#[path = "../tests/unit/abi.rs"]
+mod tests;

@@ -2,23 +2,50 @@
 #![allow(unsafe_code, clippy::missing_safety_doc)]
 
 use crate::abi::{ANY, fill, free, given, is_able, put, text, with};
-use crate::instance::{Instance, Listener, Logger, Status, c_text};
-use crate::refusal::{Refusal, refuse};
+use crate::instance::{FmiStatus, FmuInstance, Listener, Logger, c_text};
+use crate::refusal::refuse;
 use std::ffi::{CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
-type Drive = *mut Instance;
+type Drive = *mut FmuInstance;
 
-/// 0 for success, otherwise 1 with a message.
-fn flag(status: Status) -> c_int {
-    c_int::from(status != Status::Ok)
+/// Defines operations on a drive. They return 0 for success, otherwise 1 with a message.
+macro_rules! operations {
+    ($($name:ident($own:ident $(, $argument:ident: $kind:ty)*) => $work:expr;)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn $name(drive: Drive $(, $argument: $kind)*) -> c_int {
+                // SAFETY: the header states the rules for pointers.
+                let status = unsafe { with(drive, "", ANY, |$own| $work) };
+                c_int::from(status != FmiStatus::Ok)
+            }
+        )*
+    };
 }
 
-/// Runs an operation on a drive.
-unsafe fn act(drive: Drive, work: impl FnOnce(&mut Instance) -> Result<(), Refusal>) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    flag(unsafe { with(drive, "", ANY, work) })
+operations! {
+    pneudrive_command(own, command: f64) => own.kept.model.set(own.kept.model.named("command")?, command);
+    pneudrive_force(own, force_n: f64) => own.kept.model.set(own.kept.model.named("force")?, force_n);
+    pneudrive_set(own, name: *const c_char, value: f64) =>
+        own.kept.model.set(own.kept.model.named(text(name).unwrap_or_default())?, value);
+    pneudrive_step(own, by_s: f64) => {
+        own.kept.model.begin()?;
+        own.kept.model.step(own.kept.model.time(), by_s)
+    };
+    pneudrive_read(own, name: *const c_char, value: *mut f64) => {
+        put(value, own.kept.model.get(own.kept.model.named(text(name).unwrap_or_default())?)?);
+        Ok(())
+    };
+    pneudrive_saved_size(own, size: *mut usize) => {
+        put(size, FmuInstance::bytes(&own.kept)?.len());
+        Ok(())
+    };
+    pneudrive_save(own, bytes: *mut u8, size: usize) => fill("bytes", bytes, size, &FmuInstance::bytes(&own.kept)?);
+    pneudrive_restore(own, bytes: *const u8, size: usize) => {
+        own.kept = own.kept(given(bytes, size)?)?;
+        Ok(())
+    };
 }
 
 /// Copies a text as far as there is room, with its final zero.
@@ -45,7 +72,7 @@ pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_c
             let listener =
                 Listener { logger: Logger::None, environment: ptr::null_mut(), name: CString::default() };
             let Some(json) = text(json) else { return refuse("the description is not a text in UTF-8") };
-            let mut drive = Instance::new(json, None, false, listener)?;
+            let mut drive = FmuInstance::new(json, None, false, listener)?;
             drive.kept.model.n_states()?; // it can begin
             Ok(drive)
         }));
@@ -63,77 +90,6 @@ pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_c
 pub unsafe extern "C" fn pneudrive_free(drive: Drive) {
     // SAFETY: the header states the rules for pointers.
     unsafe { free(drive) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_command(drive: Drive, command: f64) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe { act(drive, |own| own.kept.model.set(own.kept.model.named("command")?, command)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_force(drive: Drive, force_n: f64) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe { act(drive, |own| own.kept.model.set(own.kept.model.named("force")?, force_n)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_set(drive: Drive, name: *const c_char, value: f64) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe {
-        act(drive, |own| own.kept.model.set(own.kept.model.named(text(name).unwrap_or_default())?, value))
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_step(drive: Drive, by_s: f64) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe {
-        act(drive, |own| {
-            own.kept.model.begin()?;
-            own.kept.model.step(own.kept.model.time(), by_s)
-        })
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_read(drive: Drive, name: *const c_char, value: *mut f64) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe {
-        act(drive, |own| {
-            let read = own.kept.model.get(own.kept.model.named(text(name).unwrap_or_default())?)?;
-            put(value, read);
-            Ok(())
-        })
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_saved_size(drive: Drive, size: *mut usize) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe {
-        act(drive, |own| {
-            put(size, Instance::bytes(&own.kept)?.len());
-            Ok(())
-        })
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_save(drive: Drive, bytes: *mut u8, size: usize) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe { act(drive, |own| fill("bytes", bytes, size, &Instance::bytes(&own.kept)?)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn pneudrive_restore(drive: Drive, bytes: *const u8, size: usize) -> c_int {
-    // SAFETY: the header states the rules for pointers.
-    unsafe {
-        act(drive, |own| {
-            own.kept = own.kept(given(bytes, size)?)?;
-            Ok(())
-        })
-    }
 }
 
 #[unsafe(no_mangle)]

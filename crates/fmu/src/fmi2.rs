@@ -5,13 +5,13 @@ use crate::abi::{
     ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
     with,
 };
-use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
-use crate::model::{What, check_length};
+use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
+use crate::model::{StateQuantity, check_length};
 use crate::refusal::refuse;
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::ptr;
 
-type Component = *mut Instance;
+type Component = *mut FmuInstance;
 type Reference = c_uint;
 type Log = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 
@@ -41,7 +41,7 @@ macro_rules! functions {
     ($($name:ident($instance:ident $(, $argument:ident: $kind:ty)*) in $phases:expr => $work:expr;)*) => {
         $(
             #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn $name(component: Component $(, $argument: $kind)*) -> Status {
+            pub unsafe extern "C" fn $name(component: Component $(, $argument: $kind)*) -> FmiStatus {
                 // SAFETY: the standard requires valid pointers of the tool.
                 unsafe { with(component, stringify!($name), $phases, |$instance| $work) }
             }
@@ -49,6 +49,46 @@ macro_rules! functions {
     };
 }
 pub(crate) use functions;
+
+/// Defines the functions that both standards have, under their names.
+macro_rules! common {
+    ($exit:ident $terminate:ident $reset:ident $get_state:ident $set_state:ident $free_state:ident $size:ident $serialise:ident $revive:ident $enter_event:ident $enter_continuous:ident $set_time:ident $set_states:ident $states:ident $rates:ident $sizes:ident $indicators:ident) => { functions! {
+        $exit(instance) in &[Phase::Initialisation] => instance.begin();
+        $terminate(instance) in RUNNING => {
+            instance.kept.phase = Phase::Terminated;
+            Ok(())
+        };
+        $reset(instance) in ANY => instance.reset();
+        $get_state(instance, target: *mut *mut KeptState) in ANY => keep(instance, target);
+        $set_state(instance, kept: *mut KeptState) in ANY => instance.restore(state(kept)?);
+        $free_state(_instance, target: *mut *mut KeptState) in ANY => {
+            free_state(target);
+            Ok(())
+        };
+        $size(_instance, kept: *mut KeptState, size: *mut usize) in ANY => {
+            put(size, FmuInstance::bytes(state(kept)?)?.len());
+            Ok(())
+        };
+        $serialise(_instance, kept: *mut KeptState, bytes: *mut u8, size: usize) in ANY =>
+            fill("bytes", bytes, size, &FmuInstance::bytes(state(kept)?)?);
+        $revive(instance, bytes: *const u8, size: usize, target: *mut *mut KeptState) in ANY =>
+            revive(instance, bytes, size, target);
+        $enter_event(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
+        $enter_continuous(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
+        $set_time(instance, t: f64) in &[Phase::Event, Phase::Continuous] => instance.kept.model.set_time(t);
+        $set_states(instance, x: *const f64, n: usize) in &[Phase::Continuous] =>
+            instance.kept.model.set_states(given(x, n)?);
+        $states(instance, x: *mut f64, n: usize) in EXCHANGE =>
+            fill("states", x, n, &instance.kept.model.states(StateQuantity::Values)?);
+        $rates(instance, rates: *mut f64, n: usize) in EXCHANGE =>
+            fill("states", rates, n, &instance.kept.model.states(StateQuantity::Rates)?);
+        $sizes(instance, nominals: *mut f64, n: usize) in EXCHANGE =>
+            fill("states", nominals, n, &instance.kept.model.states(StateQuantity::Sizes)?);
+        $indicators(instance, indicators: *mut f64, n: usize) in EXCHANGE =>
+            fill("event indicators", indicators, n, &instance.kept.model.events()?);
+    } };
+}
+pub(crate) use common;
 
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
@@ -76,7 +116,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
             functions.as_ref().map_or((None, ptr::null_mut()), |own| (own.logger, own.environment));
         let tell = |message| {
             if let Some(log) = log {
-                log(environment, name, Status::Error as c_int, c"logStatusError".as_ptr(), message);
+                log(environment, name, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message);
             }
         };
         if !is_able(tell) {
@@ -99,6 +139,13 @@ pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
     unsafe { free(component) }
 }
 
+common! {
+    fmi2ExitInitializationMode fmi2Terminate fmi2Reset fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
+    fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate fmi2EnterEventMode
+    fmi2EnterContinuousTimeMode fmi2SetTime fmi2SetContinuousStates fmi2GetContinuousStates
+    fmi2GetDerivatives fmi2GetNominalsOfContinuousStates fmi2GetEventIndicators
+}
+
 functions! {
     fmi2SetDebugLogging(_instance, _on: c_int, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, has_stop: c_int, stop: f64)
@@ -111,12 +158,6 @@ functions! {
         instance.kept.phase = Phase::Initialisation;
         Ok(())
     };
-    fmi2ExitInitializationMode(instance) in &[Phase::Initialisation] => instance.begin();
-    fmi2Terminate(instance) in RUNNING => {
-        instance.kept.phase = Phase::Terminated;
-        Ok(())
-    };
-    fmi2Reset(instance) in ANY => instance.reset();
 
     fmi2GetReal(instance, references: *const Reference, n: usize, values: *mut f64) in ANY =>
         instance.get(given(references, n)?, room(values, n)?);
@@ -129,21 +170,6 @@ functions! {
     fmi2GetString(_instance, _references: *const Reference, n: usize, _values: *mut *const c_char) in ANY => no("String", n);
     fmi2SetString(_instance, _references: *const Reference, n: usize, _values: *const *const c_char) in ANY => no("String", n);
 
-    fmi2GetFMUstate(instance, target: *mut *mut Kept) in ANY => keep(instance, target);
-    fmi2SetFMUstate(instance, kept: *mut Kept) in ANY => instance.restore(state(kept)?);
-    fmi2FreeFMUstate(_instance, target: *mut *mut Kept) in ANY => {
-        free_state(target);
-        Ok(())
-    };
-    fmi2SerializedFMUstateSize(_instance, kept: *mut Kept, size: *mut usize) in ANY => {
-        put(size, Instance::bytes(state(kept)?)?.len());
-        Ok(())
-    };
-    fmi2SerializeFMUstate(_instance, kept: *mut Kept, bytes: *mut u8, size: usize) in ANY =>
-        fill("bytes", bytes, size, &Instance::bytes(state(kept)?)?);
-    fmi2DeSerializeFMUstate(instance, bytes: *const u8, size: usize, target: *mut *mut Kept) in ANY =>
-        revive(instance, bytes, size, target);
-
     fmi2GetDirectionalDerivative(
         instance, unknowns: *const Reference, n_unknowns: usize, knowns: *const Reference, n_knowns: usize,
         seed: *const f64, sensitivity: *mut f64
@@ -153,8 +179,6 @@ functions! {
         fill("unknowns", sensitivity, n_unknowns, &found)
     };
 
-    fmi2EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
-    fmi2EnterContinuousTimeMode(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
     fmi2NewDiscreteStates(instance, info: *mut EventInfo) in &[Phase::Event] => {
         let update = instance.kept.model.update()?;
         put(info, EventInfo {
@@ -173,17 +197,6 @@ functions! {
         put(terminate, 0);
         Ok(())
     };
-    fmi2SetTime(instance, t: f64) in &[Phase::Event, Phase::Continuous] => instance.kept.model.set_time(t);
-    fmi2SetContinuousStates(instance, x: *const f64, n: usize) in &[Phase::Continuous] =>
-        instance.kept.model.set_states(given(x, n)?);
-    fmi2GetContinuousStates(instance, x: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", x, n, &instance.kept.model.states(What::Values)?);
-    fmi2GetDerivatives(instance, rates: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", rates, n, &instance.kept.model.states(What::Rates)?);
-    fmi2GetNominalsOfContinuousStates(instance, nominals: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", nominals, n, &instance.kept.model.states(What::Sizes)?);
-    fmi2GetEventIndicators(instance, indicators: *mut f64, n: usize) in EXCHANGE =>
-        fill("event indicators", indicators, n, &instance.kept.model.events()?);
 
     fmi2SetRealInputDerivatives(_instance, _references: *const Reference, n: usize, _orders: *const c_int, _values: *const f64)
         in ANY => check_length("derivatives of inputs", n, 0);
@@ -219,6 +232,6 @@ pub(crate) const EXCHANGE: &[Phase] =
     &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Terminated];
 
 /// All variables are real numbers.
-pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::refusal::Refusal> {
+pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::refusal::CallRefusal> {
     if n == 0 { Ok(()) } else { refuse(format!("there is no variable of type {kind}")) }
 }

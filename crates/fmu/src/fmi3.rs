@@ -5,14 +5,14 @@ use crate::abi::{
     ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
     with,
 };
-use crate::fmi2::{EXCHANGE, functions, no};
-use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
-use crate::model::{What, check_length};
+use crate::fmi2::{EXCHANGE, common, functions, no};
+use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
+use crate::model::{StateQuantity, check_length};
 use crate::refusal::refuse;
 use std::ffi::{c_char, c_int, c_void};
 use std::ptr;
 
-type Component = *mut Instance;
+type Component = *mut FmuInstance;
 type References = *const u32;
 type Log = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
@@ -32,7 +32,7 @@ unsafe fn made(
     unsafe {
         let tell = |message| {
             if let Some(log) = log {
-                log(environment, Status::Error as c_int, c"logStatusError".as_ptr(), message);
+                log(environment, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message);
             }
         };
         if !is_able(tell) {
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     if let Some(log) = log {
         let message = c"scheduled execution is not possible: use co-simulation or model exchange".as_ptr();
         // SAFETY: the tool's callback, used as the standard requires.
-        unsafe { log(environment, Status::Error as c_int, c"logStatusError".as_ptr(), message) }
+        unsafe { log(environment, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message) }
     }
     ptr::null_mut()
 }
@@ -111,18 +111,18 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: Component) {
     unsafe { free(instance) }
 }
 
+common! {
+    fmi3ExitInitializationMode fmi3Terminate fmi3Reset fmi3GetFMUState fmi3SetFMUState fmi3FreeFMUState
+    fmi3SerializedFMUStateSize fmi3SerializeFMUState fmi3DeserializeFMUState fmi3EnterEventMode
+    fmi3EnterContinuousTimeMode fmi3SetTime fmi3SetContinuousStates fmi3GetContinuousStates
+    fmi3GetContinuousStateDerivatives fmi3GetNominalsOfContinuousStates fmi3GetEventIndicators
+}
+
 functions! {
     fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, has_stop: bool, stop: f64)
         in &[Phase::Instantiated] =>
             instance.initialise(start, has_stop.then_some(stop), has_tolerance.then_some(tolerance));
-    fmi3ExitInitializationMode(instance) in &[Phase::Initialisation] => instance.begin();
-    fmi3EnterEventMode(instance) in &[Phase::Event, Phase::Continuous] => instance.pass_to(Phase::Event);
-    fmi3Terminate(instance) in RUNNING => {
-        instance.kept.phase = Phase::Terminated;
-        Ok(())
-    };
-    fmi3Reset(instance) in ANY => instance.reset();
 
     fmi3GetFloat64(instance, references: References, n: usize, values: *mut f64, n_values: usize) in ANY => {
         check_length("values", n_values, n)?;
@@ -132,21 +132,6 @@ functions! {
         check_length("values", n_values, n)?;
         instance.set(given(references, n)?, given(values, n)?)
     };
-
-    fmi3GetFMUState(instance, target: *mut *mut Kept) in ANY => keep(instance, target);
-    fmi3SetFMUState(instance, kept: *mut Kept) in ANY => instance.restore(state(kept)?);
-    fmi3FreeFMUState(_instance, target: *mut *mut Kept) in ANY => {
-        free_state(target);
-        Ok(())
-    };
-    fmi3SerializedFMUStateSize(_instance, kept: *mut Kept, size: *mut usize) in ANY => {
-        put(size, Instance::bytes(state(kept)?)?.len());
-        Ok(())
-    };
-    fmi3SerializeFMUState(_instance, kept: *mut Kept, bytes: *mut u8, size: usize) in ANY =>
-        fill("bytes", bytes, size, &Instance::bytes(state(kept)?)?);
-    fmi3DeserializeFMUState(instance, bytes: *const u8, size: usize, target: *mut *mut Kept) in ANY =>
-        revive(instance, bytes, size, target);
 
     fmi3GetDirectionalDerivative(
         instance, unknowns: References, n_unknowns: usize, knowns: References, n_knowns: usize,
@@ -177,24 +162,12 @@ functions! {
         put(next, update.next.unwrap_or(0.0));
         Ok(())
     };
-    fmi3EnterContinuousTimeMode(instance) in &[Phase::Event] => instance.pass_to(Phase::Continuous);
     fmi3CompletedIntegratorStep(instance, _no_set: bool, event: *mut bool, terminate: *mut bool)
         in &[Phase::Continuous] => {
         put(event, instance.kept.model.is_due_behind_step()?);
         put(terminate, false);
         Ok(())
     };
-    fmi3SetTime(instance, t: f64) in &[Phase::Event, Phase::Continuous] => instance.kept.model.set_time(t);
-    fmi3SetContinuousStates(instance, x: *const f64, n: usize) in &[Phase::Continuous] =>
-        instance.kept.model.set_states(given(x, n)?);
-    fmi3GetContinuousStateDerivatives(instance, rates: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", rates, n, &instance.kept.model.states(What::Rates)?);
-    fmi3GetEventIndicators(instance, indicators: *mut f64, n: usize) in EXCHANGE =>
-        fill("event indicators", indicators, n, &instance.kept.model.events()?);
-    fmi3GetContinuousStates(instance, x: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", x, n, &instance.kept.model.states(What::Values)?);
-    fmi3GetNominalsOfContinuousStates(instance, nominals: *mut f64, n: usize) in EXCHANGE =>
-        fill("states", nominals, n, &instance.kept.model.states(What::Sizes)?);
     fmi3GetNumberOfEventIndicators(instance, n: *mut usize) in ANY => {
         put(n, instance.kept.model.n_events()?);
         Ok(())

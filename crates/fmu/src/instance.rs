@@ -1,8 +1,8 @@
 //! An instance of an FMU: which calls are allowed in which phase, and which messages the tool receives.
 
-use crate::model::Model;
-use crate::plan::Plan;
-use crate::refusal::{Refusal, refuse};
+use crate::model::FmuModel;
+use crate::plan::FmuPlan;
+use crate::refusal::{CallRefusal, refuse};
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Result of a call, the same numbers in FMI 2.0 and 3.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
-pub enum Status {
+pub enum FmiStatus {
     Ok,
     Warning,
     Discard,
@@ -58,7 +58,7 @@ pub fn c_text(text: &str) -> CString {
 
 impl Listener {
     /// Sends a message to the tool.
-    pub fn tell(&self, status: Status, message: &str) {
+    pub fn tell(&self, status: FmiStatus, message: &str) {
         let (category, status) = (c"logStatusError", status as c_int);
         match self.logger {
             Logger::None => {}
@@ -85,14 +85,14 @@ impl Listener {
 
 /// State of an instance that a tool keeps.
 #[derive(Clone)]
-pub struct Kept {
-    pub model: Model,
+pub struct KeptState {
+    pub model: FmuModel,
     pub phase: Phase,
 }
 
 /// An instance.
-pub struct Instance {
-    pub kept: Kept,
+pub struct FmuInstance {
+    pub kept: KeptState,
     /// Whether the tool integrates (model exchange).
     pub outside: bool,
     pub listener: Listener,
@@ -100,10 +100,15 @@ pub struct Instance {
     pub message: CString,
 }
 
-impl Instance {
+impl FmuInstance {
     /// Creates an instance from the text of a plan.
-    pub fn new(text: &str, token: Option<&str>, outside: bool, listener: Listener) -> Result<Self, Refusal> {
-        let plan: Plan = serde_json::from_str(text)
+    pub fn new(
+        text: &str,
+        token: Option<&str>,
+        outside: bool,
+        listener: Listener,
+    ) -> Result<Self, CallRefusal> {
+        let plan: FmuPlan = serde_json::from_str(text)
             .or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
         if let Some(token) = token.filter(|token| *token != plan.token) {
             return refuse(format!(
@@ -120,8 +125,8 @@ impl Instance {
         if plan.law.is_some() && outside {
             return refuse("a controller is for co-simulation: it has no states that a tool could integrate");
         }
-        let kept = Kept { model: Model::new(Arc::new(plan), outside), phase: Phase::Instantiated };
-        Ok(Instance { kept, outside, listener, message: CString::default() })
+        let kept = KeptState { model: FmuModel::new(Arc::new(plan), outside), phase: Phase::Instantiated };
+        Ok(FmuInstance { kept, outside, listener, message: CString::default() })
     }
 
     /// Runs an operation in one of the allowed phases. An error is reported and becomes a status.
@@ -129,8 +134,8 @@ impl Instance {
         &mut self,
         what: &str,
         phases: &[Phase],
-        work: impl FnOnce(&mut Self) -> Result<(), Refusal>,
-    ) -> Status {
+        work: impl FnOnce(&mut Self) -> Result<(), CallRefusal>,
+    ) -> FmiStatus {
         let phase = self.kept.phase;
         let done = if phases.contains(&phase) {
             catch_unwind(AssertUnwindSafe(|| work(self)))
@@ -140,17 +145,17 @@ impl Instance {
         self.conclude(what, done)
     }
 
-    /// Reports the result of an operation. It is separate from [`Instance::call`], which is compiled for each
+    /// Reports the result of an operation. It is separate from [`FmuInstance::call`], which is compiled for each
     /// function of the standards.
-    fn conclude(&mut self, what: &str, done: std::thread::Result<Result<(), Refusal>>) -> Status {
+    fn conclude(&mut self, what: &str, done: std::thread::Result<Result<(), CallRefusal>>) -> FmiStatus {
         let (status, message) = match done {
-            Ok(Ok(())) => return Status::Ok,
-            Ok(Err(refusal)) if refusal.discard => (Status::Discard, refusal.message),
-            Ok(Err(refusal)) => (Status::Error, refusal.message),
+            Ok(Ok(())) => return FmiStatus::Ok,
+            Ok(Err(refusal)) if refusal.discard => (FmiStatus::Discard, refusal.message),
+            Ok(Err(refusal)) => (FmiStatus::Error, refusal.message),
             Err(panic) => {
                 let why = panic.downcast_ref::<String>().map(String::as_str);
                 let why = why.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("unknown");
-                (Status::Fatal, format!("internal error: {why}"))
+                (FmiStatus::Fatal, format!("internal error: {why}"))
             }
         };
         let message = if what.is_empty() { message } else { format!("{what}: {message}") };
@@ -160,40 +165,40 @@ impl Instance {
     }
 
     /// Sets the start time and the optional tolerance before the run.
-    pub fn initialise(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
+    pub fn initialise(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), CallRefusal> {
         self.kept.model.set_up(t0, stop, rtol)?;
         self.kept.phase = Phase::Initialisation;
         Ok(())
     }
 
     /// Starts the run.
-    pub fn begin(&mut self) -> Result<(), Refusal> {
+    pub fn begin(&mut self) -> Result<(), CallRefusal> {
         self.kept.model.begin()?;
         self.kept.phase = if self.outside { Phase::Event } else { Phase::Step };
         Ok(())
     }
 
     /// Changes to another mode of model exchange.
-    pub fn pass_to(&mut self, phase: Phase) -> Result<(), Refusal> {
+    pub fn pass_to(&mut self, phase: Phase) -> Result<(), CallRefusal> {
         self.kept.phase = phase;
         Ok(())
     }
 
     /// Resets the instance to its original state.
-    pub fn reset(&mut self) -> Result<(), Refusal> {
+    pub fn reset(&mut self) -> Result<(), CallRefusal> {
         self.kept.model.reset();
         self.kept.phase = Phase::Instantiated;
         Ok(())
     }
 
     /// Restores a state that the tool has kept.
-    pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
+    pub fn restore(&mut self, kept: &KeptState) -> Result<(), CallRefusal> {
         self.kept.clone_from(kept);
         Ok(())
     }
 
     /// Sets variables. Variables with a history change only while an event is handled.
-    pub fn set(&mut self, references: &[u32], values: &[f64]) -> Result<(), Refusal> {
+    pub fn set(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallRefusal> {
         for (&reference, &value) in references.iter().zip(values) {
             let known = self.kept.model.get(reference);
             if self.kept.phase == Phase::Continuous
@@ -208,7 +213,7 @@ impl Instance {
     }
 
     /// Reads variables.
-    pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Refusal> {
+    pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), CallRefusal> {
         for (&reference, value) in references.iter().zip(values) {
             *value = self.kept.model.get(reference)?;
         }
@@ -216,16 +221,16 @@ impl Instance {
     }
 
     /// Returns a kept state as bytes.
-    pub fn bytes(kept: &Kept) -> Result<Vec<u8>, Refusal> {
+    pub fn bytes(kept: &KeptState) -> Result<Vec<u8>, CallRefusal> {
         let mut bytes = kept.model.save()?;
         bytes.push(ALIVE.iter().position(|phase| *phase == kept.phase).unwrap_or(ALIVE.len()) as u8);
         Ok(bytes)
     }
 
     /// Returns a kept state from bytes.
-    pub fn kept(&self, bytes: &[u8]) -> Result<Kept, Refusal> {
+    pub fn kept(&self, bytes: &[u8]) -> Result<KeptState, CallRefusal> {
         let Some((phase, bytes)) = bytes.split_last() else { return refuse("there are no bytes of a state") };
         let phase = ALIVE.get(usize::from(*phase)).copied().unwrap_or(Phase::Terminated);
-        Ok(Kept { model: self.kept.model.restored(bytes)?, phase })
+        Ok(KeptState { model: self.kept.model.restored(bytes)?, phase })
     }
 }

@@ -1,16 +1,15 @@
 //! A controller as a tool runs it: samples in, and a command out at each multiple of the period.
 
-use crate::plan::{LawPlan, Role, Variable};
-use crate::refusal::{Refusal, SAME_INSTANT, refuse};
+use crate::plan::{LawPlan, Variable, VariableRole};
+use crate::refusal::{CallRefusal, SAME_INSTANT, refuse};
 use control::{Answer, Controller, Inputs, Reference, Sample};
-use servo::Encoder;
 
 /// Inputs by the names of their variables.
 const INPUTS: [&str; 5] = ["position", "pressure_a", "pressure_b", "enabled", "emergency_stop"];
 
 /// A running controller.
 #[derive(Clone)]
-pub struct Law {
+pub struct RunningLaw {
     controller: Controller,
     reference: Reference,
     /// Indices of the [`INPUTS`] among the variables. Without pressure sensors, these indices are absent.
@@ -22,23 +21,24 @@ pub struct Law {
     answer: Option<Answer>,
 }
 
-impl Law {
+impl RunningLaw {
     /// Creates a controller from a plan, at a start time, s.
-    pub fn new(plan: &LawPlan, variables: &[Variable], t0: f64) -> Result<Self, Refusal> {
-        let (controller, _) = servo::controller(&plan.controller, Encoder::from(plan.position).deviation())?;
-        let place =
-            |name| variables.iter().position(|own| matches!(&own.role, Role::Input { of, .. } if of == name));
-        let (reference, inputs) = (Reference::from(&plan.motion), INPUTS.map(place));
-        Ok(Law { controller, reference, inputs, t0, time: t0, tick: 0, answer: None })
+    pub fn new(plan: &LawPlan, variables: &[Variable], t0: f64) -> Result<Self, CallRefusal> {
+        let (controller, _) = servo::controller(&plan.controller, plan.position.deviation())?;
+        let place = |name| {
+            variables.iter().position(|own| matches!(&own.role, VariableRole::Input { of, .. } if of == name))
+        };
+        let (reference, inputs) = (plan.motion.clone(), INPUTS.map(place));
+        Ok(RunningLaw { controller, reference, inputs, t0, time: t0, tick: 0, answer: None })
     }
 
-    /// s.
+    /// Time, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
     /// Continues to a time, s. All samples before that time use the present inputs.
-    pub fn go_on(&mut self, until: f64, values: &[f64]) -> Result<(), Refusal> {
+    pub fn go_on(&mut self, until: f64, values: &[f64]) -> Result<(), CallRefusal> {
         let [x, a, b, enabled, stop] = self.inputs.map(|place| place.map(|place| values[place]));
         let Some(position) = x else { return refuse("the description has no input \"position\"") };
         let period = self.controller.period;

@@ -3,9 +3,9 @@
 mod saved;
 mod start;
 
-use crate::law::Law;
-use crate::plan::{Plan, Role};
-use crate::refusal::{Refusal, SAME_INSTANT, refuse};
+use crate::law::RunningLaw;
+use crate::plan::{FmuPlan, VariableRole};
+use crate::refusal::{CallRefusal, SAME_INSTANT, refuse};
 use circuit::{AxisId, Look, Session};
 use std::sync::Arc;
 
@@ -20,26 +20,12 @@ const SHARE_OF_SIZES: f64 = 0.02;
 const MOST_CHANGE: f64 = 10.0;
 /// Halvings on the way back to a valid state of the circuit.
 const HALVINGS: i32 = 50;
-/// Place of a variable in the session.
-#[derive(Clone, Copy, Debug)]
-enum Place {
-    Time,
-    Input(usize),
-    Output(usize),
-    State(usize),
-    Change(usize),
-    Rate(usize),
-    Event(usize),
-    Force,
-    /// The variable is not in the session; the model stores its value.
-    Kept,
-}
-
-/// A session and the places of the variables in it.
+/// A session and the variables in it.
 #[derive(Clone)]
 struct Running {
     session: Session,
-    places: Arc<[Place]>,
+    /// Index of each variable among the quantities of its role, such as the columns.
+    places: Arc<[usize]>,
     /// Axis of an actuator, and the index of its position among the states. Its velocity follows.
     motion: Option<(AxisId, usize)>,
     /// State at the start or the last event. A tool integrates the changes since then. The tolerance of the tool then
@@ -86,8 +72,8 @@ pub struct Update {
 
 /// A drive as a tool runs it.
 #[derive(Clone)]
-pub struct Model {
-    plan: Arc<Plan>,
+pub struct FmuModel {
+    plan: Arc<FmuPlan>,
     /// Values of all settable variables.
     values: Vec<f64>,
     t0: f64,
@@ -97,22 +83,22 @@ pub struct Model {
     begun: bool,
     running: Option<Running>,
     /// Controller, instead of a session.
-    law: Option<Law>,
+    law: Option<RunningLaw>,
 }
 
-impl Model {
-    pub fn new(plan: Arc<Plan>, outside: bool) -> Self {
+impl FmuModel {
+    pub fn new(plan: Arc<FmuPlan>, outside: bool) -> Self {
         let values = plan.variables.iter().map(|own| own.start).collect();
-        Model { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None, law: None }
+        FmuModel { values, t0: 0.0, rtol: plan.rtol, plan, outside, begun: false, running: None, law: None }
     }
 
     /// Resets the model to its original state.
     pub fn reset(&mut self) {
-        *self = Model::new(self.plan.clone(), self.outside);
+        *self = FmuModel::new(self.plan.clone(), self.outside);
     }
 
     /// Sets the start time and the optional tolerance.
-    pub fn set_up(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), Refusal> {
+    pub fn set_up(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), CallRefusal> {
         if !t0.is_finite() {
             return refuse(format!("start time = {t0} s is not a time"));
         }
@@ -136,9 +122,9 @@ impl Model {
     }
 
     /// Makes the values set before the run final.
-    pub fn begin(&mut self) -> Result<(), Refusal> {
+    pub fn begin(&mut self) -> Result<(), CallRefusal> {
         match &self.plan.law {
-            Some(law) => self.law = Some(Law::new(law, &self.plan.variables, self.t0)?),
+            Some(law) => self.law = Some(RunningLaw::new(law, &self.plan.variables, self.t0)?),
             None => {
                 self.running()?;
             }
@@ -147,7 +133,7 @@ impl Model {
         Ok(())
     }
 
-    fn variable(&self, reference: u32) -> Result<usize, Refusal> {
+    fn variable(&self, reference: u32) -> Result<usize, CallRefusal> {
         let place = reference as usize;
         if place < self.values.len() {
             return Ok(place);
@@ -159,7 +145,7 @@ impl Model {
     }
 
     /// Returns the value reference of a variable by its name.
-    pub fn named(&self, name: &str) -> Result<u32, Refusal> {
+    pub fn named(&self, name: &str) -> Result<u32, CallRefusal> {
         match self.plan.variables.iter().position(|own| own.name == name) {
             Some(place) => Ok(place as u32),
             None => refuse(format!("there is no variable \"{name}\"")),
@@ -169,11 +155,11 @@ impl Model {
     /// Returns whether the variable changes only at events.
     pub fn is_discrete(&self, reference: u32) -> bool {
         let own = self.plan.variables.get(reference as usize);
-        matches!(own.map(|own| &own.role), Some(Role::Input { discrete: true, .. }))
+        matches!(own.map(|own| &own.role), Some(VariableRole::Input { discrete: true, .. }))
     }
 
     /// Sets a variable.
-    pub fn set(&mut self, reference: u32, value: f64) -> Result<(), Refusal> {
+    pub fn set(&mut self, reference: u32, value: f64) -> Result<(), CallRefusal> {
         let (at, plan) = (self.variable(reference)?, self.plan.clone());
         let own = &plan.variables[at];
         if !value.is_finite() {
@@ -191,8 +177,9 @@ impl Model {
             return refuse(format!("{} is fixed: it can be set before the run only", own.name));
         }
         if self.values[at].to_bits() != value.to_bits() {
-            if let Place::Input(input) = self.running()?.places[at] {
-                self.running()?.session.set(input, value)?;
+            if let VariableRole::Input { .. } = own.role {
+                let Running { session, places, .. } = self.running()?;
+                session.set(places[at], value)?;
             }
             self.values[at] = value;
             self.follow()?;
@@ -201,7 +188,7 @@ impl Model {
     }
 
     /// Reads a variable at the present instant.
-    pub fn get(&mut self, reference: u32) -> Result<f64, Refusal> {
+    pub fn get(&mut self, reference: u32) -> Result<f64, CallRefusal> {
         let at = self.variable(reference)?;
         let (plan, kept) = (self.plan.clone(), self.values[at]);
         let role = &plan.variables[at].role;
@@ -211,33 +198,34 @@ impl Model {
         if let Some(law) = &plan.law {
             let running = match &self.law {
                 Some(running) => running,
-                None => &Law::new(law, &plan.variables, self.t0)?,
+                None => &RunningLaw::new(law, &plan.variables, self.t0)?,
             };
             return Ok(match role {
-                Role::Output { of } => running.output(of).unwrap_or(kept),
+                VariableRole::Output { of } => running.output(of).unwrap_or(kept),
                 _ => running.time(),
             });
         }
         let Running { session, places, motion, origin, .. } = self.running()?;
-        Ok(match places[at] {
-            Place::Time => session.time(),
-            Place::Output(column) => session.now(column),
-            Place::State(state) => session.state()[state],
-            Place::Change(state) => session.state()[state] - origin[state],
-            Place::Rate(state) => session.rates()[state],
-            Place::Event(event) => session.events().get(event).copied().unwrap_or(1.0),
-            Place::Force => motion.map_or(0.0, |(axis, _)| session.force_on(axis)),
-            Place::Input(_) | Place::Kept => kept,
+        let place = places[at];
+        Ok(match role {
+            VariableRole::Time => session.time(),
+            VariableRole::Output { .. } => session.read(place),
+            VariableRole::State { .. } => session.state()[place],
+            VariableRole::Change { .. } => session.state()[place] - origin[place],
+            VariableRole::Rate { .. } => session.rates()[place],
+            VariableRole::Event { .. } => session.events().get(place).copied().unwrap_or(1.0),
+            VariableRole::Force => motion.map_or(0.0, |(axis, _)| session.force_on(axis)),
+            _ => kept,
         })
     }
 
     /// Returns the present time, s.
     pub fn time(&self) -> f64 {
-        let law = self.law.as_ref().map(Law::time);
+        let law = self.law.as_ref().map(RunningLaw::time);
         law.unwrap_or_else(|| self.running.as_ref().map_or(self.t0, |running| running.session.time()))
     }
 
-    fn running(&mut self) -> Result<&mut Running, Refusal> {
+    fn running(&mut self) -> Result<&mut Running, CallRefusal> {
         if self.plan.law.is_some() {
             return refuse("a controller has no continuous states, no events and no derivatives");
         }
@@ -249,16 +237,18 @@ impl Model {
     }
 
     /// Sets the piston of an actuator to the given position. End stops act at every position.
-    fn follow(&mut self) -> Result<(), Refusal> {
+    fn follow(&mut self) -> Result<(), CallRefusal> {
         if !self.outside {
             return Ok(());
         }
-        let told = |role: fn(&Role) -> bool| {
+        let told = |role: fn(&VariableRole) -> bool| {
             let place = self.plan.variables.iter().position(|own| role(&own.role));
             place.map_or(0.0, |place| self.values[place])
         };
-        let motion =
-            [told(|role| matches!(role, Role::Position)), told(|role| matches!(role, Role::Velocity))];
+        let motion = [
+            told(|role| matches!(role, VariableRole::Position)),
+            told(|role| matches!(role, VariableRole::Velocity)),
+        ];
         let Running { session, motion: axis, .. } = self.running()?;
         let mut y = session.state().to_vec();
         if let Some((_, first)) = axis {
@@ -269,24 +259,24 @@ impl Model {
     }
 
     /// Returns the indices of the tool's continuous states among those of the session.
-    fn continuous(&mut self) -> Result<Vec<usize>, Refusal> {
+    fn continuous(&mut self) -> Result<Vec<usize>, CallRefusal> {
         let Running { session, motion, .. } = self.running()?;
         let own = motion.map(|(_, first)| [first, first + 1]).unwrap_or([usize::MAX; 2]);
         Ok((0..session.state().len()).filter(|state| !own.contains(state)).collect())
     }
 
     /// Returns the number of continuous states that the tool integrates.
-    pub fn n_states(&mut self) -> Result<usize, Refusal> {
+    pub fn n_states(&mut self) -> Result<usize, CallRefusal> {
         Ok(self.continuous()?.len())
     }
 
     /// Returns the number of event functions.
-    pub fn n_events(&mut self) -> Result<usize, Refusal> {
+    pub fn n_events(&mut self) -> Result<usize, CallRefusal> {
         Ok(self.running()?.session.events().len())
     }
 
     /// Sets the time, s.
-    pub fn set_time(&mut self, t: f64) -> Result<(), Refusal> {
+    pub fn set_time(&mut self, t: f64) -> Result<(), CallRefusal> {
         if !t.is_finite() {
             return refuse(format!("t = {t} s is not a time"));
         }
@@ -297,11 +287,11 @@ impl Model {
     }
 
     /// Sets the states, given as changes since the last event.
-    pub fn set_states(&mut self, x: &[f64]) -> Result<(), Refusal> {
+    pub fn set_states(&mut self, x: &[f64]) -> Result<(), CallRefusal> {
         let places = self.continuous()?;
         check_length("states", x.len(), places.len())?;
         if x.iter().any(|value| !value.is_finite()) {
-            return Err(Refusal { message: "a state is not a number".into(), discard: true });
+            return Err(CallRefusal { message: "a state is not a number".into(), discard: true });
         }
         let Running { session, origin, .. } = self.running()?;
         let mut y = session.state().to_vec();
@@ -314,15 +304,17 @@ impl Model {
 
     /// Returns the continuous states as changes since the last event, or their rates, or their nominal
     /// values.
-    pub fn states(&mut self, what: What) -> Result<Vec<f64>, Refusal> {
+    pub fn states(&mut self, what: StateQuantity) -> Result<Vec<f64>, CallRefusal> {
         let places = self.continuous()?;
         let running = self.running()?;
         let all = match what {
-            What::Values => {
+            StateQuantity::Values => {
                 running.session.state().iter().zip(&running.origin).map(|(y, origin)| y - origin).collect()
             }
-            What::Rates => running.rates(),
-            What::Sizes => running.session.scale().iter().map(|size| SHARE_OF_SIZES * size).collect(),
+            StateQuantity::Rates => running.rates(),
+            StateQuantity::Sizes => {
+                running.session.scale().iter().map(|size| SHARE_OF_SIZES * size).collect()
+            }
         };
         let session = &running.session;
         finite_at(session, places.iter().map(|place| (*place, all[*place])))
@@ -331,7 +323,7 @@ impl Model {
 
     /// Returns whether the end of the tool's step needs an event. Modes may have to change, or the changes
     /// may have grown so large that they need a new origin to keep the tolerance small.
-    pub fn is_due_behind_step(&mut self) -> Result<bool, Refusal> {
+    pub fn is_due_behind_step(&mut self) -> Result<bool, CallRefusal> {
         let Running { session, origin, .. } = self.running()?;
         let rates = session.rates();
         finite_at(session, rates.into_iter().enumerate())?;
@@ -341,18 +333,18 @@ impl Model {
     }
 
     /// Returns the event functions.
-    pub fn events(&mut self) -> Result<Vec<f64>, Refusal> {
+    pub fn events(&mut self) -> Result<Vec<f64>, CallRefusal> {
         Ok(self.running()?.session.events())
     }
 
     /// Returns whether a mode must change now.
-    pub fn is_due(&mut self) -> Result<bool, Refusal> {
+    pub fn is_due(&mut self) -> Result<bool, CallRefusal> {
         let session = &mut self.running()?.session;
         Ok(session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
     /// Applies pending commands and changes invalid modes. Changes of the states are counted from here.
-    pub fn update(&mut self) -> Result<Update, Refusal> {
+    pub fn update(&mut self) -> Result<Update, CallRefusal> {
         let Running { session, origin, .. } = self.running()?;
         let before = session.state().to_vec();
         session.settle_schedule();
@@ -363,7 +355,7 @@ impl Model {
     }
 
     /// Continues from a time by a step, s.
-    pub fn step(&mut self, from: f64, by: f64) -> Result<(), Refusal> {
+    pub fn step(&mut self, from: f64, by: f64) -> Result<(), CallRefusal> {
         let now = self.time();
         if !(from.is_finite() && (from - now).abs() <= SAME_INSTANT * now.abs().max(1.0)) {
             return refuse(format!("the step begins at {from} s, but the present time is {now} s"));
@@ -387,7 +379,7 @@ impl Model {
         knowns: &[u32],
         seed: &[f64],
         adjoint: bool,
-    ) -> Result<Vec<f64>, Refusal> {
+    ) -> Result<Vec<f64>, CallRefusal> {
         check_length("seeds", seed.len(), if adjoint { unknowns.len() } else { knowns.len() })?;
         let all: Vec<usize> =
             unknowns.iter().chain(knowns).map(|own| self.variable(*own)).collect::<Result<_, _>>()?;
@@ -395,20 +387,22 @@ impl Model {
         let plan = self.plan.clone();
         let Running { session, places, .. } = self.running()?;
         let state_of = |at: usize| match &plan.variables[at].role {
-            Role::Output { of } | Role::State { of } | Role::Change { of } => {
+            VariableRole::Output { of } | VariableRole::State { of } | VariableRole::Change { of } => {
                 session.state_names().iter().position(|(name, _)| name == of)
             }
             _ => None,
         };
+        let is_input = |at: usize| matches!(plan.variables[at].role, VariableRole::Input { .. });
         let name = |at: usize| &plan.variables[at].name;
-        let inputs: Vec<usize> = knowns.iter().filter_map(|&at| input_of(places[at])).collect();
+        let inputs: Vec<usize> = knowns.iter().filter(|at| is_input(**at)).map(|&at| places[at]).collect();
         let linear = session.linearise(&inputs)?;
         let (n, m) = (linear.state.len(), inputs.len());
         let mut out = vec![0.0; if adjoint { knowns.len() } else { unknowns.len() }];
         for (i, &unknown) in unknowns.iter().enumerate() {
-            let (by_states, by_inputs) = match places[unknown] {
-                Place::Rate(row) => (&linear.a[row * n..][..n], &linear.b[row * m..][..m]),
-                Place::Output(column) => match linear.columns.iter().position(|own| *own == column) {
+            let row = places[unknown];
+            let (by_states, by_inputs) = match &plan.variables[unknown].role {
+                VariableRole::Rate { .. } => (&linear.a[row * n..][..n], &linear.b[row * m..][..m]),
+                VariableRole::Output { .. } => match linear.columns.iter().position(|own| *own == row) {
                     Some(row) => (&linear.c[row * n..][..n], &linear.d[row * m..][..m]),
                     None => return refuse(format!("{} has no derivative", name(unknown))),
                 },
@@ -421,10 +415,9 @@ impl Model {
             };
             let mut inputs = by_inputs.iter();
             for (k, &known) in knowns.iter().enumerate() {
-                let slope = match (input_of(places[known]), state_of(known)) {
-                    (Some(_), _) => inputs.next().copied(),
-                    (None, Some(state)) => Some(by_states[state]),
-                    (None, None) => None,
+                let slope = match state_of(known) {
+                    _ if is_input(known) => inputs.next().copied(),
+                    state => state.map(|state| by_states[state]),
                 };
                 let Some(slope) = slope else {
                     return refuse(format!("{} is not a known: states and inputs are", name(known)));
@@ -438,10 +431,10 @@ impl Model {
 }
 
 /// Refuses rates that are not finite. The places are those of their states.
-fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -> Result<(), Refusal> {
+fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -> Result<(), CallRefusal> {
     match rates.find(|(_, rate)| !rate.is_finite()) {
         None => Ok(()),
-        Some((place, _)) => Err(Refusal {
+        Some((place, _)) => Err(CallRefusal {
             message: format!(
                 "the rate of {} is not finite at t = {} s. Try a shorter step, or a larger dead volume",
                 session.state_names()[place].0,
@@ -452,23 +445,15 @@ fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -
     }
 }
 
-/// Returns the input of the session at a place.
-fn input_of(place: Place) -> Option<usize> {
-    match place {
-        Place::Input(input) => Some(input),
-        _ => None,
-    }
-}
-
 /// Requested quantity of the continuous states.
 #[derive(Clone, Copy, Debug)]
-pub enum What {
+pub enum StateQuantity {
     Values,
     Rates,
     Sizes,
 }
 
 /// Refuses arrays of another length.
-pub fn check_length(what: &str, given: usize, own: usize) -> Result<(), Refusal> {
+pub fn check_length(what: &str, given: usize, own: usize) -> Result<(), CallRefusal> {
     if given == own { Ok(()) } else { refuse(format!("{given} {what} are given; there are {own}")) }
 }

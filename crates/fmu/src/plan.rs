@@ -1,14 +1,15 @@
 //! Description of a drive for a tool: the file `resources/drive.json` of an FMU, and the argument of
 //! `pneudrive_create`.
 
+use control::Reference;
 use serde::Deserialize;
 use serde_json::Value;
-use servo::specification;
+use servo::{Encoder, specification};
 use std::collections::BTreeMap;
 
 /// A circuit, its start, and its variables. The index of a variable is its value reference.
 #[derive(Debug, Deserialize)]
-pub struct Plan {
+pub struct FmuPlan {
     /// Instantiation token (GUID) of the FMU.
     pub token: String,
     /// Circuit in the core's form.
@@ -32,9 +33,9 @@ pub struct Plan {
 #[derive(Debug, Deserialize)]
 pub struct LawPlan {
     pub controller: specification::Controller,
-    pub motion: specification::Motion,
+    pub motion: Reference,
     /// Its position sensor.
-    pub position: specification::PositionSensor,
+    pub position: Encoder,
 }
 
 /// A variable of the FMU.
@@ -42,7 +43,7 @@ pub struct LawPlan {
 pub struct Variable {
     pub name: String,
     #[serde(flatten)]
-    pub role: Role,
+    pub role: VariableRole,
     /// Start value of a settable variable.
     #[serde(default)]
     pub start: f64,
@@ -51,8 +52,8 @@ pub struct Variable {
 /// Role of a variable.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "role", rename_all = "lowercase")]
-pub enum Role {
-    /// s.
+pub enum VariableRole {
+    /// Time, s.
     Time,
     /// An input of the session. A discrete input has a history and changes only at events.
     Input {
@@ -94,14 +95,14 @@ pub enum Role {
     Force,
 }
 
-impl Role {
+impl VariableRole {
     /// Whether it keeps the value that was set before the run.
     pub fn is_fixed(&self) -> bool {
-        matches!(self, Role::Parameter { .. } | Role::Start { .. } | Role::Age)
+        matches!(self, VariableRole::Parameter { .. } | VariableRole::Start { .. } | VariableRole::Age)
     }
 
     /// Whether it may be set during the run.
     pub fn is_input(&self) -> bool {
-        matches!(self, Role::Input { .. } | Role::Position | Role::Velocity)
+        matches!(self, VariableRole::Input { .. } | VariableRole::Position | VariableRole::Velocity)
     }
 }

@@ -10,57 +10,89 @@ pub struct Id(pub(crate) usize);
 /// Largest number of nodes of a graph.
 pub(crate) const MOST_NODES: usize = 2000;
 
+/// An operation on values: nodes of a graph, or registers of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Operation {
+pub enum Operation<A = Id> {
     /// Bits of a number.
     Number(u64),
+    /// A parameter, by its index.
     Parameter(usize),
+    /// An input, by its index.
     Input(usize),
-    Negative(Id),
-    Add(Id, Id),
-    Subtract(Id, Id),
-    Multiply(Id, Id),
-    Divide(Id, Id),
+    /// Negative of a.
+    Negative(A),
+    /// a + b.
+    Add(A, A),
+    /// a - b.
+    Subtract(A, A),
+    /// a b.
+    Multiply(A, A),
+    /// a / b.
+    Divide(A, A),
     /// a b + c, rounded once.
-    Fused(Id, Id, Id),
-    Size(Id),
-    Root(Id),
-    Exponential(Id),
-    Logarithm(Id),
-    Tangent(Id),
-    Sine(Id),
-    Cosine(Id),
-    Power(Id, Id),
-    Least(Id, Id),
-    Greatest(Id, Id),
+    Fused(A, A, A),
+    /// Size of a.
+    Size(A),
+    /// Square root of a.
+    Root(A),
+    /// Exponential function of a.
+    Exponential(A),
+    /// Natural logarithm of a.
+    Logarithm(A),
+    /// Hyperbolic tangent of a.
+    Tangent(A),
+    /// Sine of a.
+    Sine(A),
+    /// Cosine of a.
+    Cosine(A),
+    /// a to the power b.
+    Power(A, A),
+    /// Smaller one of a and b.
+    Least(A, A),
+    /// Greater one of a and b.
+    Greatest(A, A),
     /// c if a < b, else d.
-    Select(Id, Id, Id, Id),
+    Select(A, A, A, A),
 }
 
-impl Operation {
-    pub(crate) fn arguments(&self) -> Vec<Id> {
+impl<A: Copy> Operation<A> {
+    /// Returns the same operation on other values.
+    pub fn map<B>(&self, mut of: impl FnMut(A) -> B) -> Operation<B> {
         use Operation::*;
         match *self {
-            Number(_) | Parameter(_) | Input(_) => vec![],
-            Negative(a) | Size(a) | Root(a) | Exponential(a) | Logarithm(a) | Tangent(a) | Sine(a)
-            | Cosine(a) => {
-                vec![a]
-            }
-            Add(a, b)
-            | Subtract(a, b)
-            | Multiply(a, b)
-            | Divide(a, b)
-            | Power(a, b)
-            | Least(a, b)
-            | Greatest(a, b) => vec![a, b],
-            Fused(a, b, c) => vec![a, b, c],
-            Select(a, b, c, d) => vec![a, b, c, d],
+            Number(bits) => Number(bits),
+            Parameter(index) => Parameter(index),
+            Input(index) => Input(index),
+            Negative(a) => Negative(of(a)),
+            Add(a, b) => Add(of(a), of(b)),
+            Subtract(a, b) => Subtract(of(a), of(b)),
+            Multiply(a, b) => Multiply(of(a), of(b)),
+            Divide(a, b) => Divide(of(a), of(b)),
+            Fused(a, b, c) => Fused(of(a), of(b), of(c)),
+            Size(a) => Size(of(a)),
+            Root(a) => Root(of(a)),
+            Exponential(a) => Exponential(of(a)),
+            Logarithm(a) => Logarithm(of(a)),
+            Tangent(a) => Tangent(of(a)),
+            Sine(a) => Sine(of(a)),
+            Cosine(a) => Cosine(of(a)),
+            Power(a, b) => Power(of(a), of(b)),
+            Least(a, b) => Least(of(a), of(b)),
+            Greatest(a, b) => Greatest(of(a), of(b)),
+            Select(a, b, c, d) => Select(of(a), of(b), of(c), of(d)),
         }
+    }
+
+    /// Returns its arguments in order.
+    pub fn arguments(&self) -> Vec<A> {
+        let mut all = Vec::new();
+        self.map(|argument| all.push(argument));
+        all
     }
 
     /// Returns the value, given the values of the arguments. `given` has the values of parameters and inputs.
     #[inline(always)]
-    pub(crate) fn value<S: Real>(&self, of: impl Fn(Id) -> S, given: impl Fn(&Operation) -> S) -> S {
+    pub fn value<S: Real>(&self, of: impl Fn(A) -> S, given: impl Fn(&Self) -> S) -> S {
         use Operation::*;
         match *self {
             Number(bits) => S::c(f64::from_bits(bits)),

@@ -26,7 +26,7 @@ mod range;
 mod token;
 
 pub use dimension::Dimension;
-pub use graph::{Graph, Id, Scope};
+pub use graph::{Graph, Id, Operation, Scope};
 pub use parse::{Expression, MOST_CHARACTERS, parse};
 pub use problem::{Place, Problem, nearest};
 pub use program::{MOST_REGISTERS, Program};

@@ -9,7 +9,7 @@ pub const MOST_REGISTERS: usize = 256;
 /// is reused as soon as its value is no longer needed.
 #[derive(Clone, Debug)]
 pub struct Program {
-    steps: Vec<Step>,
+    steps: Vec<ProgramStep>,
     registers: usize,
     /// Nodes of the graph in the first registers.
     constants: Vec<usize>,
@@ -18,59 +18,11 @@ pub struct Program {
     outputs: Vec<u8>,
 }
 
+/// An operation on registers, and the register of its result.
 #[derive(Clone, Copy, Debug)]
-struct Step {
-    code: Code,
+struct ProgramStep {
+    operation: Operation<u8>,
     to: u8,
-    of: [u8; 4],
-}
-
-#[derive(Clone, Copy, Debug)]
-#[repr(u8)]
-enum Code {
-    Negative,
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-    Fused,
-    Size,
-    Root,
-    Exponential,
-    Logarithm,
-    Tangent,
-    Sine,
-    Cosine,
-    Power,
-    Least,
-    Greatest,
-    Select,
-}
-
-impl Code {
-    /// `None` for values that exist before the program runs.
-    fn of(operation: &Operation) -> Option<Code> {
-        Some(match operation {
-            Operation::Number(_) | Operation::Parameter(_) | Operation::Input(_) => return None,
-            Operation::Negative(_) => Code::Negative,
-            Operation::Add(..) => Code::Add,
-            Operation::Subtract(..) => Code::Subtract,
-            Operation::Multiply(..) => Code::Multiply,
-            Operation::Divide(..) => Code::Divide,
-            Operation::Fused(..) => Code::Fused,
-            Operation::Size(_) => Code::Size,
-            Operation::Root(_) => Code::Root,
-            Operation::Exponential(_) => Code::Exponential,
-            Operation::Logarithm(_) => Code::Logarithm,
-            Operation::Tangent(_) => Code::Tangent,
-            Operation::Sine(_) => Code::Sine,
-            Operation::Cosine(_) => Code::Cosine,
-            Operation::Power(..) => Code::Power,
-            Operation::Least(..) => Code::Least,
-            Operation::Greatest(..) => Code::Greatest,
-            Operation::Select(..) => Code::Select,
-        })
-    }
 }
 
 /// Returns the constants that the operations or the outputs use.
@@ -122,14 +74,14 @@ impl Program {
         let (mut free, mut steps) = (Vec::new(), Vec::new());
         for id in reached.iter().filter(|id| varies(id)) {
             let operation = graph.at(*id).operation;
-            let Some(code) = Code::of(&operation) else { continue };
-            let arguments = operation.arguments();
-            let of: Vec<usize> = arguments.iter().map(|a| register[a.0].expect("computed before")).collect();
+            if graph.is_input(*id) {
+                continue;
+            }
+            let operation_on_registers = operation.map(|a| register[a.0].expect("computed before"));
+            let arguments = operation.arguments().into_iter().zip(operation_on_registers.arguments());
             let mut ended: Vec<usize> = arguments
-                .iter()
-                .zip(&of)
-                .filter(|(a, register)| last[a.0] == id.0 && **register >= fixed)
-                .map(|(_, register)| *register)
+                .filter(|(a, register)| last[a.0] == id.0 && *register >= fixed)
+                .map(|(_, register)| register)
                 .collect();
             ended.sort_unstable();
             ended.dedup();
@@ -139,17 +91,16 @@ impl Program {
                 next - 1
             });
             register[id.0] = Some(to);
-            steps.push((code, to, of));
+            steps.push((operation_on_registers, to));
         }
         if next > MOST_REGISTERS {
             let what = format!("the law needs {next} values at the same time, more than {MOST_REGISTERS}");
             return Err(Problem::of_all(what, "Simplify it."));
         }
         let byte = |register: usize| u8::try_from(register).expect("within MOST_REGISTERS");
-        let steps = steps.into_iter().map(|(code, to, of)| {
-            let of = std::array::from_fn(|i| of.get(i).map_or(0, |register| byte(*register)));
-            Step { code, to: byte(to), of }
-        });
+        let steps = steps
+            .into_iter()
+            .map(|(operation, to)| ProgramStep { operation: operation.map(byte), to: byte(to) });
         let outputs = outputs.iter().map(|id| byte(register[id.0].expect("computed"))).collect();
         Ok(Program { steps: steps.collect(), registers: next, constants, inputs, outputs })
     }
@@ -207,27 +158,10 @@ impl Program {
     }
 }
 
-fn execute<S: Real>(steps: &[Step], r: &mut [S]) {
-    for step in steps {
-        let [a, b, c, d] = step.of.map(usize::from);
-        r[usize::from(step.to)] = match step.code {
-            Code::Negative => -r[a],
-            Code::Add => r[a] + r[b],
-            Code::Subtract => r[a] - r[b],
-            Code::Multiply => r[a] * r[b],
-            Code::Divide => r[a] / r[b],
-            Code::Fused => r[a].fma(r[b], r[c]),
-            Code::Size => r[a].abs(),
-            Code::Root => r[a].sqrt(),
-            Code::Exponential => r[a].exp(),
-            Code::Logarithm => r[a].ln(),
-            Code::Tangent => r[a].tanh(),
-            Code::Sine => r[a].sin(),
-            Code::Cosine => r[a].cos(),
-            Code::Power => r[a].pow(r[b]),
-            Code::Least => r[a].min(r[b]),
-            Code::Greatest => r[a].max(r[b]),
-            Code::Select => S::select(r[a].lt(r[b]), r[c], r[d]),
-        };
+fn execute<S: Real>(steps: &[ProgramStep], registers: &mut [S]) {
+    for ProgramStep { operation, to } in steps {
+        let value =
+            operation.value(|of| registers[usize::from(of)], |_| unreachable!("in its register before"));
+        registers[usize::from(*to)] = value;
     }
 }

@@ -121,25 +121,8 @@ pub(crate) fn inverse_cube_root(x: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    #[test]
-    fn cube_root_is_good_to_a_millionth() {
-        for i in -120..200 {
-            let x = 10_f64.powf(f64::from(i) * 0.1);
-            let y = super::inverse_cube_root(x);
-            assert!((y * x.cbrt() - 1.0).abs() < 1e-6, "{x}: {y}");
-        }
-    }
-
-    #[test]
-    fn fifth_root_is_good_to_a_millionth() {
-        for i in -120..200 {
-            let x = 10_f64.powf(f64::from(i) * 0.1);
-            let y: f64 = super::inverse_fifth_root(x);
-            assert!((y * x.powf(0.2) - 1.0).abs() < 1e-6, "{x}: {y}");
-        }
-    }
-}
+#[path = "../tests/unit/control.rs"]
+mod tests;
 
 /// Step control of one lane.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ pub use arrow::Dense;
 pub(crate) use arrow::V as VELOCITY;
 
 use crate::stages::{BLOCK, Block, zeros};
-use crate::structure::{Entry, SMALL, Structure};
+use crate::structure::{SMALL, Structure, StructureEntry};
 use math::{Lane, Real, Work};
 
 /// Returns the number of blocks for `n` states. A small system always fills its fixed array.
@@ -191,7 +191,7 @@ impl<R: Lane> Linear<R> {
 /// x[row] += value * x[column] for each entry, column by column. No entry of a column changes that column's
 /// own x.
 #[inline(always)]
-fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
+fn substitute<R: Lane>(x: &mut [R], entries: &[StructureEntry], values: &[R::Plain]) {
     let mut of = (u16::MAX, R::zero());
     for (e, value) in entries.iter().zip(values) {
         if e.column != of.0 {
@@ -203,7 +203,7 @@ fn substitute<R: Lane>(x: &mut [R], entries: &[Entry], values: &[R::Plain]) {
 
 /// Applies the transposed operations in reverse order, on all rows of `z` at once.
 #[inline(always)]
-fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[Entry], values: &[R]) {
+fn substitute_transposed<R: Real>(z: &mut [[R; SMALL]; SMALL], entries: &[StructureEntry], values: &[R]) {
     for (e, value) in entries.iter().rev().zip(values.iter().rev()) {
         // A masked index into a fixed array needs no bounds check.
         let (row, column) = (e.row as usize % SMALL, e.column as usize % SMALL);

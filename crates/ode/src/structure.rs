@@ -14,7 +14,7 @@ type Slot = u32;
 /// One operation of a substitution: x[row] += value * x[column]. The values have the same order, and the sign
 /// in which they are added.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Entry {
+pub(crate) struct StructureEntry {
     pub row: u16,
     pub column: u16,
 }
@@ -55,11 +55,11 @@ pub struct Structure {
     pub(crate) passes: Vec<Pass>,
     pub(crate) pivots: Vec<Pivot>,
     /// Strictly lower entries in elimination order, column by column: slots 0 .. lower.len().
-    pub(crate) lower: Vec<Entry>,
+    pub(crate) lower: Vec<StructureEntry>,
     /// Strictly upper entries in reverse elimination order, column by column: the slots that follow.
-    pub(crate) upper: Vec<Entry>,
+    pub(crate) upper: Vec<StructureEntry>,
     /// Entries of the quadratures' rows, column by column: the slots that follow. They take no part in the elimination.
-    pub(crate) quadratures: Vec<Entry>,
+    pub(crate) quadratures: Vec<StructureEntry>,
     /// Number of states that are not quadratures. Their diagonal is in the last slots.
     pub(crate) n_coupled: usize,
     pub(crate) depends_on_time: bool,
@@ -102,10 +102,10 @@ impl Structure {
         let order = elimination_order(&coupled);
         let filled = fill_in(&coupled, &order);
         let (lower, upper) = substitutions(&filled, &order);
-        let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
+        let entry = |i: usize, j: usize| StructureEntry { row: i as u16, column: j as u16 };
         let pattern = &pattern;
         let of_column = |j: usize| (n_coupled..n).filter(move |&i| pattern[i][j]).map(move |i| entry(i, j));
-        let quadratures: Vec<Entry> = (0..n_coupled).flat_map(of_column).collect();
+        let quadratures: Vec<StructureEntry> = (0..n_coupled).flat_map(of_column).collect();
         let mut slots = vec![vec![Slot::MAX; n]; n];
         let diagonal = (0..n_coupled).map(|k| entry(k, k));
         let all = lower.iter().chain(&upper).chain(&quadratures).copied().chain(diagonal);
@@ -207,8 +207,8 @@ fn colour(
 }
 
 /// Returns the entries of both substitutions, column by column. The entries of a column are independent.
-fn substitutions(filled: &[Vec<bool>], order: &[usize]) -> (Vec<Entry>, Vec<Entry>) {
-    let entry = |i: usize, j: usize| Entry { row: i as u16, column: j as u16 };
+fn substitutions(filled: &[Vec<bool>], order: &[usize]) -> (Vec<StructureEntry>, Vec<StructureEntry>) {
+    let entry = |i: usize, j: usize| StructureEntry { row: i as u16, column: j as u16 };
     let (mut lower, mut upper) = (Vec::new(), Vec::new());
     for (p, &k) in order.iter().enumerate() {
         lower.extend(order[p + 1..].iter().filter(|&&i| filled[i][k]).map(|&i| entry(i, k)));

@@ -23,12 +23,12 @@ pub(crate) struct Swing {
     /// Inverse of the speed at the declared energy, s/m.
     inverse_speed: f64,
     free: f64,
-    pub memory: Memory,
+    pub memory: SwingMemory,
 }
 
 /// History of a `Swing`.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Memory {
+pub(crate) struct SwingMemory {
     /// Weighted number of half swings.
     pub count: f64,
     /// Largest speed of the last evaluated half swings, and of those since then.
@@ -46,14 +46,14 @@ pub(crate) struct Memory {
 impl Swing {
     pub fn new(state: usize, speed: f64, rtol: f64) -> Self {
         let free = FREE_SWINGS * (LOOSE_RTOL / rtol).max(1.0);
-        Swing { state, inverse_speed: 1.0 / speed, free, memory: Memory::default() }
+        Swing { state, inverse_speed: 1.0 / speed, free, memory: SwingMemory::default() }
     }
 
     /// Updates the count after a step of length `h` from velocity `v0` to `v`. Returns true if the count may
     /// have changed.
     #[inline(always)]
     pub fn step(&mut self, h: f64, v0: f64, v: f64) -> bool {
-        let Memory { peak, towards, time, resting, .. } = &mut self.memory;
+        let SwingMemory { peak, towards, time, resting, .. } = &mut self.memory;
         let slow = RESTING_SPEED * *peak;
         let rests = v.abs() <= slow;
         *time += h;
@@ -70,15 +70,15 @@ impl Swing {
     #[inline(never)]
     fn turn(&mut self, v: f64) {
         let was = self.memory;
-        let now = Memory { turns: was.turns + 1.0, towards: v, time: 0.0, resting: 0.0, ..was };
+        let now = SwingMemory { turns: was.turns + 1.0, towards: v, time: 0.0, resting: 0.0, ..was };
         self.memory = if was.resting > RESTING_TIME * was.time {
-            Memory { count: 0.0, before: 0.0, peak: v.abs(), turns: 0.0, ..now }
+            SwingMemory { count: 0.0, before: 0.0, peak: v.abs(), turns: 0.0, ..now }
         } else if now.turns < TOGETHER {
             now
         } else {
             let kept = if was.before > 0.0 { (was.peak / was.before).powi(2).min(1.0) } else { 0.0 };
             let own = (was.peak * self.inverse_speed).powi(2).min(1.0);
-            Memory {
+            SwingMemory {
                 count: kept * was.count + TOGETHER * own,
                 before: was.peak,
                 peak: v.abs(),
@@ -96,37 +96,5 @@ impl Swing {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::{FREE_SWINGS, LEAST_SHARE, LOOSE_RTOL, Swing};
-
-    /// Returns the fraction after this many half swings. Each is weaker by this ratio, and is followed by a
-    /// rest and a small tremble.
-    fn share(swings: f64, ratio: f64, rest: f64, rtol: f64) -> f64 {
-        let (mut swing, mut v0) = (Swing::new(0, 0.5, rtol), 0.0);
-        for k in 0..=swings as i32 {
-            let peak = (-ratio).powi(k);
-            let missed = if k % 3 == 0 { 1.0 } else { 0.9 };
-            let course = [(0.3, 0.5), (0.3, missed), (0.3, 1e-3), (rest, 0.0), (0.01, -1e-9), (0.01, 1e-9)];
-            for (h, v) in course {
-                swing.step(h, v0, v * peak);
-                v0 = v * peak;
-            }
-        }
-        swing.share()
-    }
-
-    #[test]
-    fn what_bounces_on_is_solved_more_accurately_and_what_rests_or_loses_its_energy_is_not() {
-        let (many, loose) = (4.0 * FREE_SWINGS, LOOSE_RTOL);
-        assert!((share(many, 1.0, 0.0, loose) - 0.5).abs() < 1e-12);
-        assert_eq!(share(100.0 * many, 1.0, 0.0, loose), LEAST_SHARE);
-        for (swings, ratio, rest, rtol) in [
-            (FREE_SWINGS, 1.0, 0.0, loose),
-            (many, 1.0, 0.0, 0.2 * loose),
-            (many, 1.0, 10.0, loose),
-            (many, 0.9, 0.0, loose),
-        ] {
-            assert_eq!(share(swings, ratio, rest, rtol), 1.0);
-        }
-    }
-}
+#[path = "../tests/unit/swing.rs"]
+mod tests;

@@ -4,14 +4,14 @@ use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{RESULTS, STATUS, program};
-use control::{AnyLaw, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, Demand, EventKind, GAINS, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use servo::specification::{Controller, Motion, Setup};
-use servo::{COLUMNS, Encoder, Led, Sensors, Servo, controller, run_together};
+use servo::specification::{Controller, ReferenceForm, Setup};
+use servo::{COLUMNS, Led, Sensors, Servo, controller, run_together};
 use std::collections::BTreeMap;
 
 /// Keys of the controllers.
@@ -30,7 +30,8 @@ pub fn control_thresholds() -> Vec<(&'static str, String, &'static str, &'static
 /// Factors on gains: controller, factor, gain.
 #[pyfunction]
 pub fn control_factors() -> Vec<(&'static str, &'static str, &'static str)> {
-    FACTORED.iter().map(|own| (own.law, own.key, own.gain)).collect()
+    let each = GAINS.iter().flat_map(|(law, gains)| gains.iter().map(move |own| (*law, own)));
+    each.flat_map(|(law, own)| own.factors.iter().map(move |factor| (law, *factor, own.key))).collect()
 }
 
 /// Key, unit, value and meaning of a gain, and the rule by which it follows from the drive.
@@ -93,8 +94,7 @@ pub fn control_export(
     about: &str,
 ) -> PyResult<(Vec<SourceFile>, Vec<ExportedVariable>)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
-    let deviation = Encoder::from(setup.position).deviation();
-    let (controller, _) = controller(&spec, deviation).map_err(to_python)?;
+    let (controller, _) = controller(&spec, setup.position.deviation()).map_err(to_python)?;
     let program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
     let files = match language {
         "c" => {
@@ -123,7 +123,7 @@ pub fn reference_at<'py>(
     motion: &str,
     times: PyReadonlyArray1<'py, f64>,
 ) -> PyResult<Table<'py>> {
-    let reference = Reference::from(&parse::<Motion>(motion)?);
+    let reference = parse::<ReferenceForm>(motion)?.0;
     let times = times.as_array();
     let rows = times.iter().flat_map(|&t| {
         let at = reference.at(t);
@@ -146,7 +146,7 @@ pub fn control_feasibility<'py>(
     share: f64,
 ) -> PyResult<(Bound<'py, PyDict>, Slowed<'py>)> {
     let spec: Controller = parse(spec)?;
-    let reference = Reference::from(&parse::<Motion>(motion)?);
+    let reference = parse::<ReferenceForm>(motion)?.0;
     let (own, _) = controller(&spec, 0.0).map_err(to_python)?;
     let (model, plant) = (&own.model, &own.plant);
     let (is, found) = detached(py, |stop| {
@@ -222,7 +222,7 @@ pub struct PyReference(Reference);
 impl PyReference {
     #[new]
     fn new(motion: &str) -> PyResult<Self> {
-        Ok(PyReference(Reference::from(&parse::<Motion>(motion)?)))
+        Ok(PyReference(parse::<ReferenceForm>(motion)?.0))
     }
 
     /// Returns position, velocity, acceleration and jerk at a time, SI units.
@@ -280,7 +280,7 @@ pub fn control_run<'py>(
     own: Option<(Py<PyAny>, Vec<String>)>,
 ) -> PyResult<(Vec<Bound<'py, PyDict>>, Table<'py>, f64)> {
     let read = |(spec, motion, setup): &AxisForm| -> PyResult<(Controller, Reference, Setup)> {
-        Ok((parse(spec)?, Reference::from(&parse::<Motion>(motion)?), parse(setup)?))
+        Ok((parse(spec)?, parse::<ReferenceForm>(motion)?.0, parse(setup)?))
     };
     let axes = axes.iter().map(read).collect::<PyResult<Vec<_>>>()?;
     let mut own =
@@ -291,7 +291,7 @@ pub fn control_run<'py>(
         session.follow_drawn();
         let mut led = vec![];
         for (spec, reference, setup) in axes {
-            let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
+            let (mut controller, axis) = controller(&spec, setup.position.deviation())?;
             if let Some(own) = own.take() {
                 controller.law = AnyLaw::Own(Own::new(own));
             }
@@ -329,7 +329,7 @@ pub struct PySensors(Sensors);
 impl PySensors {
     #[new]
     fn new(setup: &str) -> PyResult<Self> {
-        Ok(PySensors((&parse::<Setup>(setup)?).into()))
+        Ok(PySensors(Sensors::new(parse(setup)?)))
     }
 
     /// Returns the readings of a position, m, and of both pressures, Pa, if there are sensors for them. Arguments are the

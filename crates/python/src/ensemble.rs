@@ -2,7 +2,7 @@
 
 use crate::convert::{Teller, to_python, watched};
 use crate::network::{ShortNames, called};
-use ensemble::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Reduction, What};
+use ensemble::{Column, Ensemble, EnsembleRequest, Kernel, Outcome, Plan, Reduction, Statistic};
 use numpy::{
     PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
@@ -96,14 +96,14 @@ impl PyEnsemble {
             _ => refuse(format!("{} of {} needs a finite value", asked.what, asked.column)),
         };
         let what = match &*asked.what {
-            "final" => What::Final,
-            "max" => What::Max,
-            "min" => What::Min,
-            "mean" => What::Mean,
-            "integral" => What::Integral,
-            "time_above" => What::When { value: value()?, above: true },
-            "time_below" => What::When { value: value()?, above: false },
-            "samples" => What::Samples { rate: value()? },
+            "final" => Statistic::Final,
+            "max" => Statistic::Max,
+            "min" => Statistic::Min,
+            "mean" => Statistic::Mean,
+            "integral" => Statistic::Integral,
+            "time_above" => Statistic::When { value: value()?, above: true },
+            "time_below" => Statistic::When { value: value()?, above: false },
+            "samples" => Statistic::Samples { rate: value()? },
             other => {
                 return refuse(format!(
                     "there is no reduction \"{other}\"; there are final, max, min, mean, integral, time_above, time_below, samples"
@@ -187,7 +187,7 @@ impl PyEnsemble {
                 &copied
             }
         };
-        let request = Asked {
+        let request = EnsembleRequest {
             members,
             values,
             plans: asked.plans.iter().map(|own| plan(own, members)).collect::<PyResult<_>>()?,
@@ -206,13 +206,17 @@ impl PyEnsemble {
 }
 
 /// Returns the results of a request as arrays by name.
-fn outcome_to_dict<'py>(py: Python<'py>, outcome: Outcome, asked: &Asked) -> PyResult<Bound<'py, PyDict>> {
+fn outcome_to_dict<'py>(
+    py: Python<'py>,
+    outcome: Outcome,
+    asked: &EnsembleRequest,
+) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let columns = outcome.columns.into_iter().zip(&asked.outputs).map(|(column, output)| {
         let width = column.len() / asked.members.max(1);
         let column = PyArray1::from_vec(py, column);
         match output.what {
-            What::Samples { .. } => Ok(column.reshape([asked.members, width])?.into_any()),
+            Statistic::Samples { .. } => Ok(column.reshape([asked.members, width])?.into_any()),
             _ => Ok(column.into_any()),
         }
     });

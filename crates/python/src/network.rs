@@ -1,10 +1,10 @@
 //! `Circuit`: components and joints.
 
-use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
+use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, to_python, watched};
 use crate::platform::PyPlatform;
 use crate::session::PySession;
 use crate::shooting::{Asked, shot_to_dict};
-use circuit::{ALONG, Assembly, Driven, Names, Network, Record, Restart, Servo, Shooting, specification};
+use circuit::{ALONG, Assembly, Driven, Names, Network, Record, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -95,7 +95,7 @@ impl PyCircuit {
     /// ports, m3.
     #[getter]
     fn joint_volumes(&self) -> Vec<(String, f64)> {
-        self.network.joint_volumes().to_vec()
+        self.network.joint_volumes.to_vec()
     }
 
     /// Returns the end stops of each cylinder: stiffness, N/m, damping, N s/m, and damping depth, m. They are
@@ -126,13 +126,13 @@ impl PyCircuit {
     /// Returns warnings about this description.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.network.warnings().to_vec()
+        self.network.warnings.to_vec()
     }
 
     /// Returns the keys in references.bib of the laws and methods in use.
     #[getter]
     fn citations(&self) -> Vec<&'static str> {
-        self.network.citations().to_vec()
+        self.network.citations.to_vec()
     }
 
     /// Returns a session at a start given by name, or at the state of another session.
@@ -166,9 +166,8 @@ impl PyCircuit {
         asked: Asked<'py>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let asked = Shooting::from(asked);
-        let shot =
-            watched(py, look, |interrupted| self.network.shoot(&self.json, command, &asked, interrupted))?;
+        let asked = asked.under(command);
+        let shot = watched(py, look, |interrupted| self.network.shoot(&self.json, &asked, interrupted))?;
         shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
     }
 
@@ -230,43 +229,6 @@ impl PyCircuit {
         Ok(out)
     }
 
-    /// Simulates a command with resets to measured states: rows of t, position, velocity, pressure a and b. Returns
-    /// columns by name, and the failed runs.
-    #[allow(clippy::too_many_arguments)]
-    fn restarted<'py>(
-        &self,
-        py: Python<'py>,
-        times: Vec<f64>,
-        commands: Vec<f64>,
-        duration: f64,
-        sample_rate: f64,
-        restarts: PyReadonlyArray2<'py, f64>,
-        temperatures: [f64; 2],
-        rtol: f64,
-    ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
-        if restarts.as_array().ncols() != 5 || restarts.as_array().nrows() == 0 {
-            return Err(PyValueError::new_err("restarts need five columns and at least one row"));
-        }
-        let restarts: Vec<Restart> = restarts
-            .as_array()
-            .rows()
-            .into_iter()
-            .map(|r| Restart { t: r[0], position: r[1], velocity: r[2], pressure: [r[3], r[4]] })
-            .collect();
-        let driven = self.network.driven().map_err(to_python)?;
-        let options =
-            options(rtol, duration, commands.len(), self.network.assembly().circuit.n_states(), None);
-        let (columns, failures) = detached(py, |interrupted| {
-            let plan = (&times[..], &commands[..]);
-            driven.restarted(plan, (duration, sample_rate), &restarts, temperatures, options, interrupted)
-        })?;
-        let out = PyDict::new(py);
-        for (name, column) in self.network.assembly().columns().iter().zip(columns) {
-            out.set_item(name, PyArray1::from_vec(py, column))?;
-        }
-        Ok((out, failures))
-    }
-
     /// Returns the integrated states of a run under plans, shape (samples, states).
     fn sampled_states<'py>(
         &self,
@@ -282,36 +244,6 @@ impl PyCircuit {
         let session = self.network.planned(&plans, duration, &start, options).map_err(to_python)?;
         let rows = detached(py, |interrupted| Driven::states(session, (duration, sample_rate), interrupted))?;
         self.table(py, rows)
-    }
-
-    /// Runs a sampled servo loop that follows a sine around mid-stroke.
-    #[allow(clippy::too_many_arguments)]
-    fn servo<'py>(
-        &self,
-        py: Python<'py>,
-        kp: f64,
-        kd: f64,
-        amplitude_m: f64,
-        frequency_hz: f64,
-        duration_s: f64,
-        sample_rate_hz: f64,
-        start: BTreeMap<String, f64>,
-        rtol: f64,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let middle = 0.5 * self.network.driven().map_err(to_python)?.stroke();
-        let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
-        let samples = (duration_s * sample_rate_hz) as usize;
-        let assembly = self.network.assembly();
-        let options = options(rtol, duration_s, samples, assembly.circuit.n_states(), None);
-        let session = assembly.session(&start, options).map_err(to_python)?;
-        let (rows, commands, work) = detached(py, |interrupted| {
-            Driven::servo(&servo, session, (duration_s, sample_rate_hz), interrupted)
-        })?;
-        let out = PyDict::new(py);
-        out.set_item("states", self.table(py, rows)?)?;
-        out.set_item("commands", PyArray1::from_vec(py, commands))?;
-        out.set_item("statistics", statistics(py, &work)?)?;
-        Ok(out)
     }
 
     /// Runs from a start under plans: an input, times and the values from each of them on.
@@ -335,7 +267,7 @@ impl PyCircuit {
         let run = watched(py, look, |interrupted| {
             network.simulate(&plans, (duration, sample_rate), &start, options, interrupted)
         })?;
-        let mut warnings = network.warnings().to_vec();
+        let mut warnings = network.warnings.to_vec();
         warnings.extend(network.impact_warnings(&run.impacts));
         let cylinders: Vec<Option<String>> =
             run.impacts.iter().map(|impact| network.cylinder(impact.axis).map(Into::into)).collect();
@@ -347,7 +279,7 @@ impl PyCircuit {
             }
         }
         out.set_item("warnings", warnings)?;
-        out.set_item("citations", network.citations())?;
+        out.set_item("citations", &network.citations)?;
         Ok(out)
     }
 }

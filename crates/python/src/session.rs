@@ -1,11 +1,11 @@
 //! `Session`: a running drive.
 
-use crate::convert::{Numbers, Teller, run_to_dict, statistics, to_python, watched};
-use circuit::{Look, Mechanics, Prescribed, Session, close};
+use crate::convert::{Numbers, Table, Teller, run_to_dict, statistics, to_python, watched};
+use circuit::{Look, Mechanics, Prescribed, Sampling, Session, close};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 
 /// A running drive, made by `Drive.start`.
 #[pyclass(name = "Session")]
@@ -123,6 +123,49 @@ impl PySession {
         run_to_dict(py, &columns, run)
     }
 
+    /// Runs a controller with a period until a time, s. The controller is a callable of the time and the columns that
+    /// returns the input, or the address of such a function in machine code. Returns a row of the columns and the input
+    /// for each sample.
+    #[pyo3(signature = (controller, period, until, columns, command, look=None))]
+    #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
+    fn control<'py>(
+        &mut self,
+        py: Python<'py>,
+        controller: Py<PyAny>,
+        period: f64,
+        until: f64,
+        columns: Vec<String>,
+        command: &str,
+        look: Teller<'py>,
+    ) -> PyResult<Table<'py>> {
+        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
+        let places = columns.iter().map(|name| self.column(name).ok_or_else(|| unknown(name)));
+        let columns = places.collect::<PyResult<Vec<_>>>()?;
+        let width = columns.len() + 1;
+        let sampling = Sampling { columns, input: self.input(command)?, period, until };
+        let session = self.changed();
+        let mut command: Command = if let Ok(address) = controller.extract(py) {
+            let compiled = compiled(address);
+            Box::new(move |time, seen| Ok(compiled(time, seen.as_ptr())))
+        } else {
+            Box::new(move |time, seen| {
+                Python::attach(|py| {
+                    let read = PyTuple::new(py, std::iter::once(&time).chain(seen).collect::<Vec<_>>())?;
+                    controller.bind(py).call1(read)?.extract()
+                })
+            })
+        };
+        let mut raised = None;
+        let rows = watched(py, look, |interrupted| {
+            let mut asked =
+                |time: f64, seen: &[f64]| command(time, seen).map_err(|own| raised = Some(own)).ok();
+            session.control(&sampling, &mut asked, &mut Look::new(interrupted))
+        });
+        let rows = raised.map_or(rows, Err)?;
+        let samples = rows.len() / width;
+        PyArray1::from_vec(py, rows).reshape([samples, width])
+    }
+
     /// Returns the present values of the states.
     #[getter]
     fn state(&self) -> Vec<f64> {
@@ -182,6 +225,17 @@ impl PySession {
         out.set_item("outputs", array(linear.outputs))?;
         Ok(out)
     }
+}
+
+/// A controller: time, s, and the columns that it reads.
+type Command = Box<dyn Send + FnMut(f64, &[f64]) -> PyResult<f64>>;
+/// A controller in machine code: time, s, and the columns that it reads.
+type Compiled = extern "C" fn(f64, *const f64) -> f64;
+
+/// Returns the function at an address. The caller states that there is one, as with every address that it passes.
+#[allow(unsafe_code)]
+fn compiled(address: usize) -> Compiled {
+    unsafe { std::mem::transmute::<usize, Compiled>(address) }
 }
 
 /// Velocities, m/s, mean forces, N, their derivatives, N s/m, and the number of trials of a step.

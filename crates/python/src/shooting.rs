@@ -1,7 +1,7 @@
 //! Request for running segments of a record, and the result.
 
 use crate::convert::Numbers;
-use circuit::{ByStart, InputPlan, Shooting, Shot};
+use circuit::{InputPlan, Shooting, Shot};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use ode::Options;
 use pyo3::prelude::*;
@@ -13,16 +13,6 @@ enum WithInitial {
     All(bool),
     Of(Vec<usize>),
     Together(Vec<Vec<usize>>),
-}
-
-impl From<WithInitial> for ByStart {
-    fn from(asked: WithInitial) -> Self {
-        match asked {
-            WithInitial::All(all) => all.into(),
-            WithInitial::Of(places) => ByStart::Of(places.into_iter().map(|place| vec![place]).collect()),
-            WithInitial::Together(groups) => ByStart::Of(groups),
-        }
-    }
 }
 
 /// The dict `_core.Shooting` from Python.
@@ -46,24 +36,25 @@ pub struct Asked<'py> {
     threads: usize,
 }
 
-impl From<Asked<'_>> for Shooting {
-    fn from(asked: Asked<'_>) -> Self {
+impl Asked<'_> {
+    /// Returns the request, with the commands of this input, if any.
+    pub fn under(self, command: Option<&str>) -> Shooting {
+        let plan = |(input, times, values)| InputPlan { input, times, values };
+        let command = command.map(|input| (input.into(), self.times.into(), self.commands.into()));
         Shooting {
-            times: asked.times.into(),
-            commands: asked.commands.into(),
-            others: asked
-                .others
-                .into_iter()
-                .map(|(input, times, values)| InputPlan { input, times, values })
-                .collect(),
-            sample_times: asked.sample_times.into(),
-            starts: asked.starts,
-            initial: asked.initial.as_array().iter().copied().collect(),
-            parameters: asked.parameters,
-            with_initial: asked.with_initial.into(),
-            outputs: asked.outputs,
-            options: Options { rtol: asked.rtol, ..Options::default() },
-            threads: asked.threads,
+            plans: command.into_iter().chain(self.others).map(plan).collect(),
+            sample_times: self.sample_times.into(),
+            starts: self.starts,
+            initial: self.initial.as_array().iter().copied().collect(),
+            parameters: self.parameters,
+            by_start: match self.with_initial {
+                WithInitial::All(all) => (!all).then(Vec::new),
+                WithInitial::Of(places) => Some(places.into_iter().map(|place| vec![place]).collect()),
+                WithInitial::Together(groups) => Some(groups),
+            },
+            outputs: self.outputs,
+            options: Options { rtol: self.rtol, ..Options::default() },
+            threads: self.threads,
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::refuse;
 use crate::valves::valves;
 use circuit::specification::{Circuit, Component, Friction};
 use circuit::{Error, PistonSide, friction_law};
-use control::{Held, Model, Side, Slip};
+use control::{ConstantGas, Model, Side, Slip};
 use physics::{Gas, IdealGas};
 
 /// The components of an axis that is controlled, by their names.
@@ -114,10 +114,11 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     };
     let contact = friction_law(friction)?;
     let [stick_stiffness, stick_damping_time] = stick(friction, mass);
-    let ambient = Held { pressure: circuit.ambient.pressure_pa, temperature: circuit.ambient.temperature_k };
+    let ambient =
+        ConstantGas { pressure: circuit.ambient.pressure_pa, temperature: circuit.ambient.temperature_k };
     let model = Model {
         ambient,
-        supply: Held {
+        supply: ConstantGas {
             pressure: given(supply, "pressure")?,
             temperature: number(supply, "temperature").unwrap_or(ambient.temperature),
         },

@@ -39,11 +39,11 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     if !spec.adaptation {
         controller.adaptation = None;
     }
-    controller.hold = spec.hold.map(|hold| control::Hold::new(hold.band_m, hold.after_s));
+    controller.hold = spec.hold.map(|[band, after]| control::Hold::new(band, after));
     let plant = controller.plant;
-    if let (Some(rules), Some(own)) = (&spec.supervision, &mut controller.supervisor) {
-        own.rules = rules.into();
-        if let Some(key) = &rules.standby {
+    if let Some(own) = &mut controller.supervisor {
+        own.rules = spec.supervision;
+        if let Some(key) = &spec.standby {
             let Some(standby) = AnyLaw::tuned(key, &model, &plant) else {
                 return refuse(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
             };

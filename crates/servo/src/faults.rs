@@ -1,6 +1,6 @@
 //! Faults of sensors, valve, supply, computer and user in a run.
 
-use crate::specification::{Channel, Fault, FaultKind};
+use crate::specification::{Fault, FaultKind, SensorChannel, Setup};
 use control::{Commands, Inputs, Reference, Sample};
 
 /// The faults of a run, with their state.
@@ -17,10 +17,10 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Returns the faults of a description, with limit switches at these positions, m.
-    pub fn new(each: Vec<Fault>, switches: Option<[f64; 2]>) -> Self {
-        let kept = vec![None; each.len()];
-        Faults { each, kept, stuck: None, switches, elsewhere: standing(f64::NAN) }
+    /// Returns the faults of an instrumentation.
+    pub fn new(setup: &Setup) -> Self {
+        let (each, switches) = (setup.faults.clone(), setup.switches_m);
+        Faults { kept: vec![None; each.len()], each, stuck: None, switches, elsewhere: standing(f64::NAN) }
     }
 
     fn at(&self, t: f64) -> impl Iterator<Item = &Fault> {
@@ -39,9 +39,9 @@ impl Faults {
                 seen.time -= fault.value.unwrap_or(0.0);
             }
             let place = match (fault.channel, &mut seen.pressures) {
-                (Some(Channel::Position), _) => &mut seen.position,
-                (Some(Channel::PressureA), Some([a, _])) => a,
-                (Some(Channel::PressureB), Some([_, b])) => b,
+                (Some(SensorChannel::Position), _) => &mut seen.position,
+                (Some(SensorChannel::PressureA), Some([a, _])) => a,
+                (Some(SensorChannel::PressureB), Some([_, b])) => b,
                 _ => continue,
             };
             let is_first = kept.is_none();
@@ -104,13 +104,12 @@ impl Faults {
     }
 
     /// Times, s, and pressures, Pa, of a supply of this pressure.
-    pub fn supply(&self, pressure: f64) -> Vec<(f64, f64)> {
+    pub fn supply(&self, pressure: f64) -> impl Iterator<Item = (f64, f64)> {
         let falls = self.each.iter().filter(|own| own.kind == FaultKind::SupplyFallen);
-        let changes = falls.flat_map(|own| {
+        falls.flat_map(move |own| {
             let back = own.end_s.map(|end| (end, pressure));
             [Some((own.begin_s, own.value.unwrap_or(pressure))), back].into_iter().flatten()
-        });
-        changes.collect()
+        })
     }
 }
 

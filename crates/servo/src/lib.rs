@@ -16,7 +16,7 @@ mod valves;
 pub use belief::{Axis, belief};
 pub use controller::controller;
 pub use noise::{Noise, philox};
-pub use run::{COLUMNS, Led, Loop, Rows, Servo, Turn, run_together};
+pub use run::{COLUMNS, Led, Rows, Servo, Turn, run_together};
 pub use sensor::{Encoder, Sensor};
 pub use sensors::Sensors;
 

@@ -28,28 +28,16 @@ pub const COLUMNS: [&str; 12] = [
 /// Latest time of a command as a fraction of the period.
 const LATEST: f64 = 0.999;
 
-/// A session under a controller.
-pub struct Loop {
-    session: Session,
-    servo: Servo,
-}
-
 /// The sampled loop of one axis of a session: its sensors, converters, commands and faults.
 pub struct Servo {
     sensors: Sensors,
-    command_bits: u32,
-    computing_time: f64,
-    /// Times that each step is run; the least time of them is that of the processor undisturbed.
-    repeats: u32,
+    faults: Faults,
+    axis: Axis,
     /// Indices of the columns position, velocity and both pressures.
     columns: [usize; 4],
-    /// Inputs of the valves, whether the valves are only open or shut, and the commands of each sample if there are
-    /// several valves.
+    /// Inputs of the valves, and the commands of each sample if there are several valves.
     commands: Vec<usize>,
-    valves: Vec<String>,
-    switches: bool,
     commanded: Vec<f64>,
-    faults: Faults,
 }
 
 /// A sample whose command has not been given yet.
@@ -112,7 +100,7 @@ pub fn run_together(
         for Led { servo, controller, reference } in &mut *axes {
             turns.push(servo.observe(session, tick, controller, reference, look)?);
         }
-        others.push(columns.iter().map(|&column| session.now(column)).collect());
+        others.push(columns.iter().map(|&column| session.read(column)).collect());
         for ((own, turn), rows) in axes.iter_mut().zip(&turns).zip(&mut rows) {
             rows.push(own.servo.give(session, own.controller, turn, turn.answer.command)?);
         }
@@ -120,121 +108,49 @@ pub fn run_together(
     Ok((rows, others))
 }
 
-impl Loop {
-    /// A session that has these components.
-    pub fn new(mut session: Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
-        let servo = Servo::new(&mut session, axis, setup)?;
-        Ok(Loop { session, servo })
-    }
-
-    /// Checks the requests of a run for a time, s, and returns the number of its last sample.
-    pub fn check(&self, controller: &Controller, reference: &Reference, duration: f64) -> Result<u64, Error> {
-        self.servo.check(controller, reference, duration)
-    }
-
-    /// Runs for a time, s: the [`COLUMNS`], sample by sample. A fault that stops the drive ends the run with an
-    /// error.
-    pub fn run(
-        &mut self,
-        controller: &mut Controller,
-        reference: &Reference,
-        duration: f64,
-        look: &mut Look<'_>,
-    ) -> Result<Rows, Error> {
-        let mut axes = [Led { servo: &mut self.servo, controller, reference }];
-        let (mut rows, _) = run_together(&mut self.session, &mut axes, &[], duration, look)?;
-        Ok(rows.remove(0))
-    }
-
-    /// Mass of air from reservoirs and compressors, kg, if the session records it.
-    pub fn air_drawn(&self) -> Option<f64> {
-        self.session.drawn()
-    }
-
-    /// Advances to a sample, by its number, and calls the law; [`Loop::give`] comes next.
-    pub fn observe(
-        &mut self,
-        tick: u64,
-        controller: &mut Controller,
-        reference: &Reference,
-        look: &mut Look<'_>,
-    ) -> Result<Turn, Error> {
-        self.servo.observe(&mut self.session, tick, controller, reference, look)
-    }
-
-    /// The loop of its axis.
-    pub fn servo(&self) -> &Servo {
-        &self.servo
-    }
-
-    /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
-    pub fn give(
-        &mut self,
-        controller: &mut Controller,
-        turn: &Turn,
-        command: f64,
-    ) -> Result<[f64; COLUMNS.len()], Error> {
-        self.servo.give(&mut self.session, controller, turn, command)
-    }
-}
-
 impl Servo {
     /// The loop of an axis of a session that has these components.
     pub fn new(session: &mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
-        let input = |session: &Session, name: String| match session
-            .inputs()
-            .iter()
-            .position(|own| own.name == name)
-        {
-            Some(input) => Ok(input),
-            None => refuse(format!("the circuit has no input {name}: the controller is for another drive")),
+        let absent = |what: &str, name: &str| {
+            let message = format!("the circuit has no {what} {name}: the controller is for another drive");
+            Error::Specification(message)
         };
-        let of_cylinder = ["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"];
+        let input = |session: &Session, name: String| {
+            let place = session.inputs().iter().position(|own| own.name == name);
+            place.ok_or_else(|| absent("input", &name))
+        };
         let mut columns = [0; 4];
-        for (column, own) in columns.iter_mut().zip(of_cylinder) {
-            let name = format!("{}.{own}", axis.cylinder);
-            let Some(found) = session.columns().iter().position(|column| *column == name) else {
-                return refuse(format!(
-                    "the circuit has no output {name}: the controller is for another drive"
-                ));
-            };
-            *column = found;
+        for (column, of_cylinder) in
+            columns.iter_mut().zip(["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"])
+        {
+            let name = format!("{}.{of_cylinder}", axis.cylinder);
+            let place = session.columns().iter().position(|column| *column == name);
+            *column = place.ok_or_else(|| absent("output", &name))?;
         }
         if !setup.forces.is_empty() {
             let force = input(session, format!("{}.load_force_n", axis.cylinder))?;
             let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
             session.schedule(force, &times, &values)?;
         }
-        let faults = Faults::new(setup.faults.clone(), setup.switches_m);
+        let faults = Faults::new(setup);
         if faults.falls() {
             let supply = input(session, format!("{}.pressure_pa", axis.supply))?;
-            let changes = faults.supply(session.input(supply));
-            let (times, values): (Vec<f64>, Vec<f64>) = changes.into_iter().unzip();
+            let (times, values): (Vec<f64>, Vec<f64>) = faults.supply(session.input(supply)).unzip();
             session.schedule(supply, &times, &values)?;
         }
-        Ok(Servo {
-            faults,
-            sensors: setup.into(),
-            commands: (axis.valves.iter())
-                .map(|valve| input(session, format!("{valve}.command")))
-                .collect::<Result<_, _>>()?,
-            valves: axis.valves.clone(),
-            switches: axis.switches,
-            commanded: vec![],
-            command_bits: setup.command_bits,
-            computing_time: setup.computing_time_s,
-            repeats: setup.step_repeats,
-            columns,
-        })
+        let commands = axis.valves.iter().map(|valve| input(session, format!("{valve}.command")));
+        let commands = commands.collect::<Result<_, _>>()?;
+        let sensors = Sensors::new(setup.clone());
+        Ok(Servo { sensors, faults, axis: axis.clone(), columns, commands, commanded: vec![] })
     }
 
     /// Checks the requests of a run for a time, s, and returns the number of its last sample.
     pub fn check(&self, controller: &Controller, reference: &Reference, duration: f64) -> Result<u64, Error> {
         let period = controller.period;
-        if !(0.0..period).contains(&self.computing_time) {
+        let computing = self.sensors.setup.computing_time_s;
+        if !(0.0..period).contains(&computing) {
             return refuse(format!(
-                "the computing time, {} s, must be shorter than the period, {period} s",
-                self.computing_time
+                "the computing time, {computing} s, must be shorter than the period, {period} s"
             ));
         }
         let stroke = controller.model.stroke;
@@ -263,17 +179,19 @@ impl Servo {
         session.go_on(tick as f64 * period, look)?;
         // A command comes after the samples of a valve at this instant.
         session.settle_schedule();
-        let truth = self.columns.map(|column| session.now(column));
+        let truth = self.columns.map(|column| session.read(column));
         let (position, pressures) = self.sensors.sample(tick, period, truth);
         let sample = Sample { time: session.time(), position, pressures };
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
-            supervisor.inputs = Inputs { jitter: self.sensors.jitter[0], ..self.faults.inputs(t, truth[0]) };
+            supervisor.inputs =
+                Inputs { jitter: self.sensors.setup.jitter_s[0], ..self.faults.inputs(t, truth[0]) };
         }
         let seen = self.faults.spoil(&sample);
         let arrives = self.faults.reference(t, reference);
         // A custom law may have a memory that is not copied.
-        let is_repeated = self.repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
+        let repeats = self.sensors.setup.step_repeats;
+        let is_repeated = repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
         let before = is_repeated.then(|| controller.clone());
         let begin = Instant::now();
         let mut answer = controller.decide(&seen, arrives);
@@ -285,7 +203,7 @@ impl Servo {
                 std::hint::black_box(own.decide(&seen, arrives));
                 begin.elapsed().as_secs_f64()
             };
-            (1..self.repeats).map(again).fold(took, f64::min)
+            (1..repeats).map(again).fold(took, f64::min)
         });
         if !std::ptr::eq(arrives, reference) {
             // Another reference arrived: the answer gets the intended state.
@@ -297,7 +215,7 @@ impl Servo {
     /// Names of the valves and their commands at each sample, one after the other, where they are not those of one proportional
     /// 5/3 valve.
     pub fn commanded(&self) -> (&[String], &[f64]) {
-        (&self.valves, &self.commanded)
+        (&self.axis.valves, &self.commanded)
     }
 
     /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
@@ -313,17 +231,19 @@ impl Servo {
             return Err(Error::Stopped(format!("the law gives no command at t = {t} s: {command}")));
         }
         let mut given = controller.give(t, command);
-        if self.command_bits > 0 {
-            let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
+        let specification::Setup { command_bits, computing_time_s, .. } = self.sensors.setup;
+        if command_bits > 0 {
+            let half = ((1_u64 << command_bits) - 1) as f64 / 2.0;
             let convert = |own: f64| ((own + 1.0) * half).round_ties_even() / half - 1.0;
             // Switching valves have no converter.
-            (command, given) = (convert(command), if self.switches { given } else { given.map(convert) });
+            (command, given) =
+                (convert(command), if self.axis.switches { given } else { given.map(convert) });
         }
         let acts = self.faults.command(t, given);
         if !matches!(controller.valves, Valves::One) {
             self.commanded.extend(acts.values());
         }
-        let computing = self.computing_time + self.sensors.late(3, turn.tick).abs();
+        let computing = computing_time_s + self.sensors.late(3, turn.tick).abs();
         let computing = computing.min(LATEST * controller.period);
         for (&input, &own) in self.commands.iter().zip(acts.values()) {
             if computing > 0.0 {

@@ -1,23 +1,27 @@
 //! Sensors sample by sample.
 
 use crate::noise::Noise;
+use serde::Deserialize;
 
 /// A sensor with a lag, an amplifier and a converter.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// Range in the unit of the signal; signals outside saturate.
-    pub low: f64,
-    /// Its upper end.
-    pub high: f64,
+    /// Range, Pa absolute; signals outside saturate.
+    #[serde(rename = "range_pa")]
+    pub range: [f64; 2],
     /// Resolution of the converter over the range; zero: none.
     pub bits: u32,
-    /// Standard deviation of the noise of a sample.
+    /// Standard deviation of the noise of a sample, Pa.
+    #[serde(rename = "noise_pa")]
     pub noise: f64,
-    /// Reading at zero.
+    /// Reading at zero, Pa.
+    #[serde(rename = "zero_pa")]
     pub zero: f64,
     /// Relative error of the gain.
     pub gain_error: f64,
     /// Time constant of the amplifier, s.
+    #[serde(rename = "lag_s")]
     pub lag: f64,
 }
 
@@ -39,21 +43,25 @@ impl Sensor {
         if self.noise > 0.0 {
             seen += self.noise * noise.normal(tick);
         }
-        let seen = seen.clamp(self.low, self.high);
+        let [low, high] = self.range;
+        let seen = seen.clamp(low, high);
         if self.bits == 0 {
             return seen;
         }
-        let step = (self.high - self.low) / ((1_u64 << self.bits) - 1) as f64;
-        self.low + step * ((seen - self.low) / step).round_ties_even()
+        let step = (high - low) / ((1_u64 << self.bits) - 1) as f64;
+        low + step * ((seen - low) / step).round_ties_even()
     }
 }
 
 /// An incremental encoder.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Encoder {
     /// Distance between two counts, m; zero: it shows the signal itself.
+    #[serde(rename = "resolution_m")]
     pub resolution: f64,
     /// Standard deviation of the noise before it counts, m.
+    #[serde(rename = "noise_m")]
     pub noise: f64,
 }
 

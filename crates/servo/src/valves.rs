@@ -28,24 +28,23 @@ pub fn valves<'c>(
     let of = |kind: &str| circuit.components.iter().filter(|own| own.kind == kind).collect::<Vec<_>>();
     let (fives, threes) = (of(PROPORTIONAL_53), of(PROPORTIONAL_32));
     let (twos, switching) = (of(SWITCHING_22), of(SWITCHING_53));
-    if let [one, other, ..] = *fives {
-        return refuse(format!(
-            "the circuit has {} and {}: a law commands a circuit with one proportional 5/3 valve. Describe the axis that is \
-             controlled alone",
-            one.name, other.name
-        ));
-    }
-    if let [one] = *fives {
-        return Ok((vec![one], proportional(one, Arrangement::One, gas)?));
-    }
-    let ports = Ports { circuit, cylinder, supply };
-    match (&*threes, &*switching, &*twos) {
-        ([one, other], [], []) => {
-            let each = ports.at_chambers([one, other])?;
-            same(&each, &["exhaust_conductance", "exhaust_critical_pressure_ratio"])?;
-            Ok((each.to_vec(), proportional(one, Arrangement::Pair, gas)?))
+    let ports = PortJoints { circuit, cylinder, supply };
+    let exhausts = ["exhaust_conductance", "exhaust_critical_pressure_ratio"];
+    let (each, arrangement) = match (&*fives, &*threes, &*switching, &*twos) {
+        ([one, other, ..], ..) => {
+            return refuse(format!(
+                "the circuit has {} and {}: a law commands a circuit with one proportional 5/3 valve. Describe the axis that is \
+                 controlled alone",
+                one.name, other.name
+            ));
         }
-        ([], [one], []) => {
+        ([_], ..) => (fives, Arrangement::One),
+        ([], [one, other], [], []) => {
+            let each = ports.at_chambers([one, other])?;
+            same(&each, &exhausts)?;
+            (each.to_vec(), Arrangement::Pair)
+        }
+        ([], [], [one], []) => {
             let centre = one.choices.get("centre").map_or("closed", String::as_str);
             if centre != "closed" {
                 return refuse(format!(
@@ -54,23 +53,21 @@ pub fn valves<'c>(
                     one.name
                 ));
             }
-            same(&[one], &["exhaust_conductance", "exhaust_critical_pressure_ratio"])?;
-            let armature = armature(one)?;
-            Ok((vec![one], switching_as(one, Arrangement::Three(armature), armature.mean(), gas)?))
+            same(&[one], &exhausts)?;
+            (switching.clone(), Arrangement::Three(armature(one)?))
         }
-        ([], [], &[a, b, c, d]) => {
+        ([], [], [], &[a, b, c, d]) => {
             let each = ports.bridge([a, b, c, d])?;
             same(&each, &[])?;
             let (armature, frequency) = (armature(a)?, number(a, "pwm_frequency").unwrap_or(0.0));
-            let arrangement = if frequency > 0.0 {
-                Arrangement::Pulses(armature, 1.0 / frequency)
-            } else {
-                Arrangement::Seven(armature)
-            };
-            Ok((each.to_vec(), switching_as(a, arrangement, armature.mean(), gas)?))
+            let is_pulsed = frequency > 0.0;
+            let pulses = || Arrangement::Pulses(armature, 1.0 / frequency);
+            (each.to_vec(), if is_pulsed { pulses() } else { Arrangement::Seven(armature) })
         }
-        _ => Err(none_of_them(circuit, &[&*threes, &*switching, &*twos].concat())),
-    }
+        _ => return Err(none_of_them(circuit, &[&*threes, &*switching, &*twos].concat())),
+    };
+    let valve = valve(each[0], arrangement, gas)?;
+    Ok((each, valve))
 }
 
 /// The error of a circuit whose valves a law does not command.
@@ -99,35 +96,30 @@ fn flow(own: &Component, gas: &IdealGas<f64>) -> Result<Iso6358<f64>, Error> {
     Ok(Iso6358::for_gas(c, b, m, linear_above, m == 0.5, gas, is_air))
 }
 
-fn proportional(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Result<Valve, Error> {
-    let frequency = given(own, "frequency")?;
-    Ok(Valve {
+fn valve(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Result<Valve, Error> {
+    let frequency = if arrangement.is_proportional() { given(own, "frequency")? } else { 0.0 };
+    let switching = Valve {
         arrangement,
         flow: flow(own, gas)?,
         angular_frequency: if frequency == 0.0 { f64::INFINITY } else { TAU * frequency },
-        damping_ratio: given(own, "damping_ratio")?,
-        delay: given(own, "delay")?,
-        overlap: given(own, "overlap")?,
-        leakage: given(own, "leakage")?,
-        leakage_width: given(own, "leakage_width")?,
-    })
-}
-
-fn switching_as(
-    own: &Component,
-    arrangement: Arrangement,
-    delay: f64,
-    gas: &IdealGas<f64>,
-) -> Result<Valve, Error> {
-    Ok(Valve {
-        arrangement,
-        flow: flow(own, gas)?,
-        angular_frequency: f64::INFINITY,
         damping_ratio: 1.0,
-        delay,
+        delay: 0.0,
         overlap: 0.0,
         leakage: 0.0,
         leakage_width: 1.0,
+    };
+    Ok(match arrangement {
+        Arrangement::Three(armature) | Arrangement::Seven(armature) | Arrangement::Pulses(armature, _) => {
+            Valve { delay: armature.mean(), ..switching }
+        }
+        Arrangement::One | Arrangement::Pair => Valve {
+            damping_ratio: given(own, "damping_ratio")?,
+            delay: given(own, "delay")?,
+            overlap: given(own, "overlap")?,
+            leakage: given(own, "leakage")?,
+            leakage_width: given(own, "leakage_width")?,
+            ..switching
+        },
     })
 }
 
@@ -190,13 +182,13 @@ fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
 }
 
 /// Connections of the ports.
-struct Ports<'c> {
+struct PortJoints<'c> {
     circuit: &'c Circuit,
     cylinder: &'c Component,
     supply: &'c Component,
 }
 
-impl<'c> Ports<'c> {
+impl<'c> PortJoints<'c> {
     fn joined(&self, one: &str, other: &str) -> bool {
         self.circuit
             .joints

@@ -6,8 +6,8 @@ use axis::{MEAN, STICKY, axis, begin, behind_tubes, rubbing, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{EventKind, Move, Reference};
-use servo::specification::{PositionSensor, PressureSensor, Setup};
-use servo::{COLUMNS, belief, philox};
+use servo::specification::Setup;
+use servo::{COLUMNS, Encoder, Sensor, belief, philox};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_6, PI};
 
@@ -205,16 +205,16 @@ fn a_light_sticky_drive_slips_less_far_than_what_broke_it_away_would_drive_it() 
 #[test]
 fn predictive_control_moves_an_elastic_contact_that_nothing_shakes() {
     let sticky = rubbing(0.7, "elasto-plastic", &STICKY);
-    let still = PressureSensor {
-        range_pa: [0.0, 1.6e6], // 4e5 Pa is one of its readings
+    let still = Sensor {
+        range: [0.0, 1.6e6], // 4e5 Pa is one of its readings
         bits: 24,
-        noise_pa: 0.0,
-        zero_pa: 0.0,
+        noise: 0.0,
+        zero: 0.0,
         gain_error: 0.0,
-        lag_s: 0.0,
+        lag: 0.0,
     };
     let ideal = Setup {
-        position: PositionSensor { resolution_m: 1e-6, noise_m: 0.0 },
+        position: Encoder { resolution: 1e-6, noise: 0.0 },
         pressures: Some([still; 2]),
         command_bits: 24,
         ..setup(1)
@@ -244,7 +244,7 @@ fn a_fine_sensor_of_a_short_stroke_is_not_lost_where_it_rests() {
             }
         }
     }
-    let short = Setup { position: PositionSensor { resolution_m: 4e-7, noise_m: 1e-7 }, ..setup(1) };
+    let short = Setup { position: Encoder { resolution: 4e-7, noise: 1e-7 }, ..setup(1) };
     let along = Reference::Sine { centre: 0.0125, amplitude: 0.006, frequency: 0.5 };
     for law in ["pid", "inversion"] {
         let (mut under, mut controller) = begin(plant.clone(), &plant, (law, None), &short, 0.0125);
@@ -355,7 +355,7 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         let column = |name: &str| session.columns().iter().position(|own| own == name).expect("a column");
         let [x, a, b] =
             ["cylinder.position_m", "cylinder.a.pressure_pa", "cylinder.b.pressure_pa"].map(column);
-        let [x, a, b] = [x, a, b].map(|column| session.now(column));
+        let [x, a, b] = [x, a, b].map(|column| session.read(column));
         for (own, exact, start) in
             [(state.position, x, 0.2), (state.pressures[0], a, MEAN), (state.pressures[1], b, MEAN)]
         {

@@ -3,10 +3,12 @@
 mod study;
 
 use circuit::specification::Circuit;
-use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reaction, Reference, Seen};
-use servo::specification::{self, Answering, Channel, Fault, FaultKind, PositionSensor, Setup};
-use servo::{COLUMNS, Loop};
-use study::axis::{self, axis};
+use control::{
+    AnyLaw, Controller, EventKind, LAWS, MotionRules, Move, Own, Reaction, Reference, Rules, Seen,
+};
+use servo::specification::{Fault, FaultKind, SensorChannel, Setup};
+use servo::{COLUMNS, Encoder};
+use study::axis::{self, Loop, axis};
 use study::{Class, is_lost_alone, outcome};
 
 const STROKE: f64 = 0.5;
@@ -21,28 +23,18 @@ fn fault(kind: FaultKind, begin_s: f64, end_s: f64) -> Fault {
     Fault { kind, channel: None, begin_s, end_s: Some(end_s), value: None }
 }
 
-fn on(channel: Channel, kind: FaultKind, value: f64) -> Fault {
+fn on(channel: SensorChannel, kind: FaultKind, value: f64) -> Fault {
     Fault { channel: Some(channel), value: Some(value), ..fault(kind, 0.6, 9.0) }
 }
 
 /// A channel without readings, in the midst of a move.
-fn fault_of(channel: Channel) -> Fault {
+fn fault_of(channel: SensorChannel) -> Fault {
     on(channel, FaultKind::Nan, 0.0)
 }
 
-fn supervision() -> specification::Supervision {
-    specification::Supervision {
-        position_m: None,
-        speed_m_s: None,
-        pressure_pa: None,
-        stop_deceleration_m_s2: 10.0,
-        motion: [1e-4, 0.05, 0.5],
-        on_position: Answering::Block,
-        on_pressure: Answering::Model,
-        on_valve: Answering::Block,
-        on_supply: Answering::Tell,
-        standby: None,
-    }
+fn rules() -> Rules {
+    let motion = MotionRules { tolerance: 1e-4, settled_for: 0.05, timeout: 0.5 };
+    Rules { motion, on_supply: Reaction::Tell, ..Rules::default() }
 }
 
 /// 60 mm in 0.4 s, from 0.5 s on.
@@ -51,7 +43,7 @@ fn a_move() -> Reference {
 }
 
 fn begin(plant: &Circuit, law: &str, setup: &Setup, x: f64) -> (Loop, Controller) {
-    axis::begin(axis(), plant, (law, Some(supervision())), setup, x)
+    axis::begin(axis(), plant, (law, Some(rules())), setup, x)
 }
 
 /// Runs a controller that may be changed before.
@@ -122,7 +114,7 @@ fn without_faults_every_law_gives_the_same_bits_with_a_supervisor() {
 /// What happens from 0.6 s on, in the midst of a move: what is told, and that the drive stands at the end.
 #[test]
 fn faults_of_sensors_reference_clock_and_user_are_told_and_bring_the_drive_to_a_stand() {
-    let position = |kind, value| on(Channel::Position, kind, value);
+    let position = |kind, value| on(SensorChannel::Position, kind, value);
     let still = |kind| fault(kind, 0.6, 9.0);
     let rows: [(Fault, EventKind); 9] = [
         (position(FaultKind::Nan, 0.0), EventKind::PositionLost),
@@ -149,7 +141,7 @@ fn faults_of_sensors_reference_clock_and_user_are_told_and_bring_the_drive_to_a_
 
 #[test]
 fn a_single_wild_reading_is_replaced_and_the_move_goes_on() {
-    let (rows, controller) = run(vec![on(Channel::Position, FaultKind::Jump, 0.01)]);
+    let (rows, controller) = run(vec![on(SensorChannel::Position, FaultKind::Jump, 0.01)]);
     assert_eq!(told(&controller).len(), 1, "{:?}", told(&controller));
     assert_eq!(count(&controller, EventKind::PositionPredicted), 1);
     assert!((rows[rows.len() - 1][1] - 0.28).abs() < 1e-4, "it arrives");
@@ -160,7 +152,7 @@ fn a_single_wild_reading_is_replaced_and_the_move_goes_on() {
 #[test]
 fn a_lost_pressure_is_replaced_by_the_model_and_the_move_goes_on() {
     for (kind, value) in [(FaultKind::Nan, 0.0), (FaultKind::Offset, 1e5), (FaultKind::Saturated, 1e6)] {
-        let (rows, controller) = run(vec![on(Channel::PressureA, kind, value)]);
+        let (rows, controller) = run(vec![on(SensorChannel::PressureA, kind, value)]);
         assert_eq!(count(&controller, EventKind::PressureLost), 1, "{kind:?}: {:?}", told(&controller));
         let error = rows.iter().map(|row| (row[5] - row[1]).abs()).fold(0.0, f64::max);
         assert!(error < 3e-3, "{kind:?}: {error} m");
@@ -168,7 +160,7 @@ fn a_lost_pressure_is_replaced_by_the_model_and_the_move_goes_on() {
     }
     // A reading that rests is told once the pressure has to have moved.
     let (_, controller) = run_with(
-        ("inversion", &setup(vec![on(Channel::PressureA, FaultKind::Stuck, 0.0)])),
+        ("inversion", &setup(vec![on(SensorChannel::PressureA, FaultKind::Stuck, 0.0)])),
         (&Reference::Moves { start: 0.1, moves: vec![Move { begin: 0.62, duration: 0.3, to: 0.4 }] }, 1.2),
         |_| (),
     );
@@ -217,7 +209,8 @@ fn the_brake_knows_the_mass_that_fast_strokes_teach() {
 fn a_position_that_sticks_while_the_drive_begins_or_ends_a_move_is_lost() {
     let moves =
         |from, to, duration| Reference::Moves { start: from, moves: vec![Move { begin: 0.2, duration, to }] };
-    let stuck = |at| vec![Fault { channel: Some(Channel::Position), ..fault(FaultKind::Stuck, at, 9.0) }];
+    let stuck =
+        |at| vec![Fault { channel: Some(SensorChannel::Position), ..fault(FaultKind::Stuck, at, 9.0) }];
     let begins = Setup { pressures: None, ..setup(stuck(0.25)) };
     let ends = setup(stuck(1.282));
     for (law, reference, setup, until) in [
@@ -234,7 +227,7 @@ fn a_position_that_sticks_while_the_drive_begins_or_ends_a_move_is_lost() {
 /// The alarm may be false: a valve that shuts at once lets the load bounce.
 #[test]
 fn a_lost_sensor_stops_a_moving_drive_before_its_valve_is_shut() {
-    for channel in [Channel::Position, Channel::PressureA] {
+    for channel in [SensorChannel::Position, SensorChannel::PressureA] {
         let lost = setup(vec![fault_of(channel)]);
         let blocks = |own: &mut Controller| {
             let rules = &mut own.supervisor.as_mut().expect("a supervisor").rules;
@@ -283,7 +276,7 @@ fn after_enable_the_drive_returns_to_its_reference_without_a_bump() {
 /// An encoder that has lost counts is off for good: to begin anew with it would lead into an end stop.
 #[test]
 fn a_drive_whose_position_is_off_still_is_not_enabled_again() {
-    let offset = |end_s| Fault { end_s: Some(end_s), ..on(Channel::Position, FaultKind::Offset, 0.09) };
+    let offset = |end_s| Fault { end_s: Some(end_s), ..on(SensorChannel::Position, FaultKind::Offset, 0.09) };
     for (until, may_move) in [(9.0, false), (0.8, true)] {
         let (rows, controller) = run(vec![offset(until), fault(FaultKind::EnableLost, 0.85, 0.95)]);
         let lost = count(&controller, EventKind::PositionLost);
@@ -300,7 +293,7 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
         let mut plant = axis();
         change(&mut plant);
         // An encoder that shows its noise: what rests does not look like a reading that is stuck.
-        let fine = PositionSensor { resolution_m: 0.0, noise_m: 1e-6 };
+        let fine = Encoder { resolution: 0.0, noise: 1e-6 };
         let modelled = if law == "pid" { None } else { setup(vec![]).pressures };
         let setup = Setup { position: fine, pressures: modelled, ..setup(faults) };
         let (_, controller) = run_on(&plant, (law, &setup), (&a_move(), 2.5), |_| ());

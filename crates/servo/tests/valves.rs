@@ -3,11 +3,11 @@
 
 mod axis;
 
-use axis::{PERIOD, axis, session, setup};
+use axis::{Loop, PERIOD, axis, session, setup};
 use circuit::Look;
 use circuit::specification::{Circuit, Component};
 use control::{Arrangement, Controller, Move, Reference};
-use servo::{COLUMNS, Loop, belief, controller, specification};
+use servo::{COLUMNS, belief, controller, specification};
 use std::collections::BTreeMap;
 
 /// The axis on other valves: kind, names, numbers; and what is joined.
@@ -74,8 +74,9 @@ fn told(law: &str, plant: &Circuit) -> specification::Controller {
         factors: [1.0; 3],
         valves: BTreeMap::new(),
         adaptation: true,
-        hold: Some(specification::Hold { band_m: 3e-5, after_s: 0.02 }),
-        supervision: None,
+        hold: Some([3e-5, 0.02]),
+        supervision: Default::default(),
+        standby: None,
         belief: plant.clone(),
     }
 }

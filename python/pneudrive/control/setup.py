@@ -447,12 +447,10 @@ class Supervision(NamedTuple):
         return lines
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
-        """Return the supervisor in the core's form, SI, pressures absolute; None for the default one."""
-        if self == USUAL:
-            return {}
+        """Return the supervisor in the core's form, SI, pressures absolute."""
         limits, motion, fault = self
         pressure = limits.pressure
-        made = {
+        rules = {
             "position_m": limits.position,
             "speed_m_s": limits.speed_m_s,
             "pressure_pa": None if pressure is None else [own.absolute_pa(ambient_pa) for own in pressure],
@@ -462,9 +460,9 @@ class Supervision(NamedTuple):
             "on_pressure": fault.pressure,
             "on_valve": fault.valve,
             "on_supply": fault.supply,
-            "standby": fault.law,
         }
-        return {"supervision": made}
+        given = {key: value for key, value in rules.items() if value is not None}
+        return {"supervision": given, "standby": fault.law}
 
 
 #: Of a controller that says nothing of it.

@@ -47,10 +47,6 @@ class HoldBand(Described):
         default=AFTER_S, description="how long the error has to be within the band"
     )
 
-    def core(self) -> dict[str, float]:
-        """Return it in the core's form, SI."""
-        return {"band_m": self.band_m, "after_s": self.after_s}
-
 
 def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
     if given is False or given is None:
@@ -420,7 +416,7 @@ def core_form(
     numbers: Mapping[str, dict[str, float]],
 ) -> dict[str, Any]:
     """Return a controller in the core's form, SI. `numbers` are those of ``gains`` and of ``valves``."""
-    held = None if hold is None else hold.core()
+    held = None if hold is None else [hold.band_m, hold.after_s]
     core = {"law": law, "period_s": period_s, "gains": {}, "hold": held, "adaptation": adaptation}
     core |= {table: each for table, each in numbers.items() if each or table == "gains"}
     return core | {"belief": json.loads(belief.core_json())}

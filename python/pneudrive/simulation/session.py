@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
+#: Largest number of samples of a controller in one call.
+MOST_SAMPLES = 1e8
 _RULE, _REMEDY, _ENDED = ": it must be ", ". Take ", "the session cannot continue"
 
 
@@ -75,9 +78,8 @@ class Session:
     """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
     An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
-    `schedule` and keeps its step size. With the command of a simulation, a session gives exactly the results of that
-    simulation. A wrong call
-    raises an error and leaves the session unchanged.
+    `schedule` and keeps its step size. Short calls use a method of lower order, which needs less work at the same
+    tolerance. A wrong call raises an error and leaves the session unchanged.
 
     Examples
     --------
@@ -177,10 +179,9 @@ class Session:
     ) -> None:
         """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
 
-        The integration ends exactly on `until` and keeps its step size, so that many short calls give exactly the
-        results of one long call. A call costs less than 2 us in addition to the integration. The integration takes
-        about 1 us of
-        processor time for each attempted step of a drive, and more for circuits. `statistics` counts the attempts.
+        The integration ends exactly on `until` and keeps its step size. A call costs less than 2 us in addition to the
+        integration. The integration takes 0.3 to 1 us of processor time for each attempted step of a drive, and more
+        for circuits. `statistics` counts the attempts. `control` is faster for a sampled controller.
 
         Parameters
         ----------
@@ -207,6 +208,73 @@ class Session:
                 self._advance(until, lambda t: watch.tell(t, until, "seconds simulated"))
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, [], until)
+
+    def control(
+        self,
+        controller: Callable[..., float],
+        period: float,
+        until: float,
+        *,
+        reads: Sequence[str] = ("position_m", "velocity_m_s"),
+        command: str = "command",
+        progress: Callable[[float, float, str], None] | None = None,
+        cancel: Flag | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Run a sampled controller: each command holds for a period.
+
+        Parameters
+        ----------
+        controller : callable
+            ``controller(t, *values)`` gets the time in s and the outputs `reads`, and returns the command. A function
+            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")`` needs no call of Python.
+        period : float
+            Time between two samples, s.
+        until : float
+            Time of the last sample, s: the present time plus a whole number of periods.
+        reads : sequence of str
+            Names of outputs, for instance ``"cylinder.position_m"`` in a circuit.
+        command : str
+            Name of the input that the controller sets.
+        progress, cancel : optional
+            See `pneudrive.progress.Watch`.
+
+        Returns
+        -------
+        dict
+            ``"time_s"``, the outputs and the command by name: one value for each sample.
+
+        Raises
+        ------
+        CommandError
+            A name does not exist, the times are not valid, or a command is out of bounds.
+        SimulationError
+            The solver cannot continue.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> session = pn.Drive.load("catalogue:reference").start({"position": "250 mm"})
+        >>> run = session.control(lambda t, x, v: 8.0 * (0.3 - x) - 0.25 * v, 1e-3, 0.5)
+        >>> len(run["time_s"]), abs(float(run["position_m"][-1]) - 0.3) < 5e-3
+        (501, True)
+        """
+        import numpy as np
+
+        begin = self.time
+        samples = (until - begin) / period if period > 0.0 else math.nan
+        if not 0.5 < samples < MOST_SAMPLES:
+            what = f"until = {until!r} s, period = {period!r} s, from {begin:g} s on"
+            raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} periods")
+        watch = Watch(progress, cancel)
+        watch.look()
+        told = None if progress is None and cancel is None else lambda t: watch.tell(t, until, "seconds simulated")
+        law = getattr(controller, "address", controller)
+        try:
+            rows = self._core.control(law, period, until, list(reads), command, told)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [*reads, command], until, readable=True)
+        times = begin + period * np.arange(len(rows))
+        return {"time_s": times} | dict(zip([*reads, command], rows.T, strict=True))
 
     def read(self, name: str) -> float:
         """Return the present value of an output or an input.

@@ -26,7 +26,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pneudrive._core import Shooting
+    from pneudrive._core import Shooting, Shot
     from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
@@ -612,8 +612,10 @@ def bending_m(drive: Drive) -> float:
 # --- Simulation of a recorded command: free runs, runs with resets to measured states, and breakaway after stops.
 
 RTOL = 1e-6
-#: Result of a run of a drive as its circuit.
-LINES_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
+#: Number and duration, s, of runs with the valve shut that settle the bristles, which are not measured.
+SETTLING_RUNS, SETTLING_S = 200, 5e-3
+#: Columns of a run.
+RUN_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 #: Shortest stop, s; shorter rests are reversals.
 LEAST_STOP_S = 0.05
 #: Longest simulated part of a rest before its end, s.
@@ -627,7 +629,7 @@ class ModelRun:
     Attributes
     ----------
     columns : dict
-        Columns of a trajectory file at the samples of `Signals`; NaN after a failure.
+        `RUN_COLUMNS` at the samples of `Signals`; NaN after a failure.
     restarts : ndarray of int
         Samples with a reset to the measured state; the first is 0.
     failures : tuple of str
@@ -671,8 +673,10 @@ class RecordedBreakaway:
 def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> ModelRun:
     """Simulate the recorded command with resets to the measured state at the given samples; None: only at the first.
 
-    A reset sets position, velocity and pressures; temperatures and inner states of friction continue. At the start,
-    temperatures are measured or ambient, and the bristles balance the force of the pressures.
+    A reset sets position, velocity and pressures. Temperatures, inner states of friction and the gas of tubes and
+    joints continue. At the start, temperatures are measured or ambient. In a drive without tubes the bristles balance
+    the force of the pressures; in others they start undeflected. A failed segment ends the run of a drive with tubes,
+    because the state of their gas is unknown after it.
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([signals.state(int(i)) for i in at])
@@ -680,50 +684,46 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
     states[:, 1] = np.clip(states[:, 1], -1e-3, drive.cylinder.stroke_m + 1e-3)
     change = np.r_[True, np.diff(signals.command) != 0.0]
     steps = (signals.time_s[change], signals.command[change])
-    if not drive.is_plain:
-        return _run_as_circuit(drive, signals, at, states, steps)
-    end_s, rate = float(signals.time_s[-1]), 1.0 / signals.step_s
-    columns, failures = drive.system.compiled().restarted(
-        *steps, end_s, rate, states, signals.start_temperatures(drive), RTOL
-    )
-    n = signals.time_s.size
-    even = {name: values[:n] for name, values in columns.items()}
-    if next(iter(even.values())).size < n:  # rounding of duration times rate
-        even = {name: np.interp(signals.time_s, columns["time_s"], values) for name, values in even.items()}
-    return ModelRun(even, at, tuple(failures))
-
-
-def _run_as_circuit(drive: Drive, signals: Signals, at: Ints, states: Array, steps: tuple[Array, Array]) -> ModelRun:
-    """Simulate the segments one after the other; the gas in tubes and joints continues from segment to segment.
-
-    Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.
-    """
     core = drive.system.compiled()
     t_a, t_b = signals.start_temperatures(drive)
     _, x, v, p_a, p_b = states[0]
     inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.segment_names[6:]]
     state = np.array([[x, v, p_a, t_a, p_b, t_b, *inner]])
-    columns = {name: np.full(signals.time_s.size, np.nan) for name in LINES_COLUMNS}
-    ends = [*at[1:].tolist(), signals.time_s.size - 1]
-    for k, (begin, end) in enumerate(zip(at.tolist(), ends, strict=True)):
-        if k:
-            state[0, [0, 1, 2, 4]] = states[k][1:]
+
+    def segment(times: Array, commands: Array, sample_times: Array) -> Shot:
         request: Shooting = {
-            "times": steps[0],
-            "commands": steps[1],
-            "sample_times": signals.time_s[begin : end + 1],
+            "times": times,
+            "commands": commands,
+            "sample_times": sample_times,
             "starts": [0],
             "initial": state,
-            "outputs": LINES_COLUMNS,
+            "outputs": RUN_COLUMNS,
             "rtol": RTOL,
         }
-        segment = core.shoot("command", request)
-        for name, values in zip(LINES_COLUMNS, segment["values"].T, strict=True):
+        return core.shoot("command", request)
+
+    if drive.is_plain:
+        rest = states[0, 0] + np.array([0.0, SETTLING_S])
+        for _ in range(SETTLING_RUNS):
+            settled = segment(rest[:1], np.zeros(1), rest)
+            if settled["failures"][0] is not None:
+                break
+            state[0, 6:] = settled["ends"][0, 6:]
+    columns = {name: np.full(signals.time_s.size, np.nan) for name in RUN_COLUMNS}
+    failures: list[str] = []
+    ends = [*at[1:].tolist(), signals.time_s.size - 1]
+    for measured, begin, end in zip(states, at.tolist(), ends, strict=True):
+        state[0, [0, 1, 2, 4]] = measured[1:]
+        run = segment(*steps, signals.time_s[begin : end + 1])
+        for name, values in zip(RUN_COLUMNS, run["values"].T, strict=True):
             columns[name][begin : end + 1] = values
-        if segment["failures"][0] is not None:
-            return ModelRun(columns, at, (segment["failures"][0],))
-        state = segment["ends"].copy()
-    return ModelRun(columns, at, ())
+        if run["failures"][0] is None:
+            state = run["ends"].copy()
+            continue
+        failures.append(run["failures"][0])
+        if not drive.is_plain:
+            break
+    return ModelRun(columns, at, tuple(failures))
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:

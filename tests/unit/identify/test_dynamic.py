@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benches.servo import controller, follow_sine
 
 import pneudrive as pn
 from oracle.bootstrap import drive_bootstrap, intervals_of_draws
@@ -58,15 +59,15 @@ def servo(
 ) -> dict:
     """Record a servo that follows a sine at 1 kHz."""
     core = drive.system.compiled()
-    run = core.servo(8.0, 0.25, amplitude, frequency, seconds, 1000.0, START, 1e-8)
-    gas, n = core.chambers(run["states"]), len(run["commands"])
+    run = follow_sine(core, controller(8.0, 0.25, amplitude, frequency, 0.25), seconds, 1000.0, START, 1e-8)
+    n = len(run["time_s"])
     rng = np.random.default_rng(seed)
     return {
         "time_s": np.arange(n) * 1e-3,
-        "command": run["commands"],
-        "position_m": run["states"][:, 0] + noise[0] * rng.standard_normal(n),
-        "pressure_a_pa": gas[:, 0] + noise[1] * rng.standard_normal(n),
-        "pressure_b_pa": gas[:, 2] + noise[1] * rng.standard_normal(n),
+        "command": run["command"],
+        "position_m": run["position_m"] + noise[0] * rng.standard_normal(n),
+        "pressure_a_pa": run["pressure_a_pa"] + noise[1] * rng.standard_normal(n),
+        "pressure_b_pa": run["pressure_b_pa"] + noise[1] * rng.standard_normal(n),
     }
 
 

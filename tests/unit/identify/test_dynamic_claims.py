@@ -12,6 +12,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from benches.servo import controller, follow_sine
 
 import pneudrive as pn
 from oracle.bootstrap import bootstrap
@@ -175,15 +176,14 @@ def test_shorter_segments_are_tried_where_long_ones_stick() -> None:
     start |= {f"temperature_{c}_k": 293.15 for c in "ab"}
     amplitude, frequency, gain = rng.uniform(0.01, 0.06), rng.uniform(0.1, 0.6), rng.uniform(2, 12)
     core = truth.system.compiled()
-    run = core.servo(gain, 0.25, amplitude, frequency, 4.0, 1000.0, start, 1e-8)
-    gas, noise = core.chambers(run["states"]), np.random.default_rng(16)
-    n = len(run["commands"])
+    run = follow_sine(core, controller(gain, 0.25, amplitude, frequency, 0.25), 4.0, 1000.0, start, 1e-8)
+    n, noise = len(run["time_s"]), np.random.default_rng(16)
     made = {
         "time_s": np.arange(n) * 1e-3,
-        "command": run["commands"],
-        "position_m": run["states"][:, 0] + 1e-5 * noise.standard_normal(n),
-        "pressure_a_pa": gas[:, 0] + 1000.0 * noise.standard_normal(n),
-        "pressure_b_pa": gas[:, 2] + 1000.0 * noise.standard_normal(n),
+        "command": run["command"],
+        "position_m": run["position_m"] + 1e-5 * noise.standard_normal(n),
+        "pressure_a_pa": run["pressure_a_pa"] + 1000.0 * noise.standard_normal(n),
+        "pressure_b_pa": run["pressure_b_pa"] + 1000.0 * noise.standard_normal(n),
     }
     fit = pn.identify(guess, made, [*(f"friction.{key}" for key in names), "cylinder.moving_mass", "valve.conductance"])
     assert fit.converged

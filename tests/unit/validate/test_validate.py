@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from pneudrive.cli.main import run
 from pneudrive.errors import Cancelled, FitError, LayoutError, RecordingError
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import validate
-from pneudrive.validate.balance import cross_correlations, metrics, whiteness
+from pneudrive.validate.balance import Signals, cross_correlations, metrics, run_model, whiteness
 
 
 def test_the_true_model_passes_and_a_wrong_one_does_not():
@@ -50,6 +51,29 @@ def test_breakaway_is_compared_at_stops():
     errors = [b.error for b in more.records[0].breakaways]
     assert min(errors) > 0.1  # the wrong model holds on for longer
     assert more.verdicts[2].met is False
+
+
+def test_a_run_reset_to_its_own_states_is_the_same_run():
+    """Bristles and temperatures, which nobody measures, continue over a reset."""
+    truth = drive()
+    signals = Signals.of(record(truth, 0, duration_s=2.0))
+    whole = run_model(truth, signals)
+    own = replace(signals, **{name: whole[name] for name in ("position_m", "pressure_a_pa", "pressure_b_pa")})
+    parts = run_model(truth, own, np.array([0, 300, 700]))
+    assert not whole.failures
+    assert not parts.failures
+    for name, bound in (("position_m", 1e-4), ("pressure_a_pa", 300.0), ("friction_force_n", 3.0)):
+        assert np.abs(parts[name] - whole[name]).max() < bound, name
+
+
+def test_a_piston_that_rests_under_pressure_stays():
+    """0.8 bar on 4.9 cm2 are 39 N of 45 N: bristles that were straight at the start would bend by 0.4 mm."""
+    reference = pn.Drive.load("catalogue:reference")
+    time = np.arange(101) * 1e-3
+    columns = {"time_s": time, "command": 0.0 * time, "position_m": 0.1 + 0.0 * time}
+    columns |= {"pressure_a_pa": 3.8e5 + 0.0 * time, "pressure_b_pa": 3e5 + 0.0 * time}
+    run = run_model(reference, Signals.of(drive_recording(columns)))
+    assert abs(run["position_m"][-1] - 0.1) < 5e-6
 
 
 def test_metrics_are_those_of_their_formulas():

@@ -59,7 +59,7 @@ pub(super) struct Wiring<'a, P> {
 }
 
 /// Contributions of the components to a joint of gas.
-struct Brought<P> {
+struct GasContributions<P> {
     /// Names of what holds the pressure, with pressure, Pa, and temperature, K, except for the ambient air.
     held: Vec<(String, Option<[P; 2]>)>,
     volume: Option<Vessel<P>>,
@@ -133,7 +133,7 @@ where
     }
 
     /// Returns what the components bring to a joint of gas.
-    fn brought(&self, joint: &Joint) -> Result<Brought<P>, Error> {
+    fn brought(&self, joint: &Joint) -> Result<GasContributions<P>, Error> {
         let (mut held, mut volume, mut own_name, mut ports) = (Vec::new(), None, None, 0.0);
         let (mut room, mut bore) = (None::<P>, None::<P>);
         if joint.ambient {
@@ -170,11 +170,11 @@ where
                 room = Some(room.map_or(more, |room| room + more));
             }
         }
-        Ok(Brought { held, volume, own_name, ports, room, bore })
+        Ok(GasContributions { held, volume, own_name, ports, room, bore })
     }
 
     fn gas(&mut self, joint: &Joint) -> Result<GasId, Error> {
-        let Brought { held, volume, own_name, ports, room, bore } = self.brought(joint)?;
+        let GasContributions { held, volume, own_name, ports, room, bore } = self.brought(joint)?;
         match (&held[..], volume) {
             ([(one, _), (other, _), ..], _) => {
                 refuse(format!("{one} and {other} hold the same joint: put a fitting between them"))

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 /// A number in which members of one topology differ.
 #[derive(Clone, Debug)]
-enum Number {
+enum MemberNumber {
     /// A number of a component, by index.
     Own(usize, usize),
     /// A parameter of its friction law.
@@ -33,7 +33,7 @@ pub struct Members {
     joints: Joints,
     each: Vec<Instance<f64>>,
     names: Vec<String>,
-    numbers: Vec<Number>,
+    numbers: Vec<MemberNumber>,
     /// Described friction of each component.
     friction: Vec<Option<Seeds<Friction>>>,
     general: bool,
@@ -56,17 +56,17 @@ impl Network {
             if let Some(own) =
                 ["ambient.pressure_pa", "ambient.temperature_k"].iter().position(|own| own == name)
             {
-                return Ok(Number::Ambient(own));
+                return Ok(MemberNumber::Ambient(own));
             }
-            let (component, key) = split(self.each(), name)?;
+            let (component, key) = split(&self.each, name)?;
             let Some(path) = key.strip_prefix("friction.") else {
-                return Ok(Number::Own(component, place(&self.each()[component], key)?));
+                return Ok(MemberNumber::Own(component, place(&self.each[component], key)?));
             };
             let parameter = path.strip_prefix("parameters.").unwrap_or_default();
             match &spec.components[component].friction {
                 Some(own) if own.parameters.contains_key(parameter) => {
                     parameters[component].push(parameter.to_string());
-                    Ok(Number::Friction(component, parameter.into()))
+                    Ok(MemberNumber::Friction(component, parameter.into()))
                 }
                 _ => refuse(format!("{name} is not a parameter of a described friction law")),
             }
@@ -81,8 +81,8 @@ impl Network {
             template: self.assembly().clone(),
             gas: gas(&Lifted::plain(&spec.gas)),
             ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
-            joints: self.joints().clone(),
-            each: self.each().to_vec(),
+            joints: self.joints.clone(),
+            each: self.each.to_vec(),
             numbers,
             names: names.to_vec(),
             friction: friction.collect::<Result<_, Error>>()?,
@@ -105,7 +105,7 @@ impl Members {
     pub fn general(mut self) -> Result<Self, Error> {
         self.general = true;
         for number in &self.numbers {
-            if let Number::Own(component, place) = *number {
+            if let MemberNumber::Own(component, place) = *number {
                 self.each[component].free[place] = true;
             }
         }
@@ -150,13 +150,13 @@ impl Members {
     /// Refuses a value that is impossible for the number `names[place]`, whatever the other numbers are.
     pub fn check(&self, place: usize, value: f64) -> Result<(), Error> {
         let bounds = match &self.numbers[place] {
-            Number::Own(component, place) => {
+            MemberNumber::Own(component, place) => {
                 let row = &self.each[*component].kind().parameters[*place];
                 Some((row.bounds, row.unit))
             }
-            Number::Ambient(0) => Some((physics::above(0.0), "Pa")),
-            Number::Ambient(_) => Some((physics::above(0.0), "K")),
-            Number::Friction(component, key) => {
+            MemberNumber::Ambient(0) => Some((physics::above(0.0), "Pa")),
+            MemberNumber::Ambient(_) => Some((physics::above(0.0), "K")),
+            MemberNumber::Friction(component, key) => {
                 let law = self.friction[*component].as_ref().map(|own| meta(&own.value)).transpose()?;
                 let row = law.and_then(|(law, _)| law.parameters.iter().find(|row| row.key == key));
                 row.map(|row| (row.bounds, row.unit))
@@ -182,11 +182,11 @@ impl Members {
         let mut rubs = Vec::new();
         for (at, &value) in values.iter().enumerate() {
             match &self.numbers[at] {
-                Number::Own(component, place) => {
+                MemberNumber::Own(component, place) => {
                     self.check(at, value)?;
                     self.each[*component].numbers[*place] = Some(value);
                 }
-                Number::Friction(component, key) => {
+                MemberNumber::Friction(component, key) => {
                     if let Some(own) = &mut self.friction[*component] {
                         match own.value.parameters.get_mut(key) {
                             Some(number) => *number = value,
@@ -197,7 +197,7 @@ impl Members {
                         rubs.push(*component);
                     }
                 }
-                Number::Ambient(place) => {
+                MemberNumber::Ambient(place) => {
                     self.check(at, value)?;
                     self.ambient[*place] = value;
                 }

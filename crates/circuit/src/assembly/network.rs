@@ -29,12 +29,15 @@ const OF_POINTS: &str = "fritsch1984";
 pub struct Network {
     assembly: Assembly,
     pistons: Vec<Piston<f64>>,
-    warnings: Vec<String>,
-    citations: Vec<&'static str>,
-    joint_volumes: Vec<(String, f64)>,
-    joints: Joints,
-    each: Vec<Instance<f64>>,
-    is_air: bool,
+    /// Warnings about the description.
+    pub warnings: Vec<String>,
+    /// Keys in references.bib of the laws and methods in use.
+    pub citations: Vec<&'static str>,
+    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
+    pub joint_volumes: Vec<(String, f64)>,
+    pub(super) joints: Joints,
+    pub(super) each: Vec<Instance<f64>>,
+    pub(super) is_air: bool,
     names: Arc<Names>,
 }
 
@@ -213,44 +216,9 @@ impl Network {
         })
     }
 
-    /// Returns the circuit of a description that differs from this one only in numbers. With the same parts, the
-    /// analysis
-    /// and the names are reused.
-    pub fn renewed(&self, spec: &specification::Circuit) -> Result<Assembly, Error> {
-        let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
-        let ambient = ambient(&spec.ambient)?;
-        let (like, gas) = (&self.assembly, gas(&Lifted::plain(&spec.gas)));
-        let ledger = !like.circuit.channels().is_empty();
-        let wired = wire(&gas, gas.is_air(), ambient, (&each, &self.joints), ledger, Some(&like.circuit))?;
-        Ok(wired.named_like(like))
-    }
-
     /// The circuit with its names.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
-    }
-
-    pub(super) fn each(&self) -> &[Instance<f64>] {
-        &self.each
-    }
-
-    pub(super) fn joints(&self) -> &Joints {
-        &self.joints
-    }
-
-    pub(super) fn is_air(&self) -> bool {
-        self.is_air
-    }
-
-    /// Returns warnings about this description.
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    /// Returns gas joints whose volume belongs to no component: the first port of each, and the volume of its ports,
-    /// m3.
-    pub fn joint_volumes(&self) -> &[(String, f64)] {
-        &self.joint_volumes
     }
 
     /// Returns each cylinder's name and end stops, and the design load of derived stops. Derived stops follow from the
@@ -260,11 +228,6 @@ impl Network {
             let (stop, taken) = ends.from(start, a.max(*b), *stroke);
             (&**name, stop, taken)
         })
-    }
-
-    /// Returns the keys in references.bib of the laws and methods in use.
-    pub fn citations(&self) -> &[&'static str] {
-        &self.citations
     }
 
     /// Returns warnings about the impacts of a run.

@@ -4,14 +4,13 @@ use super::evaluate::shoot::{All, Shooting, Shot};
 use super::friction::contact;
 use super::gas::gas;
 use super::network::Network;
-use super::variables::{Assembly, Variables};
+use super::variables::Assembly;
 use super::wiring::wire;
 use crate::component::Instance;
-use crate::ground::{Error, Lifted, seeds};
+use crate::ground::{DIRECTIONS, Error, Lifted, Sensitive, seeds};
 use crate::specification;
 use math::{Deps, Dual, Lane, Over};
 use serde_json::Value;
-use std::sync::Arc;
 
 pub(super) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
@@ -91,21 +90,11 @@ where
     let gas = gas(&lifted.table(|spec| &spec.gas));
     let ambient = [number(|s| s.ambient.pressure_pa), number(|s| s.ambient.temperature_k)];
     let each =
-        of.each().iter().enumerate().map(|(i, own)| lift(own, &lifted.table(|spec| &spec.components[i])));
+        of.each.iter().enumerate().map(|(i, own)| lift(own, &lifted.table(|spec| &spec.components[i])));
     let each = each.collect::<Result<Vec<_>, Error>>()?;
     let like = of.assembly();
     let without_ledger = Some(&*like.circuit).filter(|circuit| circuit.channels().is_empty());
-    Ok(wire(&gas, of.is_air(), ambient, (&each, of.joints()), false, without_ledger)?.named_like(like))
-}
-
-/// Returns the circuit with the input of the command plan first; without one, no input is set.
-fn commanded<P>(assembly: Assembly<P>, input: Option<usize>) -> Assembly<P> {
-    let mut variables = Variables::clone(&assembly.variables);
-    match input {
-        Some(input) => variables.inputs[..=input].rotate_right(1),
-        None => variables.inputs.clear(),
-    }
-    Assembly { variables: Arc::new(variables), ..assembly }
+    Ok(wire(&gas, of.is_air, ambient, (&each, &of.joints), false, without_ledger)?.named_like(like))
 }
 
 impl Network {
@@ -116,8 +105,8 @@ impl Network {
             if name.starts_with("ambient.") || name.starts_with("gas.") {
                 return Ok(name.clone());
             }
-            let (component, key) = split(self.each(), name)?;
-            let (i, own) = (component.to_string(), &self.each()[component]);
+            let (component, key) = split(&self.each, name)?;
+            let (i, own) = (component.to_string(), &self.each[component]);
             if key.starts_with("friction.") {
                 return Ok(format!("components.{i}.{key}"));
             }
@@ -139,28 +128,18 @@ impl Network {
         Ok((table.to_string(), paths))
     }
 
-    /// Runs the segments of `asked` under the commands of one input, if any, with exact derivatives by numbers of components,
-    /// such as "left.bore". The result does not depend on the
-    /// number of threads. `json` is the description of this circuit.
+    /// Runs the segments of `asked` with exact derivatives by numbers of components, such as "left.bore". The result
+    /// does not depend on the number of threads. `json` is the description of this circuit.
     pub fn shoot(
         &self,
         json: &str,
-        input: Option<&str>,
         asked: &Shooting,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
-        let inputs = &self.assembly().variables.inputs;
-        let place = match input {
-            Some(name) => match inputs.iter().position(|own| own.name == name) {
-                Some(place) => Some(place),
-                None => return refuse(format!("there is no input \"{name}\"")),
-            },
-            None => None,
-        };
-        let plain = commanded(self.assembly().clone(), place);
-        let all = All::of(asked, &plain)?;
+        let plain = self.assembly();
+        let all = All::of(asked, plain)?;
         if all.directions == 0 {
-            return all.run(std::slice::from_ref(&plain), interrupted);
+            return all.run(std::slice::from_ref(plain), interrupted);
         }
         let (json, paths) = self.paths(json, &asked.parameters)?;
         let seeds = seeds::<specification::Circuit>(&json, "", &paths)?;
@@ -168,10 +147,11 @@ impl Network {
             let own = assemble::<Dual<f64, 1>>(self, &Lifted::new(&seeds, 0));
             // Refusals are for numbers of any kind.
             if let Some(own) = own.ok().filter(|own| own.circuit.serves_all()) {
-                return all.run(&[commanded(own, place)], interrupted);
+                return all.run(&[own], interrupted);
             }
         }
-        let lift = |first| Ok(commanded(assemble(self, &Lifted::new(&seeds, first))?, place));
-        all.shoot(&plain, || Ok(lift), interrupted)
+        let passes = (0..all.directions).step_by(DIRECTIONS);
+        let passes = passes.map(|first| assemble::<Sensitive>(self, &Lifted::new(&seeds, first)));
+        all.run(&passes.collect::<Result<Vec<_>, _>>()?, interrupted)
     }
 }

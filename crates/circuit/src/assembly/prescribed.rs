@@ -37,9 +37,9 @@ pub struct Mechanics<'m> {
     pub begin: &'m [f64],
     /// Positions at its end under `forces`, m.
     pub end: &'m [f64],
-    /// N.
+    /// Forces, N.
     pub forces: &'m [f64],
-    /// 1/kg.
+    /// Accelerations by the forces, 1/kg.
     pub mobility: &'m [f64],
 }
 
@@ -148,6 +148,7 @@ impl Session {
     /// Continues from the state of another session with an equal circuit.
     fn follow(&mut self, other: &Session) {
         self.stepper.follow(&other.stepper);
+        self.samples = other.samples;
         self.is_read = false;
     }
 

@@ -82,15 +82,6 @@ impl Recorder {
         impacts.sort_by(|one, other| one.time.total_cmp(&other.time));
         Run { columns: self.columns, statistics, balance, impacts }
     }
-
-    /// Returns the columns of a run that may have stopped before its end.
-    pub(crate) fn columns(mut self, session: &Session) -> Vec<Vec<f64>> {
-        if session.failed().is_none() {
-            self.complete(session);
-        }
-        self.spill();
-        self.columns
-    }
 }
 
 impl Output<f64, Circuit<f64>> for Recorder {

@@ -24,24 +24,24 @@ pub(super) fn behind_play(remembered: f64, command: f64, play: f64) -> f64 {
 
 /// An entry of a schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum What {
+pub(super) enum ScheduledAction {
     /// An input.
     Input(usize),
     /// A delayed effect of a command: its timing, and the effect.
     Timing(usize, Due),
 }
 
-impl What {
+impl ScheduledAction {
     /// Returns whether it depends on the command at its time.
     pub fn waits(self) -> bool {
-        matches!(self, What::Timing(_, Due::Start | Due::Rise | Due::Fall))
+        matches!(self, ScheduledAction::Timing(_, Due::Start | Due::Rise | Due::Fall))
     }
 
     /// Returns it as a number, for this number of inputs.
     pub fn code(self, n_inputs: usize) -> u64 {
         let code = match self {
-            What::Input(input) => input,
-            What::Timing(timing, due) => n_inputs + timing * Due::ALL.len() + due as usize,
+            ScheduledAction::Input(input) => input,
+            ScheduledAction::Timing(timing, due) => n_inputs + timing * Due::ALL.len() + due as usize,
         };
         code as u64
     }
@@ -49,8 +49,8 @@ impl What {
     /// Returns it from a number, for this number of inputs and timings.
     pub fn of(code: u64, n_inputs: usize, n_timings: usize) -> Option<Self> {
         let code = usize::try_from(code).ok()?;
-        let Some(due) = code.checked_sub(n_inputs) else { return Some(What::Input(code)) };
+        let Some(due) = code.checked_sub(n_inputs) else { return Some(ScheduledAction::Input(code)) };
         let (timing, due) = (due / Due::ALL.len(), Due::ALL[due % Due::ALL.len()]);
-        (timing < n_timings).then_some(What::Timing(timing, due))
+        (timing < n_timings).then_some(ScheduledAction::Timing(timing, due))
     }
 }

@@ -2,19 +2,23 @@
 //! other runs of a circuit use a session.
 
 mod linear;
+mod sampled;
 mod saved;
 mod timed;
 
 pub use linear::Linear;
+pub use sampled::Sampling;
 
-use crate::assembly::schedule::{Due, What};
+use crate::assembly::evaluate::glances::Glances;
+use crate::assembly::schedule::{Due, ScheduledAction};
 use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::component::{Starting, Timing};
 use crate::ground::{Error, Net, with_unit};
 use crate::part::InputId;
 use math::Lane;
-use ode::{Method, Options, Output, Statistics, Stepper, System, same_time};
+use ode::{Options, Output, Statistics, Stepper, System, same_time};
+use sampled::Samples;
 
 /// A running circuit.
 #[derive(Clone)]
@@ -22,12 +26,15 @@ pub struct Session<R: Lane = f64> {
     assembly: Assembly<R>,
     pub(super) stepper: Stepper<R, Circuit<R>>,
     /// Pending entries (time, target, value) in reverse order of time.
-    pub(super) schedule: Vec<(f64, What, f64)>,
+    pub(super) schedule: Vec<(f64, ScheduledAction, f64)>,
     pub(super) net: Net<R>,
     row: Vec<R>,
+    /// Fast outputs of the circuit, if it has them, from the first reading on.
+    glances: Option<Option<Glances>>,
     /// Whether `row` belongs to the present state and inputs.
     pub(super) is_read: bool,
     failed: Option<String>,
+    pub(super) samples: Samples,
     pub(super) rtol: f64,
     /// Hash of the description and the tolerance.
     mark: u64,
@@ -53,8 +60,10 @@ impl<R: Lane> Session<R> {
             assembly: assembly.clone(),
             stepper: Stepper::new(circuit, t, &y, options),
             schedule: Vec::new(),
+            glances: None,
             is_read: false,
             failed: None,
+            samples: Samples::default(),
             rtol: options.rtol,
             mark: 0,
             drawn: None,
@@ -141,21 +150,21 @@ impl<R: Lane> Session<R> {
     /// Adds an entry of a timing at a future time, after entries due at the same time.
     pub(super) fn later(&mut self, time: f64, timing: usize, due: Due, value: f64) {
         let place = self.schedule.partition_point(|entry| entry.0 > time);
-        self.schedule.insert(place, (time, What::Timing(timing, due), value));
+        self.schedule.insert(place, (time, ScheduledAction::Timing(timing, due), value));
     }
 
     pub(super) fn is_due(&self, timing: usize, due: Due) -> bool {
-        self.schedule.iter().any(|entry| entry.1 == What::Timing(timing, due))
+        self.schedule.iter().any(|entry| entry.1 == ScheduledAction::Timing(timing, due))
     }
 
     pub(super) fn forget(&mut self, timing: usize, due: Due) {
-        self.schedule.retain(|entry| entry.1 != What::Timing(timing, due));
+        self.schedule.retain(|entry| entry.1 != ScheduledAction::Timing(timing, due));
     }
 
     /// Sets an input at future times, without a check of its bounds. The integration ends exactly on each of them.
     pub fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
         let mut schedule: Vec<_> =
-            entries.into_iter().map(|(time, value)| (time, What::Input(input), value)).collect();
+            entries.into_iter().map(|(time, value)| (time, ScheduledAction::Input(input), value)).collect();
         schedule.reverse();
         schedule.append(&mut self.schedule);
         // From last to first. The sort is stable: of entries at one time, those that were there before come first.
@@ -175,15 +184,17 @@ impl<R: Lane> Session<R> {
             return Some(place);
         }
         let ends = same_time(first.0, until);
-        let is_before = |what: What| if ends { !what.waits() } else { matches!(what, What::Input(_)) };
+        let is_before = |what: ScheduledAction| {
+            if ends { !what.waits() } else { matches!(what, ScheduledAction::Input(_)) }
+        };
         let other = self.schedule.iter().rposition(|entry| has_come(entry.0, first.0) && is_before(entry.1));
         other.or((!ends).then_some(place))
     }
 
-    fn happen(&mut self, what: What, value: f64) {
+    fn happen(&mut self, what: ScheduledAction, value: f64) {
         match what {
-            What::Input(input) => self.put(input, value),
-            What::Timing(timing, due) => self.happens(timing, due, value),
+            ScheduledAction::Input(input) => self.put(input, value),
+            ScheduledAction::Timing(timing, due) => self.happens(timing, due, value),
         }
     }
 
@@ -198,11 +209,6 @@ impl<R: Lane> Session<R> {
     /// Returns whether an entry is due now.
     pub fn is_due_now(&self) -> bool {
         self.schedule.last().is_some_and(|entry| has_come(entry.0, self.time()))
-    }
-
-    /// Sets the method of the next steps.
-    pub(crate) fn use_method(&mut self, method: Method) {
-        self.stepper.use_method(method);
     }
 
     /// Allows the usual number of attempts for a run to a time.
@@ -244,17 +250,6 @@ impl<R: Lane> Session<R> {
         }
     }
 
-    /// Returns a column at the present state and inputs.
-    pub fn read(&mut self, column: usize) -> R {
-        if !self.is_read {
-            let y = self.settled();
-            let (circuit, t) = (self.stepper.system(), self.stepper.time(0));
-            self.assembly.row(circuit, R::c(t), &y, &mut self.net, &mut self.row);
-            self.is_read = true;
-        }
-        self.row[column]
-    }
-
     /// Returns the start values at the present state.
     pub fn outside(&mut self) -> Vec<R> {
         self.assembly.outside(self.stepper.system(), self.stepper.state(), &mut self.net)
@@ -282,10 +277,18 @@ impl Session {
         self.assembly.columns()
     }
 
-    /// Returns an output at the present state and inputs. It is compiled here, so that callers need not compile the
-    /// equations again.
-    pub fn now(&mut self, column: usize) -> f64 {
-        self.read(column)
+    /// Returns a column at the present state and inputs.
+    pub fn read(&mut self, column: usize) -> f64 {
+        if !self.is_read {
+            let y = self.settled();
+            let (circuit, t) = (self.stepper.system(), self.stepper.time(0));
+            match self.glances.get_or_insert_with(|| Glances::of(&self.assembly)) {
+                Some(glances) => glances.row(circuit, t, &y, &mut self.row),
+                None => self.assembly.row(circuit, t, &y, &mut self.net, &mut self.row),
+            }
+            self.is_read = true;
+        }
+        self.row[column]
     }
 
     /// Returns the value of an input. The command is NaN while the edges are set directly.
@@ -334,17 +337,6 @@ impl Session {
         }
         self.plan(input, times.iter().copied().zip(values.iter().copied()));
         Ok(())
-    }
-
-    /// Continues until a time, s, with a separate limit on attempts.
-    pub fn go_on(&mut self, until: f64, look: &mut Look<'_>) -> Result<(), Error> {
-        if until.is_finite() {
-            self.allow_until(until);
-        }
-        let mut drawn = self.drawn.take();
-        let gone = self.advance(until, &mut drawn, look);
-        self.drawn = drawn;
-        gone
     }
 
     /// From now on, records the gas drawn from outside while [`Session::go_on`] runs. Saved bytes do not contain this

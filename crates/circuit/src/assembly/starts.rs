@@ -5,7 +5,7 @@ use super::session::Session;
 use crate::assembly::variables::{Assembly, Target};
 use crate::circuit::Circuit;
 use crate::component::Starting;
-use crate::ground::{Error, Given};
+use crate::ground::Error;
 use crate::part::mechanism::Unreached;
 use ode::Options;
 use physics::is_huge;
@@ -81,38 +81,35 @@ impl Assembly {
         if let Some(name) = start.keys().find(|name| *name != AGE && !names.contains(&name.as_str())) {
             return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
         }
-        let number = |name: &String, above_zero: bool| match start.get(name) {
+        let number = |name: &str| match start.get(name) {
             None => refuse(format!("the start {name} is missing")),
-            Some(value) if !value.is_finite() || is_huge(*value) || (above_zero && *value <= 0.0) => {
-                let rule = if is_huge(*value) {
-                    "a magnitude of at most 1e30"
-                } else if above_zero {
-                    "above zero"
-                } else {
-                    "finite"
-                };
-                refuse(format!("the start {name} = {value} must be {rule}"))
-            }
             Some(value) => Ok(*value),
         };
-        let mut numbers = Vec::with_capacity(names.len());
-        for (starting, names) in &self.variables.starts {
-            match *starting {
-                Starting::Gas(_) => numbers.extend([number(&names[0], true)?, number(&names[1], true)?]),
-                Starting::Axis(_) => numbers.extend([number(&names[0], false)?, number(&names[1], false)?]),
-                Starting::Kept(_) => match number(&names[0], false)? {
-                    position @ (0.0 | 1.0) => numbers.push(position),
-                    position => {
-                        return refuse(format!(
-                            "the start {} = {position} must be 0 or 1, because the valve rests in an end position",
-                            names[0]
-                        ));
-                    }
-                },
-                Starting::Inner(_) => {}
-            }
+        let numbers = names.into_iter().map(number).collect::<Result<Vec<_>, _>>()?;
+        match self.impossible_start(&numbers, false) {
+            Some((name, value, rule)) => refuse(format!("the start {name} = {value} must be {rule}")),
+            None => Ok(numbers),
         }
-        Ok(numbers)
+    }
+
+    /// Returns the first impossible start value: its name, the value, and the rule. Along a run the values have inner
+    /// states of friction, and armatures may be on their way.
+    pub fn impossible_start(&self, start: &[f64], along_run: bool) -> Option<(&str, f64, &'static str)> {
+        let starts = self.variables.starts.iter();
+        let starts = starts.filter(|(of, _)| along_run || !matches!(of, Starting::Inner(_)));
+        let names = starts.flat_map(|(of, names)| names.iter().map(move |name| (of, name)));
+        names.zip(start).find_map(|((of, name), &value)| {
+            let rule = match of {
+                _ if is_huge(value) && !along_run => "a magnitude of at most 1e30",
+                Starting::Gas(_) if !(value > 0.0 && value.is_finite()) => "above zero",
+                Starting::Kept(_) if !(along_run || value == 0.0 || value == 1.0) => {
+                    "0 or 1, because the valve rests in an end position"
+                }
+                _ if !value.is_finite() => "finite",
+                _ => return None,
+            };
+            Some((&name[..], value, rule))
+        })
     }
 
     /// Returns the equations and their state at a start. The numbers have the order of [`Assembly::given_names`].
@@ -130,27 +127,13 @@ impl Assembly {
         start: &[f64],
         age: f64,
     ) -> (Circuit<f64>, Vec<f64>) {
-        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut rest = start.iter().copied();
-        let mut next = || rest.next().expect("a number for each name");
-        for (starting, _) in &self.variables.starts {
-            match *starting {
-                Starting::Gas(id) => gas.push((id, next(), next())),
-                Starting::Axis(id) => {
-                    axes.push((id, next(), next()));
-                    ages.push((id, age));
-                }
-                Starting::Kept(signal) => signals.push((signal, next())),
-                Starting::Inner(_) => {}
-            }
-        }
         let (inputs, timings) = (&self.variables.inputs, &self.timings);
         for &(input, value) in first {
             if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].stands_at_first()) {
                 self.set(&mut circuit, input, 0, value);
             }
         }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
+        let y = self.start(&mut circuit, start, Some(age));
         (circuit, y)
     }
 

@@ -53,7 +53,7 @@ impl Settable {
 /// The names of a circuit.
 #[derive(Clone, Debug, Default)]
 pub struct Variables {
-    /// The first one is set by a command plan.
+    /// Inputs that can be set.
     pub inputs: Vec<Settable>,
     /// Names of the columns of a run.
     pub columns: Vec<String>,
@@ -164,39 +164,37 @@ impl<P: Lane> Assembly<P> {
         }
     }
 
-    /// Sets the input of a command plan, if there is one.
-    pub fn set_command<R: Lane>(&self, circuit: &mut Circuit<R>, lane: usize, u: R) {
-        if !self.variables.inputs.is_empty() {
-            self.set(circuit, 0, lane, u);
-        }
-    }
-
-    /// Returns the equations under a command, and their state from the start values.
-    pub fn begin(&self, start: &[P], u: P) -> (Circuit<P>, Vec<P>) {
-        self.begin_under(start, u, &[])
-    }
-
-    /// Does the same with values of further inputs.
-    pub fn begin_under(&self, start: &[P], u: P, others: &[(usize, P)]) -> (Circuit<P>, Vec<P>) {
+    /// Returns the equations under values of inputs, and their state from the start values.
+    pub fn begin(&self, start: &[P], inputs: &[(usize, P)]) -> (Circuit<P>, Vec<P>) {
         let mut circuit = Circuit::clone(&self.circuit);
-        self.set_command(&mut circuit, 0, u);
-        for &(input, value) in others {
+        for &(input, value) in inputs {
             self.set(&mut circuit, input, 0, value);
         }
-        let (mut gas, mut axes, mut inner, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut rest = start;
+        let y = self.start(&mut circuit, start, None);
+        (circuit, y)
+    }
+
+    /// Returns the state of equations at start values. With an age of the contacts, s, the values have no inner states,
+    /// and contacts begin at rest.
+    pub(super) fn start(&self, circuit: &mut Circuit<P>, start: &[P], age: Option<P>) -> Vec<P> {
+        let (mut gas, mut axes, mut ages) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut inner, mut signals, mut rest) = (Vec::new(), Vec::new(), start);
         for (starting, names) in &self.variables.starts {
-            let (own, others) = rest.split_at(names.len());
+            let is_absent = age.is_some() && matches!(starting, Starting::Inner(_));
+            let (own, others) = rest.split_at(if is_absent { 0 } else { names.len() });
             match *starting {
                 Starting::Gas(id) => gas.push((id, own[0], own[1])),
-                Starting::Axis(id) => axes.push((id, own[0], own[1])),
-                Starting::Inner(id) => inner.push((id, own)),
+                Starting::Axis(id) => {
+                    axes.push((id, own[0], own[1]));
+                    ages.extend(age.map(|age| (id, age)));
+                }
+                Starting::Inner(id) if !is_absent => inner.push((id, own)),
+                Starting::Inner(_) => {}
                 Starting::Kept(signal) => signals.push((signal, own[0])),
             }
             rest = others;
         }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &[], inner: &inner, signals: &signals });
-        (circuit, y)
+        circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &inner, signals: &signals })
     }
 
     /// Returns the start values at state `y`.
@@ -211,7 +209,7 @@ impl<P: Lane> Assembly<P> {
         each.collect()
     }
 
-    /// Returns one row of the columns.
+    /// Writes one row of the columns.
     pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: R, y: &[R], net: &mut Net<R>, row: &mut [R]) {
         circuit.observe(y, net);
         for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {

@@ -357,7 +357,7 @@ fn a_tandem_cylinder_pushes_with_the_areas_of_both_pistons() {
             ["own.rod", "spring.1"],
         ]);
         let network = network(&components, &joints).expect("assembles");
-        assert!(network.warnings().is_empty(), "{:?}", network.warnings());
+        assert!(network.warnings.is_empty(), "{:?}", network.warnings);
         let names: Vec<String> = network.start_names().into_iter().map(String::from).collect();
         let value = |name: &str| match name.rsplit('.').next() {
             Some("pressure_pa") => 101_300.0,

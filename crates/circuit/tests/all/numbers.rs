@@ -1,6 +1,7 @@
 //! Numbers of a circuit by name: what a run is differentiated by, and what members of one topology differ in.
 
 use crate::support::ROOM;
+use crate::support::drive::plan;
 use circuit::{Network, Shooting, specification};
 use ode::Options;
 use serde_json::{Value, json};
@@ -152,19 +153,17 @@ fn a_run_is_differentiated_by_numbers_of_components() {
             _ => 0.0,
         };
         let asked = Shooting {
-            times: vec![0.0],
-            commands: vec![0.8],
-            others: Vec::new(),
+            plans: plan("valve.command", vec![0.0], vec![0.8]),
             sample_times: vec![0.0, 0.02, 0.05],
             starts: vec![0],
             initial: names.iter().map(value).collect(),
             parameters: parameters.iter().map(ToString::to_string).collect(),
-            with_initial: false.into(),
+            by_start: Some(vec![]),
             outputs: vec!["left.position_m".into(), "left.a.pressure_pa".into()],
             options: Options { rtol: 1e-11, ..Options::default() },
             threads: 1,
         };
-        network.shoot(&circuit.to_string(), Some("valve.command"), &asked, &mut |_| false)
+        network.shoot(&circuit.to_string(), &asked, &mut |_| false)
     };
     let plain = shot(&with(&[]), &names).expect("runs");
     assert!(plain.failures[0].is_none(), "{:?}", plain.failures);
@@ -209,19 +208,17 @@ fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
         let starts = network.assembly().start_names();
         assert_eq!(starts, ["tank.pressure_pa", "tank.temperature_k"]);
         let asked = Shooting {
-            times: vec![0.0],
-            commands: vec![7e5],
-            others: Vec::new(),
+            plans: plan("supply.pressure_pa", vec![0.0], vec![7e5]),
             sample_times: vec![0.0, 0.2],
             starts: vec![0],
             initial: vec![101_300.0, ROOM],
             parameters: parameters.iter().map(ToString::to_string).collect(),
-            with_initial: false.into(),
+            by_start: Some(vec![]),
             outputs: vec!["tank.pressure_pa".into()],
             options: Options { rtol: 1e-11, ..Options::default() },
             threads: 1,
         };
-        network.shoot(&circuit.to_string(), Some("supply.pressure_pa"), &asked, &mut |_| false)
+        network.shoot(&circuit.to_string(), &asked, &mut |_| false)
     };
     let exact = shot(&circuit(2e-8, 1.0), &names).expect("runs").sensitivities;
     let at = |one: f64, two: f64| shot(&circuit(2e-8 * one, two), &[]).expect("runs").values[1];
@@ -256,20 +253,17 @@ fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
     let initial = names.iter().map(|name| if name == "sled.velocity_m_s" { 0.1 } else { 0.0 });
     let outputs = ["motor.impulse_n_s", "motor.work_j", "sled.position_m", "motor.force_n"];
     let asked = Shooting {
-        times: vec![0.0],
-        commands: vec![0.0],
-        others: Vec::new(),
+        plans: plan("sled.load_force_n", vec![0.0], vec![0.0]),
         sample_times: vec![0.0, 0.2, 0.4],
         starts: vec![0],
         initial: initial.collect(),
         parameters: vec!["motor.velocity".into()],
-        with_initial: false.into(),
+        by_start: Some(vec![]),
         outputs: outputs.map(Into::into).to_vec(),
         options: Options { rtol: 1e-9, ..Options::default() },
         threads: 1,
     };
-    let shot =
-        network.shoot(&circuit.to_string(), Some("sled.load_force_n"), &asked, &mut |_| false).expect("runs");
+    let shot = network.shoot(&circuit.to_string(), &asked, &mut |_| false).expect("runs");
     let grown = |of: &[f64], k: usize| of[8 + k] - of[4 + k];
     let near = |own: f64, expected: f64, what: &str| {
         assert!((own - expected).abs() < 1e-6 * expected.abs(), "{what}: {own}, {expected}");

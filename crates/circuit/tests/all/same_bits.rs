@@ -1,9 +1,9 @@
 //! Every golden case, the servo loop, derivatives, lanes and reductions give the bits that they gave: see
 //! `support/pins.rs`. The sweep, two drives on a tank, lanes and the rig are pinned where they are tested.
 
-use crate::support::drive::{self, Drive};
+use crate::support::drive::{self, Drive, plan};
 use crate::support::*;
-use circuit::{ALONG, Driven, Network, Restart, Servo, Shooting};
+use circuit::{ALONG, Driven, Look, Network, Sampling, Shooting};
 use ode::Options;
 use serde_json::Value;
 
@@ -45,18 +45,22 @@ fn golden_cases() {
         let mut states = |rtol: f64| {
             if case["servo"].is_object() {
                 let gain = |key: &str| read(&case["servo"], key);
-                let servo = Servo {
-                    kp: gain("kp"),
-                    kd: gain("kd"),
-                    middle: 0.25,
-                    amplitude: gain("amplitude_m"),
-                    frequency: gain("frequency_hz"),
+                let [kp, kd, amplitude]: [f64; 3] = ["kp", "kd", "amplitude_m"].map(gain);
+                let omega: f64 = 2.0 * std::f64::consts::PI * gain("frequency_hz");
+                let mut servo = |t: f64, seen: &[f64]| {
+                    let target = 0.25 + amplitude * math::elementary::sin(omega * t);
+                    let speed = amplitude * omega * math::elementary::cos(omega * t);
+                    Some((kp * (target - seen[0]) + kd * (speed - seen[1])).clamp(-1.0, 1.0))
                 };
-                let sampling = (duration, gain("sample_rate_hz"));
-                let run = Driven::servo(&servo, drive.session(&initial, options(rtol)), sampling, &mut never);
-                let (mut states, commands, _) = run.expect("runs");
-                states.extend(commands);
-                states
+                let mut session = drive.session(&initial, options(rtol));
+                let names = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa"];
+                let column = |name: &str| session.columns().iter().position(|own| own.ends_with(name));
+                let columns = names.map(|name| column(name).expect("a column")).to_vec();
+                let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
+                let input = input.expect("a command");
+                let period = 1.0 / gain("sample_rate_hz");
+                let sampling = Sampling { columns, input, period, until: duration };
+                session.control(&sampling, &mut servo, &mut Look::new(&mut never)).expect("runs")
             } else {
                 let (times, commands): (Vec<f64>, Vec<f64>) =
                     read::<Vec<(f64, f64)>>(&case, "commands").into_iter().unzip();
@@ -92,16 +96,18 @@ fn multiple_shooting() {
         initial.resize(n, 0.0);
         let times: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
         let asked = Shooting {
-            commands: (0..50).map(|k| 0.4 * math::elementary::sin(0.3 * f64::from(k))).collect(),
-            others: Vec::new(),
+            plans: plan(
+                "command",
+                times.clone(),
+                (0..50).map(|k| 0.4 * math::elementary::sin(0.3 * f64::from(k))).collect(),
+            ),
             sample_times: times.clone(),
-            times,
             starts: vec![0, 25],
             initial: initial.repeat(2),
             parameters: ["cylinder.moving_mass_kg", "supply.pressure_pa", "cylinder.leakage_m3_s_pa"]
                 .map(String::from)
                 .to_vec(),
-            with_initial: true.into(),
+            by_start: None,
             outputs: drive.columns().to_vec(),
             options: options(1e-6),
             threads: 1,
@@ -132,24 +138,22 @@ fn tank() {
     .to_string();
     let times: Vec<f64> = (0..100).map(|k| 0.05 * f64::from(k)).collect();
     let asked = Shooting {
-        times: vec![0.0, 1.5, 3.0],
-        commands: vec![1.0, 0.0, 0.5],
-        others: Vec::new(),
+        plans: plan("line.opening", vec![0.0, 1.5, 3.0], vec![1.0, 0.0, 0.5]),
         sample_times: times,
         starts: vec![0],
         initial: vec![1.2e5, ROOM],
         parameters: vec!["line.conductance".into(), "volume.volume".into()],
-        with_initial: true.into(),
+        by_start: None,
         outputs: vec!["volume.pressure_pa".into(), "volume.mass_flow_kg_s".into()],
         options: options(1e-6),
         threads: 1,
     };
     let tank = Network::assemble(&serde_json::from_str(&json).expect("fits"), false).expect("assembles");
-    let shot = tank.shoot(&json, Some("line.opening"), &asked, &mut |_| false).expect("runs");
+    let shot = tank.shoot(&json, &asked, &mut |_| false).expect("runs");
     pinned("tank", [shot.values, shot.sensitivities, shot.ends, shot.end_sensitivities].concat());
 }
 
-/// The equations along a record, and a run that is put back to it.
+/// The equations along a record.
 #[test]
 fn along_a_record() {
     let drive = Drive::assemble(&reference_stribeck(), true).expect("assembles");
@@ -163,20 +167,5 @@ fn along_a_record() {
     let record = record(of, &openings);
     let rows = drive.driven().expect("a piston").along(&record).expect("a record of the drive");
     assert_eq!(rows.len(), ALONG.len() * openings.len());
-    let put_back = |i: usize| Restart {
-        t: of("time_s")[i],
-        position: of("position_m")[i],
-        velocity: of("velocity_m_s")[i],
-        pressure: [of("pressure_a_pa")[i], of("pressure_b_pa")[i]],
-    };
-    let restarts = [put_back(0), put_back(120), put_back(200)];
-    let run = drive.driven().expect("a piston").restarted(
-        plan,
-        (0.3, 500.0),
-        &restarts,
-        [ROOM; 2],
-        tight,
-        &mut never,
-    );
-    pinned("along", [columns.concat(), rows, run.expect("runs").0.concat()].concat());
+    pinned("along", [columns.concat(), rows].concat());
 }

@@ -1,7 +1,7 @@
 //! Derivatives through the integrator: those of a run by numbers of the description and by its start are
 //! those of the discrete solution, and its values are the plain run's to the bit.
 
-use crate::support::drive::Drive;
+use crate::support::drive::{Drive, plan};
 use circuit::{Circuit, Shooting, Shot};
 use math::{Dual, Real};
 use ode::{NoOutput, Stepper};
@@ -21,14 +21,12 @@ fn asked(seconds: f64, inner: &[f64], parameters: &[&str], with_initial: bool) -
     let times: Vec<f64> = (0..=n).map(|k| k as f64 / 1000.0).collect();
     let command = |t: &f64| 0.35 * (9.0 * t).sin() + 0.1 * (31.0 * t).cos();
     Shooting {
-        commands: times.iter().map(command).collect(),
-        others: Vec::new(),
+        plans: plan("command", times.clone(), times.iter().map(command).collect()),
         sample_times: times.clone(),
-        times,
         starts: vec![0],
         initial: START.iter().chain(inner).copied().collect(),
         parameters: parameters.iter().map(ToString::to_string).collect(),
-        with_initial: with_initial.into(),
+        by_start: (!with_initial).then(Vec::new),
         outputs: OUTPUTS.iter().map(ToString::to_string).collect(),
         // So fine that a different choice of steps in the runs of the differences does not show.
         options: crate::support::options(1e-10),
@@ -47,7 +45,7 @@ fn shoot(description: &Value, asked: &Shooting) -> Shot {
 /// Central differences of the plain run by the number at `path`, Richardson's extrapolation of two steps.
 fn differences(description: &Value, asked: &Shooting, path: &str, step: f64) -> Vec<f64> {
     let pointer = format!("/{}", path.replace('.', "/"));
-    let plain = Shooting { parameters: Vec::new(), with_initial: false.into(), ..asked.clone() };
+    let plain = Shooting { parameters: Vec::new(), by_start: Some(vec![]), ..asked.clone() };
     let at = |change: f64| {
         let mut changed = description.clone();
         let number = changed.pointer_mut(&pointer).expect("a number");
@@ -96,7 +94,7 @@ fn with_friction(friction: Value) -> Value {
 /// All derivatives against differences; the values against the plain run.
 fn check(description: &Value, asked: &Shooting, bound: f64) {
     let shot = shoot(description, asked);
-    let plain = Shooting { parameters: Vec::new(), with_initial: false.into(), ..asked.clone() };
+    let plain = Shooting { parameters: Vec::new(), by_start: Some(vec![]), ..asked.clone() };
     let values = shoot(description, &plain);
     assert_eq!(crate::support::bits(&shot.values), crate::support::bits(&values.values));
     assert_eq!(crate::support::bits(&shot.ends), crate::support::bits(&values.ends));
@@ -214,7 +212,7 @@ fn by_the_start() {
     let description = case_a();
     let asked = asked(0.2, &[1e-6], &["cylinder.dead_volume_a_m3"], true);
     let shot = shoot(&description, &asked);
-    let plain = Shooting { parameters: Vec::new(), with_initial: false.into(), ..asked.clone() };
+    let plain = Shooting { parameters: Vec::new(), by_start: Some(vec![]), ..asked.clone() };
     for (i, size) in [0.1, 0.1, 1e5, 300.0, 1e5, 300.0, 1e-4].into_iter().enumerate() {
         let end = |change: f64| {
             let mut changed = plain.clone();

@@ -1,5 +1,6 @@
 //! A fixed volume: its discharge and the derivatives of that against closed forms.
 
+use crate::support::drive::plan;
 use circuit::{Network, Shooting, Shot};
 use ode::Options;
 use physics::constants::{RHO_0, T_0};
@@ -26,20 +27,18 @@ fn pressures(heat: f64, parameters: &[&str]) -> (Vec<f64>, Shot) {
     let json = json(heat);
     let times: Vec<f64> = (0..=40).map(|i| 0.05 * f64::from(i)).collect();
     let asked = Shooting {
-        times: vec![0.0],
-        commands: vec![1.0],
-        others: Vec::new(),
+        plans: plan("line.opening", vec![0.0], vec![1.0]),
         sample_times: times.clone(),
         starts: vec![0],
         initial: vec![8e5, T_A],
         parameters: parameters.iter().map(ToString::to_string).collect(),
-        with_initial: true.into(),
+        by_start: None,
         outputs: vec!["volume.pressure_pa".into()],
         options: Options { rtol: 1e-9, ..Options::default() },
         threads: 1,
     };
     let tank = Network::assemble(&serde_json::from_str(&json).unwrap(), false).unwrap();
-    (times, tank.shoot(&json, Some("line.opening"), &asked, &mut |_| false).unwrap())
+    (times, tank.shoot(&json, &asked, &mut |_| false).unwrap())
 }
 
 /// tau = V / (C rho0 R sqrt(T0 T)), rho0 and T0 of the standard reference atmosphere.

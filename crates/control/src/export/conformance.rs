@@ -2,7 +2,7 @@
 //! bit.
 
 use super::guard::GUARD;
-use super::{CHECKED, Program, RESULTS};
+use super::{CHECKED, LawProgram, RESULTS};
 use crate::reference::{between, blend};
 use std::fmt::Write;
 
@@ -24,7 +24,7 @@ const EVENTS: [u32; 5] = [120, 300, 400, 420, 520];
 /// Pressure of both chambers, Pa absolute: an arbitrary usual value.
 const PRESSURE: f64 = 4e5;
 
-impl Program {
+impl LawProgram {
     /// Returns the state before the first sample.
     pub fn remembered(&self) -> Remembered {
         Remembered { guard: vec![0.0; GUARD + 1], kept: vec![0.0; self.memory[0]] }

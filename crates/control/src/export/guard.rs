@@ -4,12 +4,9 @@
 //! A drive whose valve is shut, or that was stopped, remains in this state until it is disabled and enabled again.
 
 use crate::course::Fade;
-use crate::number::Number;
+use crate::number::{Number, memory};
 use crate::reference::Wanted;
-use crate::thresholds::{
-    GUARD_PRESSURE, LIMIT_ROUNDING, POSITION_JUMP, POSITION_LOST, POSITION_SPEED, PRESSURE_LOST,
-    REFERENCE_JUMP, STOP_APART, STOP_NEAR,
-};
+use crate::thresholds::*;
 
 /// Values of the output `status`, and their meanings.
 pub const STATUS: [(f64, &str); 5] = [
@@ -28,7 +25,7 @@ const REJECTED: f64 = 4.0;
 /// Constants of a guard.
 #[derive(Clone, Copy, Debug)]
 pub struct Fixed {
-    /// s.
+    /// Period, s.
     pub period: f64,
     /// Time after which the present command acts, s.
     pub ahead: f64,
@@ -36,7 +33,7 @@ pub struct Fixed {
     pub grain: f64,
     /// Highest speed of the drive, m/s.
     pub fastest: f64,
-    /// m.
+    /// Stroke, m.
     pub stroke: f64,
     /// Pressure of the supply, Pa absolute.
     pub supply: f64,
@@ -52,7 +49,7 @@ pub struct Limits<S> {
 
 /// Inputs of the code for one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<S> {
+pub struct GuardInputs<S> {
     pub position: S,
     pub pressures: Option<[S; 2]>,
     pub now: Wanted<S>,
@@ -65,29 +62,30 @@ pub struct Asked<S> {
 /// whether control begins.
 #[derive(Clone, Copy, Debug)]
 pub struct Checked<S> {
-    pub asked: Asked<S>,
+    pub asked: GuardInputs<S>,
     pub opens: S,
     pub begins: S,
     pub status: S,
 }
 
-/// State of the checks. All numbers are zero before the first sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Guard<S> {
-    /// 1 if the last sample was enabled, else 0.
-    enabled: S,
-    status: S,
-    /// Last accepted position, m, and pressures, Pa, and the number of successive rejected readings.
-    position: S,
-    pressures: [S; 2],
-    missed: [S; 3],
-    /// Last accepted wanted state.
-    followed: Wanted<S>,
-    /// Time since the stop ramp began, s; its duration, s; its begin, m, m/s, m/s2; and its end, m.
-    stops_for: S,
-    duration: S,
-    from: [S; 3],
-    end: S,
+memory! {
+    /// State of the checks.
+    pub struct Guard<S> {
+        /// 1 if the last sample was enabled, else 0.
+        enabled: S,
+        status: S,
+        /// Last accepted position, m, and pressures, Pa, and the number of successive rejected readings.
+        position: S,
+        pressures: [S; 2],
+        missed: [S; 3],
+        /// Last accepted position, velocity and acceleration of the reference.
+        followed: [S; 3],
+        /// Time since the stop ramp began, s; its duration, s; its begin, m, m/s, m/s2; and its end, m.
+        stops_for: S,
+        duration: S,
+        from: [S; 3],
+        end: S,
+    }
 }
 
 /// Count of numbers in a [`Guard`].
@@ -112,34 +110,14 @@ fn is<S: Number>(status: S, value: f64) -> S {
 }
 
 impl<S: Number> Guard<S> {
-    /// Returns the guard of numbers in the order of [`Guard::numbers`].
-    pub fn of(numbers: &[S]) -> Self {
-        let at = |place: usize| numbers[place];
-        let followed = Wanted { position: at(8), velocity: at(9), acceleration: at(10), jerk: S::zero() };
-        Guard {
-            enabled: at(0),
-            status: at(1),
-            position: at(2),
-            pressures: [at(3), at(4)],
-            missed: [at(5), at(6), at(7)],
-            followed,
-            stops_for: at(11),
-            duration: at(12),
-            from: [at(13), at(14), at(15)],
-            end: at(16),
-        }
-    }
-
-    /// Its numbers.
-    pub fn numbers(&self) -> [S; GUARD] {
-        let Guard { enabled, status, position, pressures: [a, b], missed: [m, n, o], .. } = *self;
-        let Wanted { position: x, velocity: v, acceleration: w, .. } = self.followed;
-        let [p, q, r] = self.from;
-        [enabled, status, position, a, b, m, n, o, x, v, w, self.stops_for, self.duration, p, q, r, self.end]
-    }
-
     /// Checks the inputs of a sample. `velocity` is the estimate at the last sample, m/s.
-    pub fn check(&mut self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, velocity: S) -> Checked<S> {
+    pub fn check(
+        &mut self,
+        fixed: &Fixed,
+        limits: &Limits<S>,
+        asked: &GuardInputs<S>,
+        velocity: S,
+    ) -> Checked<S> {
         let one = S::one();
         let enabled = flag(S::c(0.5), asked.enabled);
         let begins = enabled * (one - self.enabled);
@@ -174,9 +152,9 @@ impl<S: Number> Guard<S> {
         let then = at(fade.at(self.stops_for + S::c(fixed.ahead)), asked.then);
         let stood = flag(fade.duration, self.stops_for);
         let stands = either(follows, flag(S::c(0.5), asked.stands), either(stops, stood, one));
-        self.followed = now;
+        self.followed = [now.position, now.velocity, now.acceleration];
         self.stops_for = either(stops, self.stops_for + S::c(fixed.period), S::zero());
-        let asked = Asked { position, pressures, now, then, stands, enabled };
+        let asked = GuardInputs { position, pressures, now, then, stands, enabled };
         Checked { asked, opens: follows + stops, begins, status }
     }
 
@@ -211,7 +189,14 @@ impl<S: Number> Guard<S> {
 
     /// Returns 1 if the reference is within the limits, finite and continuous. At the first sample the reference must
     /// be near the drive.
-    fn accepts(&self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, position: S, begins: S) -> S {
+    fn accepts(
+        &self,
+        fixed: &Fixed,
+        limits: &Limits<S>,
+        asked: &GuardInputs<S>,
+        position: S,
+        begins: S,
+    ) -> S {
         let rounding = S::c(LIMIT_ROUNDING);
         let [low, high] = limits.position;
         let within = |own: &Wanted<S>| {
@@ -222,8 +207,9 @@ impl<S: Number> Guard<S> {
                 * between(-far, own.acceleration, far)
                 * between(-far, own.jerk, far)
         };
-        let way = (self.followed.velocity + asked.now.velocity).times(0.5 * fixed.period);
-        let jump = asked.now.position - self.followed.position - way;
+        let [followed, velocity, _] = self.followed;
+        let way = (velocity + asked.now.velocity).times(0.5 * fixed.period);
+        let jump = asked.now.position - followed - way;
         let apart = either(begins, asked.now.position - position, jump);
         let least = either(begins, S::c(STOP_NEAR), S::c(REFERENCE_JUMP));
         within(&asked.now) * within(&asked.then) * between(-least, apart, least)
@@ -232,7 +218,7 @@ impl<S: Number> Guard<S> {
     /// Begins a stop ramp at the last wanted position. At the first sample, the place of rest is the present position.
     fn stop(&mut self, fixed: &Fixed, limits: &Limits<S>, stops: S, begins: S, position: S) {
         let (period, zero) = (S::c(fixed.period), S::zero());
-        let Wanted { position: x, velocity: v, acceleration: a, .. } = self.followed;
+        let [x, v, a] = self.followed;
         let from = [x + period * (v + (period * a).times(0.5)), v + period * a, a];
         let from =
             [either(begins, position, from[0]), either(begins, zero, from[1]), either(begins, zero, from[2])];

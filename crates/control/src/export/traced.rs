@@ -5,57 +5,14 @@
 //! on.
 
 use crate::number::{Memory, Number};
+use formula::Operation;
 use math::{Over, Real};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Operation on numbers; places of earlier nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Node {
-    /// Bits of a constant.
-    Constant(u64),
-    /// An input, by its place.
-    Input(usize),
-    /// Function of one number.
-    One(Function, u32),
-    /// Operation on two numbers.
-    Two(Operator, u32, u32),
-    /// `a * b + c`.
-    Fma(u32, u32, u32),
-    /// If `of[0] < of[1]` the first of `then`, else the second.
-    Select {
-        /// Compared numbers.
-        of: [u32; 2],
-        /// Alternatives of the choice.
-        then: [u32; 2],
-    },
-}
-
-/// A function of a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[allow(missing_docs)]
-pub enum Function {
-    Neg,
-    Sqrt,
-    Exp,
-    Ln,
-    Sin,
-    Cos,
-    Tanh,
-    Abs,
-}
-
-/// An operation on two numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[allow(missing_docs)]
-pub enum Operator {
-    Add,
-    Sub,
-    Mul,
-    Div,
-    Pow,
-}
+/// An operation on numbers, by the indices of earlier nodes.
+pub type Node = Operation<u32>;
 
 #[derive(Default)]
 struct Recording {
@@ -92,72 +49,42 @@ impl Recording {
 
     fn value(&self, place: u32) -> Option<f64> {
         match self.nodes[place as usize] {
-            Node::Constant(bits) => Some(f64::from_bits(bits)),
+            Node::Number(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
     }
 
     /// Folds constants, and leaves out operations that change nothing.
     fn simple(&self, node: Node) -> Node {
-        let constant = |x: f64| Node::Constant(x.to_bits());
+        let value = |place: u32| self.value(place);
+        let is = |place: u32, number: f64| value(place) == Some(number);
+        let same = |place: u32| self.nodes[place as usize];
+        let arguments = node.arguments();
+        if !arguments.is_empty() && arguments.iter().all(|own| value(*own).is_some()) {
+            let number = node.value(|own| value(own).expect("a constant"), |_| unreachable!("no argument"));
+            return Node::Number(number.to_bits());
+        }
         match node {
-            Node::One(function, a) => self.value(a).map_or(node, |a| constant(function.of(a))),
-            Node::Two(operator, a, b) => match (operator, self.value(a), self.value(b)) {
-                (_, Some(a), Some(b)) => constant(operator.of(a, b)),
-                (Operator::Add, Some(0.0), _) | (Operator::Mul, Some(1.0), _) => self.nodes[b as usize],
-                (Operator::Add | Operator::Sub, _, Some(0.0))
-                | (Operator::Mul | Operator::Div, _, Some(1.0)) => self.nodes[a as usize],
-                _ => node,
-            },
-            Node::Fma(a, b, c) => match (self.value(a), self.value(b), self.value(c)) {
-                (Some(a), Some(b), Some(c)) => constant(a.mul_add(b, c)),
-                (Some(1.0), ..) => self.simple(Node::Two(Operator::Add, b, c)),
-                (_, Some(1.0), _) => self.simple(Node::Two(Operator::Add, a, c)),
-                (.., Some(0.0)) => self.simple(Node::Two(Operator::Mul, a, b)),
-                _ => node,
-            },
-            Node::Select { of: [a, b], then } => match (self.value(a), self.value(b)) {
-                (Some(a), Some(b)) => self.nodes[then[if a < b { 0 } else { 1 }] as usize],
-                _ if then[0] == then[1] => self.nodes[then[0] as usize],
-                _ => node,
+            Node::Add(a, b) if is(a, 0.0) => same(b),
+            Node::Multiply(a, b) if is(a, 1.0) => same(b),
+            Node::Add(a, b) | Node::Subtract(a, b) if is(b, 0.0) => same(a),
+            Node::Multiply(a, b) | Node::Divide(a, b) if is(b, 1.0) => same(a),
+            Node::Fused(a, b, c) if is(a, 1.0) => self.simple(Node::Add(b, c)),
+            Node::Fused(a, b, c) if is(b, 1.0) => self.simple(Node::Add(a, c)),
+            Node::Fused(a, b, c) if is(c, 0.0) => self.simple(Node::Multiply(a, b)),
+            Node::Select(a, b, c, d) => match value(a).zip(value(b)) {
+                Some((a, b)) => same(if a < b { c } else { d }),
+                None if c == d => same(c),
+                None => node,
             },
             _ => node,
         }
     }
 }
 
-impl Function {
-    /// Its value.
-    pub fn of(self, x: f64) -> f64 {
-        match self {
-            Function::Neg => -x,
-            Function::Sqrt => x.sqrt(),
-            Function::Exp => Real::exp(x),
-            Function::Ln => Real::ln(x),
-            Function::Sin => Real::sin(x),
-            Function::Cos => Real::cos(x),
-            Function::Tanh => Real::tanh(x),
-            Function::Abs => Real::abs(x),
-        }
-    }
-}
-
-impl Operator {
-    /// Its value.
-    pub fn of(self, a: f64, b: f64) -> f64 {
-        match self {
-            Operator::Add => a + b,
-            Operator::Sub => a - b,
-            Operator::Mul => a * b,
-            Operator::Div => a / b,
-            Operator::Pow => Real::pow(a, b),
-        }
-    }
-}
-
 /// Recorded operations.
 #[derive(Clone, Debug)]
-pub struct Graph {
+pub struct LawGraph {
     /// Nodes in an order in which each one depends on earlier nodes only.
     pub nodes: Vec<Node>,
     /// Places of the results.
@@ -170,7 +97,7 @@ const DIGITS: u32 = 16;
 /// Records the operations of `work` on this number of inputs, and its results.
 ///
 /// Panics if the work depends on a comparison other than by a choice.
-pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
+pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> LawGraph {
     let run = |digit: Option<u32>, takes: Option<Vec<usize>>| {
         RECORDING.set(Recording { digit, takes, ..Recording::default() });
         let given: Vec<Traced> =
@@ -190,62 +117,39 @@ pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
         takes.iter_mut().zip(seen.answers).for_each(|(own, yes)| *own |= usize::from(yes) << digit);
     }
     let (last, results) = run(None, Some(takes));
-    Graph { nodes: last.nodes, results: results.iter().map(|own| own.0).collect() }.needed()
+    LawGraph { nodes: last.nodes, results: results.iter().map(|own| own.0).collect() }.needed()
 }
 
-impl Graph {
+impl LawGraph {
     /// Returns the results for these inputs.
     pub fn run(&self, inputs: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.nodes.len());
+        let input = |node: &Node| match node {
+            Node::Input(place) => inputs[*place],
+            _ => unreachable!("no parameters are recorded"),
+        };
         for node in &self.nodes {
-            let of = |place: u32| values[place as usize];
-            let value = match *node {
-                Node::Constant(bits) => f64::from_bits(bits),
-                Node::Input(place) => inputs[place],
-                Node::One(function, a) => function.of(of(a)),
-                Node::Two(operator, a, b) => operator.of(of(a), of(b)),
-                Node::Fma(a, b, c) => of(a).mul_add(of(b), of(c)),
-                Node::Select { of: [a, b], then: [yes, no] } => of(if of(a) < of(b) { yes } else { no }),
-            };
-            values.push(value);
+            values.push(node.value(|place: u32| values[place as usize], input));
         }
         self.results.iter().map(|&place| values[place as usize]).collect()
     }
 
     /// Removes nodes that no result depends on.
-    fn needed(self) -> Graph {
+    fn needed(self) -> LawGraph {
         let mut used = vec![false; self.nodes.len()];
         self.results.iter().for_each(|&place| used[place as usize] = true);
         for place in (0..self.nodes.len()).rev() {
             if used[place] {
-                self.nodes[place].each(|before| used[before as usize] = true);
+                self.nodes[place].arguments().into_iter().for_each(|before| used[before as usize] = true);
             }
         }
         let mut places = vec![0; self.nodes.len()];
         let mut nodes = Vec::new();
-        for (place, mut node) in self.nodes.into_iter().enumerate().filter(|own| used[own.0]) {
-            node.each_mut(|before| *before = places[*before as usize]);
+        for (place, node) in self.nodes.into_iter().enumerate().filter(|own| used[own.0]) {
             places[place] = nodes.len() as u32;
-            nodes.push(node);
+            nodes.push(node.map(|before| places[before as usize]));
         }
-        Graph { nodes, results: self.results.iter().map(|&place| places[place as usize]).collect() }
-    }
-}
-
-impl Node {
-    fn each_mut(&mut self, mut see: impl FnMut(&mut u32)) {
-        match self {
-            Node::Constant(_) | Node::Input(_) => (),
-            Node::One(_, a) => see(a),
-            Node::Two(_, a, b) => [a, b].into_iter().for_each(see),
-            Node::Fma(a, b, c) => [a, b, c].into_iter().for_each(see),
-            Node::Select { of, then } => of.iter_mut().chain(then).for_each(see),
-        }
-    }
-
-    /// Visits the places of the operands.
-    pub fn each(mut self, mut see: impl FnMut(u32)) {
-        self.each_mut(|place| see(*place));
+        LawGraph { nodes, results: self.results.iter().map(|&place| places[place as usize]).collect() }
     }
 }
 
@@ -258,7 +162,7 @@ macro_rules! operators {
         impl $trait for Traced {
             type Output = Self;
             fn $method(self, other: Self) -> Self {
-                recorded(Node::Two(Operator::$operator, self.0, other.0))
+                recorded(Node::$operator(self.0, other.0))
             }
         }
         operators!(assign $trait $method $assign $assigning);
@@ -274,21 +178,29 @@ macro_rules! operators {
 }
 operators! {
     Add add AddAssign add_assign Add;
-    Sub sub SubAssign sub_assign Sub;
-    Mul mul MulAssign mul_assign Mul;
-    Div div DivAssign div_assign Div;
+    Sub sub SubAssign sub_assign Subtract;
+    Mul mul MulAssign mul_assign Multiply;
+    Div div DivAssign div_assign Divide;
+}
+
+macro_rules! functions {
+    ($($name:ident $operation:ident),*) => {
+        $(fn $name(self) -> Self {
+            recorded(Node::$operation(self.0))
+        })*
+    };
 }
 
 impl Neg for Traced {
     type Output = Self;
     fn neg(self) -> Self {
-        recorded(Node::One(Function::Neg, self.0))
+        recorded(Node::Negative(self.0))
     }
 }
 
 impl From<f64> for Traced {
     fn from(x: f64) -> Self {
-        recorded(Node::Constant(x.to_bits()))
+        recorded(Node::Number(x.to_bits()))
     }
 }
 
@@ -301,32 +213,12 @@ impl Real for Traced {
         Traced::from(x)
     }
     fn fma(self, a: Self, b: Self) -> Self {
-        recorded(Node::Fma(self.0, a.0, b.0))
-    }
-    fn sqrt(self) -> Self {
-        recorded(Node::One(Function::Sqrt, self.0))
-    }
-    fn exp(self) -> Self {
-        recorded(Node::One(Function::Exp, self.0))
-    }
-    fn ln(self) -> Self {
-        recorded(Node::One(Function::Ln, self.0))
+        recorded(Node::Fused(self.0, a.0, b.0))
     }
     fn pow(self, exponent: Self) -> Self {
-        recorded(Node::Two(Operator::Pow, self.0, exponent.0))
+        recorded(Node::Power(self.0, exponent.0))
     }
-    fn sin(self) -> Self {
-        recorded(Node::One(Function::Sin, self.0))
-    }
-    fn cos(self) -> Self {
-        recorded(Node::One(Function::Cos, self.0))
-    }
-    fn tanh(self) -> Self {
-        recorded(Node::One(Function::Tanh, self.0))
-    }
-    fn abs(self) -> Self {
-        recorded(Node::One(Function::Abs, self.0))
-    }
+    functions! { sqrt Root, exp Exponential, ln Logarithm, sin Sine, cos Cosine, tanh Tangent, abs Size }
     fn lt(self, other: Self) -> bool {
         RECORDING.with_borrow_mut(|own| {
             own.comparisons.push([self.0, other.0]);
@@ -342,7 +234,10 @@ impl Real for Traced {
                 // Each choice gets a separate node, so that nothing is left out while comparisons are identified.
                 None => own.node(Node::Input(usize::MAX - place)),
                 Some(0) => b,
-                Some(number) => own.node(Node::Select { of: own.comparisons[number - 1], then: [a.0, b.0] }),
+                Some(number) => {
+                    let [low, high] = own.comparisons[number - 1];
+                    own.node(Node::Select(low, high, a.0, b.0))
+                }
             }
         })
     }

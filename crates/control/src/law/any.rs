@@ -18,6 +18,9 @@ macro_rules! laws {
             Own(Own),
         }
 
+        /// Gains of all laws, by the key of the law.
+        pub const GAINS: &[(&str, &[Gain])] = &[$((<$name as Tuned>::KEY, $name::GAINS)),*];
+
         /// Keys of all laws.
         pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
 

@@ -19,13 +19,13 @@ law! {
     /// Both inputs have seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
     /// for the set i + j within -3 .. 3. [`sugeno`] gives phi.
     pub struct Fuzzy {
-        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
-        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";
+        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v", factor "gain";
+        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega", factor "damping";
         integral_time: "s", above(0.0), "T_i", rule "4/omega";
-        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
+        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
         error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
-    } memory<S> { errors: Errors<S> = Errors::none() }
+    } memory<S> { errors: Errors<S> = Errors::new() }
 }
 
 /// Returns two pairs, for an error and its slope, each relative to its range. A pair is the lower one of its two

@@ -14,7 +14,7 @@ law! {
     ///
     /// F_fr the friction along the reference, and the opening under which the force of the gas changes at the rate F'.
     pub struct Inversion {
-        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms";
+        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         force_gain: "1/s", at_least(0.0), "k_f", rule "1.5 lambda";
     } memory<S> {}
 }

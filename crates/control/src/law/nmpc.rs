@@ -75,8 +75,8 @@ law! {
     /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
     /// a quarter of it if the full step would increase the cost.
     pub struct Nmpc {
-        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms";
-        move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
+        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
+        move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed", factor "damping";
     } memory<S> {
         plan: [S; MOVES] = [S::zero(); MOVES],
         last: S = S::zero(),

@@ -1,33 +1,22 @@
 use super::base::{Law, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
-use crate::number::{Memory, Number};
+use crate::number::{Number, memory};
 use crate::types::Plant;
 use physics::{above, at_least};
 
-/// Error of the measured position, its filtered slope and its integral.
-#[derive(Clone, Debug)]
-pub(super) struct Errors<S> {
-    /// The last error, and whether it exists: 0 or 1.
-    last: [S; 2],
-    slope: S,
-    /// Integral of the error, as a fraction of opening.
-    pub integral: S,
-}
-
-impl<S: Number> Memory<S> for Errors<S> {
-    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        let Errors { last: [last, is_there], slope, integral } = self;
-        [last, is_there, slope, integral].into_iter().for_each(see);
+memory! {
+    /// Error of the measured position, its filtered slope and its integral.
+    pub(super) struct Errors<S> {
+        /// The last error, and whether it exists: 0 or 1.
+        last: [S; 2],
+        slope: S,
+        /// Integral of the error, as a fraction of opening.
+        pub integral: S,
     }
 }
 
 impl<S: Number> Errors<S> {
-    /// None yet.
-    pub fn none() -> Self {
-        Errors { last: [S::zero(); 2], slope: S::zero(), integral: S::zero() }
-    }
-
     /// Returns the error and its slope.
     pub fn seen(&mut self, tick: &Tick<S>, filter_time: S) -> [S; 2] {
         let (position, wanted) = tick.now;
@@ -55,12 +44,12 @@ law! {
     /// omega and zeta are those of the mass on its air, and K_v is its speed per fraction of opening. The integral is
     /// kept while the command is at its limit.
     pub struct Pid {
-        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
-        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";
+        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v", factor "gain";
+        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega", factor "damping";
         integral_time: "s", above(0.0), "T_i", rule "4/omega";
-        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
+        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
-    } memory<S> { errors: Errors<S> = Errors::none() }
+    } memory<S> { errors: Errors<S> = Errors::new() }
 }
 
 impl Tuned for Pid {

@@ -21,9 +21,9 @@ fn opening<S: Number>(tick: &Tick<S>, jerk: S) -> S {
 law! {
     /// Sliding mode: the jerk of the surface plus K_s sat(s/phi), inverted.
     pub struct Sliding {
-        bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed";
+        bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed", factor "gain";
         gain: "m/s3", at_least(0.0), "K_s", rule "a tenth of the rate of the force over the mass";
-        width: "m/s2", above(0.0), "phi", rule "K_s/72";
+        width: "m/s2", above(0.0), "phi", rule "K_s/72", factor "damping";
     } memory<S> {}
 }
 
@@ -47,10 +47,10 @@ law! {
     /// Super-twisting: k_1 |s|^0.5 sgn s + w with w' = k_2 sgn s in place of K_s sat(s/phi), linear in a band about s =
     /// 0, because a sampled law would chatter there.
     pub struct SuperTwisting {
-        bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed";
+        bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed", factor "gain";
         root_gain: "m^0.5/s2", at_least(0.0), "k_1", rule "K_s/phi^0.5 of the sliding mode";
         integral_gain: "m/s4", at_least(0.0), "k_2", rule "0.3 K_s^2/phi";
-        band: "m/s2", above(0.0), "half width of the band", rule "0.2 phi";
+        band: "m/s2", above(0.0), "half width of the band", rule "0.2 phi", factor "damping";
     } memory<S> { integral: S = S::zero() }
 }
 

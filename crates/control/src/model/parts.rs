@@ -8,14 +8,14 @@ use physics::friction::AnyLaw;
 
 /// Gas of a constant state.
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct ConstantGas {
     /// Pa absolute.
     pub pressure: f64,
-    /// K.
+    /// Temperature, K.
     pub temperature: f64,
 }
 
-impl Held {
+impl ConstantGas {
     pub(super) fn end<S: Over<f64>>(&self) -> End<S> {
         End::at(S::c(self.pressure), S::c(1.0 / self.temperature.sqrt()))
     }

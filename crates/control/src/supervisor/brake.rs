@@ -5,10 +5,7 @@ use crate::follower::Follower;
 use crate::model::Model;
 use crate::observer::Observer;
 use crate::spool::Spool;
-use crate::thresholds::{
-    BRAKE_APART, BRAKE_AWAY, BRAKE_COUNTED_ON, BRAKE_GAIN, BRAKE_LEAST, BRAKE_MARGINS, BRAKE_MISSED_FOR,
-    BRAKE_MISSING, BRAKE_SLOW, BRAKE_SOFT, BRAKE_STEPS, BRAKE_TOUCH, BRAKE_TURN,
-};
+use crate::thresholds::*;
 use crate::types::State;
 
 /// Braking before end stops, with its state.

@@ -59,7 +59,7 @@ events! {
 /// Something that happened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// s.
+    /// Time, s.
     pub time: f64,
     /// Kind of the event.
     pub kind: EventKind,

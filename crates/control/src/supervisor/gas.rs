@@ -2,12 +2,8 @@
 
 use super::event::{EventKind, Log};
 use super::rules::Believed;
-use crate::model::{Held, Model};
-use crate::thresholds::{
-    PRESSURE_FLOW, PRESSURE_FOLLOWS, PRESSURE_HARDLY_OPEN, PRESSURE_LOST, PRESSURE_OFF, PRESSURE_OFF_FOR,
-    SUPPLY_AT_ONCE, SUPPLY_DOUBTED, SUPPLY_FALLEN, SUPPLY_FALLEN_FOR, SUPPLY_FLOWN, SUPPLY_FORGOTTEN,
-    SUPPLY_HARDLY_OPEN, SUPPLY_LACKS, SUPPLY_LATE, SUPPLY_LESS, SUPPLY_SAGS, SUPPLY_VENTS,
-};
+use crate::model::{ConstantGas, Model};
+use crate::thresholds::*;
 use crate::types::{Moment, State};
 
 /// State of the check of a chamber's pressure.
@@ -53,7 +49,7 @@ struct Expected {
 
 /// Findings about a chamber's reading.
 #[derive(Clone, Copy, Debug)]
-struct Shown {
+struct ChamberFindings {
     /// Changes by flow, Pa: measured, by the model, and by the model on a fallen supply. `None`: the reading is not
     /// credible, or rests.
     changes: Option<[f64; 3]>,
@@ -73,7 +69,7 @@ impl Chamber {
     ///   |p - p_t| > PRESSURE_OFF + u,   u' = max(0.4 |q|, min(|q|, 0.025 q_full)) - u/tau
     ///
     /// with the uncertainty u of the twin, its rate by flow q, and tau = [`PRESSURE_FOLLOWS`].
-    fn read(&mut self, reading: f64, by: &Expected, period: f64) -> Shown {
+    fn read(&mut self, reading: f64, by: &Expected, period: f64) -> ChamberFindings {
         let share = period / (period + PRESSURE_FOLLOWS);
         let unsure = (PRESSURE_FLOW * by.flow).max(by.flow.min(PRESSURE_HARDLY_OPEN * by.full));
         self.unsure += unsure * period - share * self.unsure;
@@ -101,7 +97,7 @@ impl Chamber {
         let tells = is_good && before.is_finite() && f64::from(self.rests) * period < 0.25 * PRESSURE_OFF_FOR;
         let (flow, weak) = ((by.open - by.shut) * period, by.weak - by.shut);
         let starves = self.starves(supplied - vented, weak, tells.then_some(measured), period);
-        Shown { changes: tells.then_some([measured, flow, weak * period]), starves }
+        ChamberFindings { changes: tells.then_some([measured, flow, weak * period]), starves }
     }
 
     /// Returns whether the supply fails to fill the chamber. `open` is how far the valve opens it to the supply.
@@ -146,7 +142,7 @@ pub struct Gas {
 
 /// Findings from the pressures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct GasFindings {
     /// A sensor was lost with this sample.
     pub sensor: bool,
     /// The valve did not react from this sample on.
@@ -169,13 +165,13 @@ fn expected(chambers: &[Chamber; 2], believed: &Believed, period: f64) -> [Expec
         ..*state
     };
     let place = [twin.position, twin.velocity];
-    let at = |gas: &State, supply: &Held, openings| {
+    let at = |gas: &State, supply: &ConstantGas, openings| {
         model.chambers_on(supply, place, gas.gas(), openings).pressure_rates
     };
     let (described, closed) = (&model.supply, [[0.0; 2]; 2]);
     let (modelled, still) = (at(&twin, described, edges), at(&twin, described, closed));
     // A fallen supply is detected from the actual state of the gas, not from its state on the described supply.
-    let fallen = Held { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
+    let fallen = ConstantGas { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
     let (open, weak, shut) =
         (at(state, described, edges), at(state, &fallen, edges), at(state, described, closed));
     twin.advance(model, edges, period, None);
@@ -205,7 +201,7 @@ impl Gas {
         readings: &mut [f64; 2],
         believed: &Believed,
         log: &mut Log,
-    ) -> Found {
+    ) -> GasFindings {
         let Moment { time, period } = moment;
         let Believed { model, last: state, foreseen, .. } = *believed;
         let mut chambers = self.chambers.unwrap_or_else(|| {
@@ -217,7 +213,7 @@ impl Gas {
             })
         });
         let expected = expected(&chambers, believed, period);
-        let (mut found, mut starved) = (Found::default(), None);
+        let (mut found, mut starved) = (GasFindings::default(), None);
         for (i, own) in chambers.iter_mut().enumerate() {
             let shown = own.read(readings[i], &expected[i], period);
             if let Some(changes) = shown.changes {
@@ -263,7 +259,7 @@ impl Gas {
         at: Moment,
         chambers: &mut [Chamber; 2],
         replaced: &mut [f64; 2],
-        found: &mut Found,
+        found: &mut GasFindings,
         log: &mut Log,
     ) {
         let Moment { time, period } = at;
@@ -303,7 +299,7 @@ impl Gas {
         model: &Model,
         at: Moment,
         starved: Option<f64>,
-        found: &mut Found,
+        found: &mut GasFindings,
         log: &mut Log,
     ) {
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;

@@ -5,9 +5,10 @@ use crate::model::Model;
 use crate::reference::Wanted;
 use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED, MOTION_SWING, MOTION_SWINGS};
 use crate::types::{Moment, State};
+use serde::Deserialize;
 
 /// When a motion is complete.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct MotionRules {
     /// Error within which a drive has settled, m.
     pub tolerance: f64,
@@ -44,7 +45,7 @@ pub struct Motion {
 /// Error along a reference that moves, within a time.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swings {
-    /// s.
+    /// Duration, s.
     lasts: f64,
     /// Sign of the last error beyond the tolerance, and the number of its changes.
     side: f64,

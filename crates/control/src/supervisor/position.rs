@@ -3,10 +3,8 @@
 use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::Model;
-use crate::thresholds::{
-    POSITION_AT_END, POSITION_BEARS, POSITION_CORRECTED, POSITION_CREEPS, POSITION_FRICTION, POSITION_GONE,
-    POSITION_JUMP, POSITION_LOST, POSITION_RETURNS, POSITION_SPEED, POSITION_STOPS, POSITION_STUCK,
-};
+use crate::number::Memory;
+use crate::thresholds::*;
 use crate::types::{Edges, State};
 
 /// State of a position sensor.
@@ -40,26 +38,24 @@ struct Twin {
 /// Advances a state by a model for a period, while it returns to `seen`.
 fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
     let share = period / (period + POSITION_RETURNS);
-    let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
-    back(&mut own.position, seen.position);
-    back(&mut own.velocity, seen.velocity);
-    back(&mut own.disturbance, seen.disturbance);
-    back(&mut own.friction, seen.friction);
-    for i in 0..2 {
-        back(&mut own.pressures[i], seen.pressures[i]);
-        back(&mut own.temperatures[i], seen.temperatures[i]);
-    }
+    let (mut seen, mut all, mut count) = (*seen, [0.0; 8], 0);
+    seen.each(&mut |number| {
+        all[count] = *number;
+        count += 1;
+    });
+    let mut all = all.into_iter();
+    own.each(&mut |number| *number += share * (all.next().unwrap_or(*number) - *number));
     own.advance(model, edges, period, None);
 }
 
 /// A reading, and the state of its sensor and of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// m.
+    /// Reading, m.
     pub reading: f64,
-    /// s.
+    /// Period, s.
     pub period: f64,
     /// Standard deviation of the time of a reading, s.
     pub jitter: f64,

@@ -5,11 +5,14 @@ use crate::model::Model;
 use crate::reference::Wanted;
 use crate::thresholds::{BLOCK_SLOW, LIMIT_ROUNDING};
 use crate::types::{Edges, State};
+use serde::Deserialize;
 
 /// Reaction to a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Reaction {
-    /// The fault is reported.
+    /// The fault is reported. The model replaces a lost pressure.
+    #[serde(alias = "model")]
     Tell,
     /// Stop ramp, then the law holds the position.
     Stop,
@@ -17,6 +20,7 @@ pub enum Reaction {
     Block,
     /// Stop ramp, then the valve is shut. The supervisor blocks a moving drive with a lost sensor in this way: the alarm
     /// may be false, and the load would bounce on the shut gas.
+    #[serde(skip)]
     StopAndBlock,
 }
 
@@ -36,15 +40,20 @@ impl Reaction {
 }
 
 /// Rules of a supervisor.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Rules {
     /// Positions that the drive may reach, m.
+    #[serde(rename = "position_m")]
     pub position: [f64; 2],
-    /// m/s.
+    /// Speed, m/s.
+    #[serde(rename = "speed_m_s")]
     pub speed: f64,
     /// Pa absolute.
+    #[serde(rename = "pressure_pa")]
     pub pressure: [f64; 2],
     /// Deceleration of stop ramps, m/s2.
+    #[serde(rename = "stop_deceleration_m_s2")]
     pub stop_deceleration: f64,
     /// Condition of a completed motion.
     pub motion: MotionRules,

@@ -1,14 +1,14 @@
 //! A model as bytes.
 
-use super::Model;
-use crate::refusal::{Refusal, refuse};
+use super::FmuModel;
+use crate::refusal::{CallRefusal, refuse};
 
 /// First bytes of a stored state.
 const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
 
-impl Model {
+impl FmuModel {
     /// Returns the whole model as bytes.
-    pub fn save(&self) -> Result<Vec<u8>, Refusal> {
+    pub fn save(&self) -> Result<Vec<u8>, CallRefusal> {
         if self.plan.law.is_some() {
             return refuse("the state of a controller is kept by the tool, but not as bytes");
         }
@@ -26,19 +26,19 @@ impl Model {
     }
 
     /// Returns a model of the same plan from bytes.
-    pub fn restored(&self, bytes: &[u8]) -> Result<Self, Refusal> {
+    pub fn restored(&self, bytes: &[u8]) -> Result<Self, CallRefusal> {
         const HEAD: usize = 6;
         let Some(rest) = bytes.strip_prefix(MAGIC) else {
             return refuse("these bytes are not a state of this FMU");
         };
         let n = HEAD + self.values.len();
-        let damaged = || Refusal { message: "these bytes of a state are damaged".into(), discard: false };
+        let damaged = || CallRefusal { message: "these bytes of a state are damaged".into(), discard: false };
         let (words, session) = rest.split_at_checked(8 * n).ok_or_else(damaged)?;
         let words = numbers(words);
         if words[2] != self.values.len() as f64 || words[4] != f64::from(u8::from(self.outside)) {
             return refuse("these bytes are of a state of another FMU");
         }
-        let mut model = Model::new(self.plan.clone(), self.outside);
+        let mut model = FmuModel::new(self.plan.clone(), self.outside);
         (model.t0, model.rtol, model.values) = (words[0], words[1], words[HEAD..].to_vec());
         if words[5] != 0.0 {
             let running = model.running()?;

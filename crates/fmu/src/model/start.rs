@@ -1,19 +1,19 @@
 //! The session that the values before a run describe.
 
-use super::{Model, Place, Running};
-use crate::plan::Role;
-use crate::refusal::{Refusal, refuse};
+use super::{FmuModel, Running};
+use crate::plan::{Variable, VariableRole};
+use crate::refusal::{CallRefusal, refuse};
 use circuit::specification::{self, FromJson};
 use circuit::{Network, Session};
 use ode::Options;
 use std::sync::Arc;
 
-impl Model {
+impl FmuModel {
     /// Returns the description with the present parameter values, including the text form.
-    fn description(&self) -> Result<(String, specification::Circuit), Refusal> {
+    fn description(&self) -> Result<(String, specification::Circuit), CallRefusal> {
         let mut table = self.plan.circuit.clone();
         for (own, value) in self.plan.variables.iter().zip(&self.values) {
-            if let Role::Parameter { of } = &own.role {
+            if let VariableRole::Parameter { of } = &own.role {
                 let Some(place) = table.pointer_mut(of) else {
                     return refuse(format!("{}: the description has no number {of}", own.name));
                 };
@@ -26,16 +26,16 @@ impl Model {
         Ok((json, spec))
     }
 
-    pub(super) fn start(&self) -> Result<Running, Refusal> {
+    pub(super) fn start(&self) -> Result<Running, CallRefusal> {
         let (json, spec) = self.description()?;
         let network = Network::assemble(&spec, false)?;
         let (mut start, mut age) = (self.plan.start.clone(), 0.0);
         let mut inputs = Vec::new();
         for (own, &value) in self.plan.variables.iter().zip(&self.values) {
             match &own.role {
-                Role::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
-                Role::Age => age = value,
-                Role::Input { of, .. } => {
+                VariableRole::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
+                VariableRole::Age => age = value,
+                VariableRole::Input { of, .. } => {
                     let known = &network.assembly().variables.inputs;
                     match known.iter().position(|input| input.name == *of) {
                         Some(input) => inputs.push((input, value)),
@@ -68,25 +68,21 @@ impl Model {
         Ok(Running { session, places, motion, origin, good: Vec::new() })
     }
 
-    fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
+    fn places(&self, session: &Session) -> Result<Arc<[usize]>, CallRefusal> {
         let column = |of: &str| session.columns().iter().position(|name| name == of);
         let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
         let each = self.plan.variables.iter().map(|own| {
             let place = match &own.role {
-                Role::Time => Some(Place::Time),
-                Role::Input { of, discrete } => {
+                VariableRole::Input { of, discrete } => {
                     let input = session.inputs().iter().position(|input| input.name == *of);
-                    input.filter(|input| *discrete || session.is_continuous(*input)).map(Place::Input)
+                    input.filter(|input| *discrete || session.is_continuous(*input))
                 }
-                Role::Output { of } => column(of).map(Place::Output),
-                Role::State { of } => state(of).map(Place::State),
-                Role::Change { of } => state(of).map(Place::Change),
-                Role::Rate { of } => state(of).map(Place::Rate),
-                Role::Event { of } => Some(Place::Event(*of)),
-                Role::Force => Some(Place::Force),
-                _ => Some(Place::Kept),
+                VariableRole::Output { of } => column(of),
+                VariableRole::State { of } | VariableRole::Change { of } | VariableRole::Rate { of } => state(of),
+                VariableRole::Event { of } => Some(*of),
+                _ => Some(0),
             };
-            place.ok_or_else(|| Refusal {
+            place.ok_or_else(|| CallRefusal {
                 message: format!(
                     "with these values the circuit has no place for {}, or it has a history. Export the drive with them",
                     own.name
@@ -94,9 +90,10 @@ impl Model {
                 discard: false,
             })
         });
-        let places: Arc<[Place]> = each.collect::<Result<_, _>>()?;
+        let places: Arc<[usize]> = each.collect::<Result<_, _>>()?;
         let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
-        let told = places.iter().filter(|place| matches!(place, Place::Rate(_))).count();
+        let is_rate = |own: &&Variable| matches!(own.role, VariableRole::Rate { .. });
+        let told = self.plan.variables.iter().filter(is_rate).count();
         if told + motion != session.state_names().len() {
             return refuse(format!(
                 "with these values the circuit has {} states, but {told} rates are described. Export the drive with them",

@@ -39,7 +39,7 @@ pub(super) const CHANGING: [(usize, &[usize]); 6] = [
 ];
 
 /// Response of a pair (m, U) to x, to v with the x that follows from it, to m and to U.
-struct Pair<R> {
+struct Block2<R> {
     by_x: [R; 2],
     by_v: [R; 2],
     by_m: [R; 2],
@@ -52,7 +52,7 @@ fn makes<R: Real>(by_m: [R; 2], by_u: [R; 2], to_m: R, to_u: R) -> [R; 2] {
     [by_m[0].fma(to_m, by_u[0] * to_u), by_m[1].fma(to_m, by_u[1] * to_u)]
 }
 
-impl<R: Real> Pair<R> {
+impl<R: Real> Block2<R> {
     #[inline(always)]
     fn of(j: impl Fn(usize, usize) -> R, m: usize, diagonal: R, h_gamma: R) -> Self {
         let u = m + 1;
@@ -62,7 +62,7 @@ impl<R: Real> Pair<R> {
         let by_u = [j(m, u) * inverse, mm * inverse];
         // v changes x as well.
         let (v_m, v_u) = (j(m, X).fma(h_gamma, j(m, V)), j(u, X).fma(h_gamma, j(u, V)));
-        Pair {
+        Block2 {
             by_x: makes(by_m, by_u, j(m, X) * h_gamma, j(u, X) * h_gamma),
             by_v: makes(by_m, by_u, v_m, v_u),
             by_m,
@@ -110,7 +110,7 @@ pub(super) fn invert<R: Lane>(jacobian: &Dense<R>, h_gamma: R::Plain, columns: &
     let j = |row: usize, column: usize| jacobian[row][column].plain();
     let (zero, one) = (R::Plain::zero(), R::Plain::one());
     let diagonal = one / h_gamma;
-    let (a, b) = (Pair::of(j, PAIRS[0], diagonal, h_gamma), Pair::of(j, PAIRS[1], diagonal, h_gamma));
+    let (a, b) = (Block2::of(j, PAIRS[0], diagonal, h_gamma), Block2::of(j, PAIRS[1], diagonal, h_gamma));
     let [u_a, u_b] = [PAIRS[0] + 1, PAIRS[1] + 1];
     let z = one / (diagonal - j(Z, Z));
     let z_by_x = z * row(jacobian, Z, [h_gamma, a.by_x[1], b.by_x[1]]);
@@ -136,56 +136,5 @@ pub(super) fn invert<R: Lane>(jacobian: &Dense<R>, h_gamma: R::Plain, columns: &
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Checks W times its inverse, with all entries that the shape may have.
-    #[test]
-    fn it_is_the_inverse() {
-        let mut j = [[0.0; SMALL]; SMALL];
-        j[X][V] = 1.0;
-        let mut next = 0.37_f64;
-        let mut fill = |i: usize, columns: &[usize]| {
-            for &k in columns {
-                next = (next * 997.0).fract();
-                j[i][k] = 20.0 * next - 10.0;
-            }
-        };
-        fill(1, &[0, 1, 3, 5, 6]);
-        fill(2, &[0, 1, 2, 3]);
-        fill(3, &[0, 1, 2, 3]);
-        fill(4, &[0, 1, 4, 5]);
-        fill(5, &[0, 1, 4, 5]);
-        fill(6, &[0, 1, 3, 5, 6]);
-        let mut columns = [[0.0; SMALL]; SMALL];
-        let h_gamma = 0.017;
-        invert(&j, h_gamma, &mut columns);
-        for (l, column) in columns.iter().enumerate() {
-            for (i, row) in j.iter().enumerate() {
-                let product: f64 = column[i] / h_gamma - (0..SMALL).map(|k| row[k] * column[k]).sum::<f64>();
-                let unit = f64::from(u8::from(i == l));
-                assert!((product - unit).abs() < 1e-12, "{i}, {l}: {product}");
-            }
-        }
-    }
-
-    /// Bristles in steady sliding at v, with friction g(v) + viscous v. The slope of this curve decides,
-    /// independent of the initial response of the bristles.
-    #[test]
-    fn friction_that_falls_with_the_speed_lets_an_error_grow() {
-        let (mass, stiffness, damping, viscous, v, g) = (2.0, 1e5, 300.0, 40.0, 0.003, 42.0);
-        let growth = |slope: f64| {
-            let mut j = [[0.0; SMALL]; SMALL];
-            (j[Z][V], j[Z][Z]) = (slope * v / g, -stiffness * v / g);
-            j[V][V] = -(damping * j[Z][V] + viscous) / mass;
-            j[V][Z] = -(stiffness + damping * j[Z][Z]) / mass;
-            super::growth(&j)
-        };
-        assert!(growth(-41.0) > 0.0 && growth(-39.0) < 0.0, "{} {}", growth(-41.0), growth(-39.0));
-        let mut dry = [[0.0; SMALL]; SMALL];
-        for (slope, grows) in [(-41.0, true), (-39.0, false)] {
-            dry[V][V] = -(slope + viscous) / mass;
-            assert_eq!(super::growth(&dry) > 0.0, grows);
-        }
-    }
-}
+#[path = "../../tests/unit/arrow.rs"]
+mod tests;

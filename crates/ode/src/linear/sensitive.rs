@@ -8,7 +8,7 @@ use super::arrow::CHANGING;
 use super::{Linear, product};
 use crate::stages::BLOCK;
 use crate::structure::SMALL;
-use crate::structure::{Entry, Structure};
+use crate::structure::{Structure, StructureEntry};
 use math::Lane;
 use std::array::from_fn;
 
@@ -66,7 +66,7 @@ impl<R: Lane> Linear<R> {
         if self.is_plain {
             return;
         }
-        let diagonal = (0..structure.n_coupled as u16).map(|k| Entry { row: k, column: k });
+        let diagonal = (0..structure.n_coupled as u16).map(|k| StructureEntry { row: k, column: k });
         let entries = structure.lower.iter().chain(&structure.upper).copied().chain(diagonal);
         for (entry, change) in entries.zip(&self.jacobian) {
             let row = &mut x[entry.row as usize];

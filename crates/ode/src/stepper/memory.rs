@@ -3,7 +3,7 @@
 use super::Stepper;
 use crate::approach::Approach;
 use crate::control::{Control, Statistics};
-use crate::swing::Memory;
+use crate::swing::SwingMemory;
 use crate::system::System;
 
 /// Words of each mass that may oscillate.
@@ -45,7 +45,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
             u64::from(approach.failures),
         ];
         let swings = swings.iter().flat_map(|swing| {
-            let Memory { count, before, peak, turns, towards, time, resting } = swing.memory;
+            let SwingMemory { count, before, peak, turns, towards, time, resting } = swing.memory;
             [count, before, peak, turns, towards, time, resting].map(f64::to_bits)
         });
         Some(words.chain(flags.map(u64::from)).chain(counts).chain(swings).collect())
@@ -73,7 +73,7 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
         let mut own = std::mem::take(&mut self.lanes[0].swings);
         for (swing, words) in own.iter_mut().zip(swings.as_chunks::<SWING>().0) {
             let [count, before, peak, turns, towards, time, resting] = words.map(f64::from_bits);
-            swing.memory = Memory { count, before, peak, turns, towards, time, resting };
+            swing.memory = SwingMemory { count, before, peak, turns, towards, time, resting };
         }
         self.lanes[0] = Control {
             wish: number(1),

@@ -3,10 +3,11 @@
 #![allow(dead_code)] // each test takes what it needs
 
 use circuit::specification::{Circuit, Component};
-use circuit::{Network, Session};
+use circuit::{Error, Look, Network, Session};
+use control::{Reference, Rules};
 use ode::Options;
-use servo::specification::{Controller, Hold, PositionSensor, PressureSensor, Setup, Supervision};
-use servo::{Encoder, Loop, controller};
+use servo::specification::{Controller, Setup};
+use servo::{Axis, COLUMNS, Encoder, Led, Rows, Sensor, Servo, Turn, controller, run_together};
 
 /// Period of the laws, s.
 pub const PERIOD: f64 = 1e-3;
@@ -62,6 +63,65 @@ pub fn behind_tubes() -> Circuit {
     plant
 }
 
+/// A session under a controller.
+pub struct Loop {
+    session: Session,
+    servo: Servo,
+}
+
+impl Loop {
+    /// A session that has these components.
+    pub fn new(mut session: Session, axis: &Axis, setup: &Setup) -> Result<Self, Error> {
+        let servo = Servo::new(&mut session, axis, setup)?;
+        Ok(Loop { session, servo })
+    }
+
+    /// Runs for a time, s: the [`COLUMNS`], sample by sample. A fault that stops the drive ends the run with an
+    /// error.
+    pub fn run(
+        &mut self,
+        controller: &mut control::Controller,
+        reference: &Reference,
+        duration: f64,
+        look: &mut Look<'_>,
+    ) -> Result<Rows, Error> {
+        let mut axes = [Led { servo: &mut self.servo, controller, reference }];
+        let (mut rows, _) = run_together(&mut self.session, &mut axes, &[], duration, look)?;
+        Ok(rows.remove(0))
+    }
+
+    /// Mass of air from reservoirs and compressors, kg, if the session records it.
+    pub fn air_drawn(&self) -> Option<f64> {
+        self.session.drawn()
+    }
+
+    /// Advances to a sample, by its number, and calls the law; [`Loop::give`] comes next.
+    pub fn observe(
+        &mut self,
+        tick: u64,
+        controller: &mut control::Controller,
+        reference: &Reference,
+        look: &mut Look<'_>,
+    ) -> Result<Turn, Error> {
+        self.servo.observe(&mut self.session, tick, controller, reference, look)
+    }
+
+    /// The loop of its axis.
+    pub fn servo(&self) -> &Servo {
+        &self.servo
+    }
+
+    /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
+    pub fn give(
+        &mut self,
+        controller: &mut control::Controller,
+        turn: &Turn,
+        command: f64,
+    ) -> Result<[f64; COLUMNS.len()], Error> {
+        self.servo.give(&mut self.session, controller, turn, command)
+    }
+}
+
 pub fn session(plant: &Circuit, position: f64) -> Session {
     let network = Network::assemble(plant, false).expect("it can be assembled");
     let value = |name: &str| match name {
@@ -76,16 +136,16 @@ pub fn session(plant: &Circuit, position: f64) -> Session {
 
 /// Encoder, pressure sensors and converter of a usual axis, without jitter and faults.
 pub fn setup(seed: u64) -> Setup {
-    let sensor = |sign: f64| PressureSensor {
-        range_pa: [0.0, 1e6],
+    let sensor = |sign: f64| Sensor {
+        range: [0.0, 1e6],
         bits: 12,
-        noise_pa: 200.0,
-        zero_pa: sign * 1500.0,
+        noise: 200.0,
+        zero: sign * 1500.0,
         gain_error: sign * 0.002,
-        lag_s: 0.5e-3,
+        lag: 0.5e-3,
     };
     Setup {
-        position: PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 },
+        position: Encoder { resolution: 5e-6, noise: 1e-6 },
         pressures: Some([sensor(1.0), sensor(-1.0)]),
         command_bits: 12,
         computing_time_s: 0.0,
@@ -103,7 +163,7 @@ pub fn setup(seed: u64) -> Setup {
 pub fn begin(
     belief: Circuit,
     plant: &Circuit,
-    (law, supervision): (&str, Option<Supervision>),
+    (law, supervision): (&str, Option<Rules>),
     setup: &Setup,
     position: f64,
 ) -> (Loop, control::Controller) {
@@ -114,12 +174,12 @@ pub fn begin(
         factors: [1.0; 3],
         adaptation: true,
         valves: Default::default(),
-        hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
-        supervision,
+        hold: Some([3e-5, 0.02]),
+        supervision: supervision.unwrap_or_default(),
+        standby: None,
         belief,
     };
-    let deviation = Encoder::from(setup.position).deviation();
-    let (controller, names) = controller(&spec, deviation).expect("a controller");
+    let (controller, names) = controller(&spec, setup.position.deviation()).expect("a controller");
     let session = session(plant, position);
     (Loop::new(session, &names, setup).expect("the axis is there"), controller)
 }

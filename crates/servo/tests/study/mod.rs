@@ -3,13 +3,13 @@
 #[path = "../axis/mod.rs"]
 pub mod axis;
 
-use axis::{PERIOD, axis as reference_axis, begin, setup};
+use axis::{Loop, PERIOD, axis as reference_axis, begin, setup};
 use circuit::Look;
 use circuit::specification::Circuit;
 use control::reference::PEAKS;
 use control::{Controller, EventKind, Move, Reference};
-use servo::specification::{Channel, Fault, FaultKind, Setup};
-use servo::{Loop, Noise};
+use servo::Noise;
+use servo::specification::{Fault, FaultKind, SensorChannel, Setup};
 
 /// Controllers of the runs, one of them twice.
 const DRAWN: [&str; 7] = ["pid", "inversion", "fuzzy", "sliding-mode", "super-twisting", "inversion", "nmpc"];
@@ -158,11 +158,16 @@ fn fault(draw: &mut Draw) -> Fault {
     let kind = draw.one_of(&KINDS);
     let channel = match kind {
         FaultKind::Stuck | FaultKind::Nan | FaultKind::Saturated | FaultKind::Offset | FaultKind::Jump => {
-            Some(draw.one_of(&[Channel::Position, Channel::Position, Channel::PressureA, Channel::PressureB]))
+            Some(draw.one_of(&[
+                SensorChannel::Position,
+                SensorChannel::Position,
+                SensorChannel::PressureA,
+                SensorChannel::PressureB,
+            ]))
         }
         _ => None,
     };
-    let is_position = channel == Some(Channel::Position);
+    let is_position = channel == Some(SensorChannel::Position);
     let sign = draw.one_of(&[-1.0, 1.0]);
     let value = match kind {
         FaultKind::Saturated if is_position => Some(draw.within(0.0, STROKE)),
@@ -272,7 +277,7 @@ pub fn outcome(seed: u64, member: u32) -> Outcome {
     let told = log.events().iter().map(|own| format!("{:.3} {} {:.3}", own.time, own.kind.key(), own.value));
     let told = told.collect::<Vec<_>>().join(", ");
     let loses = |own: &Fault| {
-        let position = own.channel == Some(Channel::Position) && own.kind != FaultKind::Jump;
+        let position = own.channel == Some(SensorChannel::Position) && own.kind != FaultKind::Jump;
         own.kind.is_of_valve() || position && run.setup.pressures.is_none()
     };
     let class = if speed <= HARD {

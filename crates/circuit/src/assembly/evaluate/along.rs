@@ -1,13 +1,11 @@
 //! The equations of a drive along a measured record: forces and pressure rates at measured instead of integrated
 //! states.
 
-use crate::assembly::driven::{COMMAND, Driven, EDGES, later};
-use crate::assembly::recorder::{Recorder, sample_times};
-use crate::assembly::session::Session;
-use crate::circuit::{Circuit, Look};
-use crate::ground::{DIRECTIONS, Error, Net};
+use crate::assembly::driven::{Driven, EDGES};
+use crate::circuit::Circuit;
+use crate::ground::{DIRECTIONS, Error, Given, Net};
 use math::Dual;
-use ode::{NoOutput, Options, System};
+use ode::System;
 
 /// Only one direction is used, for the flow. The equations are compiled for this number of directions in any case.
 type AlongFlow = Dual<f64, DIRECTIONS>;
@@ -99,8 +97,9 @@ impl Driven<'_> {
         circuit: &mut Circuit<f64>,
         (plain, net): (&mut Net<f64>, &mut Net<AlongFlow>),
     ) -> Result<[f64; 2], Error> {
-        let pressure = [record.pressure[0][i], record.pressure[1][i]];
-        let y = self.begin(circuit, [record.position[i], record.velocity[i]], pressure, t);
+        let gas = [0, 1].map(|side| (self.chambers[side], record.pressure[side][i], t[side]));
+        let axes = [(self.axis, record.position[i], record.velocity[i])];
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &[], inner: &[], signals: &[] });
         let holds = circuit.inside(&y, plain) > 0.0;
         if !holds {
             return Err(Error::Stopped(format!(
@@ -128,94 +127,5 @@ impl Driven<'_> {
         let mut rates = moving.clone();
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
         Ok(self.chambers.map(|id| net[id].t.eps[0]))
-    }
-}
-
-/// A measured state to which a run is reset.
-#[derive(Clone, Copy, Debug)]
-pub struct Restart {
-    /// Time, s.
-    pub t: f64,
-    /// Position, m.
-    pub position: f64,
-    /// Velocity, m/s.
-    pub velocity: f64,
-    /// Pressure, Pa absolute, in chambers a and b.
-    pub pressure: [f64; 2],
-}
-
-/// Number and duration, s, of runs that settle unmeasured start values, mainly bristles. They start at the first state
-/// with the valve shut. Afterwards friction balances the force of the pressures.
-const SETTLING: (usize, f64) = (200, 5e-3);
-
-impl Driven<'_> {
-    /// Simulates a command with resets to measured states at given times, the first at 0. A reset sets position,
-    /// velocity and pressures. Temperatures and the inner states of friction continue. A single state gives a free run.
-    ///
-    /// Returns the columns of the assembly, and the messages of failed parts. A failed part is NaN until the next
-    /// restart.
-    pub fn restarted(
-        &self,
-        (times, commands): (&[f64], &[f64]),
-        sampling: (f64, f64),
-        restarts: &[Restart],
-        temperature: [f64; 2],
-        options: Options,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<(Vec<Vec<f64>>, Vec<String>), Error> {
-        let samples = sample_times(sampling.0, sampling.1);
-        let mut look = Look::new(interrupted);
-        let mut gas = temperature;
-        let mut inner = Vec::new();
-        for _ in 0..SETTLING.0 {
-            let mut session = self.put_back(&restarts[0], gas, &inner, 0.0, options);
-            if session.advance(restarts[0].t + SETTLING.1, &mut NoOutput, &mut look).is_err() {
-                break;
-            }
-            inner = session.circuit().inner_states(self.axis, session.state()).to_vec();
-        }
-        let mut columns = vec![vec![f64::NAN; samples.len()]; self.assembly.columns().len()];
-        let mut failures = Vec::new();
-        for (j, restart) in restarts.iter().enumerate() {
-            let end = restarts.get(j + 1).map_or(sampling.0, |next| next.t);
-            let from = samples.partition_point(|&t| t < restart.t);
-            let is_last = j + 1 == restarts.len();
-            let until = samples.partition_point(|&t| t < end || (is_last && t <= end));
-            let k = times.partition_point(|&t| t <= restart.t).max(1) - 1;
-            let mut session = self.put_back(restart, gas, &inner, commands[k], options);
-            session.plan(COMMAND, later(times, commands, restart.t.max(times[k]), end));
-            let mut recorder = Recorder::new(self.assembly, samples[from..until].to_vec());
-            match session.advance(end, &mut recorder, &mut look) {
-                Ok(()) => {}
-                Err(Error::Stopped(message)) => failures.push(message),
-                Err(other) => return Err(other),
-            }
-            for (column, own) in columns.iter_mut().zip(recorder.columns(&session)) {
-                column[from..from + own.len()].copy_from_slice(&own);
-            }
-            let state = session.state().to_vec();
-            inner = session.circuit().inner_states(self.axis, &state).to_vec();
-            let end = self.gas(std::iter::once(state));
-            gas = [end[1], end[3]];
-        }
-        Ok((columns, failures))
-    }
-
-    /// Returns a session at a measured state. Temperatures and inner states are kept.
-    fn put_back(
-        &self,
-        restart: &Restart,
-        temperature: [f64; 2],
-        inner: &[f64],
-        u: f64,
-        options: Options,
-    ) -> Session {
-        let mut circuit = self.circuit().clone();
-        self.assembly.set(&mut circuit, COMMAND, 0, u);
-        let motion = [restart.position, restart.velocity];
-        let mut y = self.begin(&mut circuit, motion, restart.pressure, temperature);
-        let first = circuit.n_states() - circuit.inner_states(self.axis, &y).len();
-        y[first..first + inner.len()].copy_from_slice(inner);
-        Session::new(self.assembly, restart.t, (circuit, y), options)
     }
 }

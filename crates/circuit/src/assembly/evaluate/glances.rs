@@ -14,6 +14,7 @@ const INNER_STATE: usize = COMMAND + 1;
 const VALUES: usize = 16;
 
 /// Columns of a trajectory as values of the fast outputs.
+#[derive(Clone)]
 pub(crate) struct Glances {
     columns: Vec<usize>,
     edges: Option<[InputId; 4]>,
@@ -48,7 +49,7 @@ impl Glances {
         Some(Glances { columns, edges })
     }
 
-    /// Returns one row of the columns, with the same bits as [`Assembly::row`].
+    /// Writes one row of the columns, with the same bits as [`Assembly::row`].
     #[inline(always)]
     pub fn row(&self, circuit: &Circuit<f64>, t: f64, y: &[f64], row: &mut [f64]) {
         let mut values = [0.0; VALUES];

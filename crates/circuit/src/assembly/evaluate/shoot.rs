@@ -1,44 +1,12 @@
 //! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
-use crate::assembly::driven::later;
 use crate::assembly::session::Session;
 use crate::assembly::variables::Assembly;
 use crate::circuit::{Circuit, Look, budget};
-use crate::component::Starting;
-use crate::ground::{DIRECTIONS, Error, Net, Sensitive, run_jobs};
+use crate::ground::{Error, Net, run_jobs};
 use math::Lane;
 use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Start values to differentiate by.
-#[derive(Clone, Debug)]
-pub enum ByStart {
-    /// No start value.
-    None,
-    /// Every start value.
-    All,
-    /// Groups of start values, by index in [`Assembly::start_names`]. The values of a group move together.
-    Of(Vec<Vec<usize>>),
-}
-
-impl From<bool> for ByStart {
-    fn from(all: bool) -> Self {
-        if all { ByStart::All } else { ByStart::None }
-    }
-}
-
-impl ByStart {
-    fn groups(&self, states: usize) -> Result<Vec<Vec<usize>>, Error> {
-        match self {
-            ByStart::None => Ok(Vec::new()),
-            ByStart::All => Ok((0..states).map(|place| vec![place]).collect()),
-            ByStart::Of(groups) => match groups.iter().flatten().find(|&&place| place >= states) {
-                Some(place) => refuse(format!("a start has {states} numbers; there is no number {place}")),
-                None => Ok(groups.clone()),
-            },
-        }
-    }
-}
 
 /// Values of an input, each constant from its time, s, to the next.
 #[derive(Clone, Debug)]
@@ -54,12 +22,8 @@ pub struct InputPlan {
 /// A request: segments of a record, each from its own start.
 #[derive(Clone, Debug)]
 pub struct Shooting {
-    /// The command is constant from each of these times, s, to the next.
-    pub times: Vec<f64>,
-    /// The command from each of these times on, in the unit of the first input.
-    pub commands: Vec<f64>,
-    /// Commands of further inputs.
-    pub others: Vec<InputPlan>,
+    /// Values of inputs.
+    pub plans: Vec<InputPlan>,
     /// s, increasing; the first is the start of the first segment, the last the end of the last one.
     pub sample_times: Vec<f64>,
     /// Sample index at which each segment starts.
@@ -68,8 +32,9 @@ pub struct Shooting {
     pub initial: Vec<f64>,
     /// Numbers of the description to differentiate by, as paths of its JSON.
     pub parameters: Vec<String>,
-    /// Whether to differentiate by the start values, too.
-    pub with_initial: ByStart,
+    /// Groups of start values to differentiate by, by index in [`Assembly::start_names`]. The values of a group move
+    /// together. `None`: every start value.
+    pub by_start: Option<Vec<Vec<usize>>>,
     /// Columns of a run.
     pub outputs: Vec<String>,
     /// Relative tolerance of the integrator.
@@ -113,8 +78,7 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     if n < 2 || !increasing(&asked.sample_times) {
         return refuse("sample_times must be two or more increasing times".into());
     }
-    let others = asked.others.iter().map(|plan| (&plan.times, &plan.values));
-    for (times, values) in others.chain([(&asked.times, &asked.commands)]) {
+    for InputPlan { times, values, .. } in &asked.plans {
         if times.len() != values.len() || !increasing(times) {
             return refuse("times must increase, and there must be one command for each".into());
         }
@@ -127,10 +91,7 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     {
         return refuse(format!("starts must be increasing samples from 0 to below {}", n - 1));
     }
-    let names: Vec<(&String, bool)> = (of.variables.starts.iter())
-        .flat_map(|(of, names)| names.iter().map(|name| (name, matches!(of, Starting::Gas(_)))))
-        .collect();
-    let width = names.len();
+    let width = of.start_names().len();
     if asked.initial.len() != asked.starts.len() * width {
         return refuse(format!(
             "initial must have {} rows, one for each segment, of {}",
@@ -139,11 +100,8 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
         ));
     }
     for (j, row) in asked.initial.chunks_exact(width).enumerate() {
-        for (value, &(name, of_gas)) in row.iter().zip(&names) {
-            if !value.is_finite() || (of_gas && *value <= 0.0) {
-                let rule = if of_gas { "above zero" } else { "finite" };
-                return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
-            }
+        if let Some((name, value, rule)) = of.impossible_start(row, true) {
+            return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
         }
     }
     Ok(width)
@@ -152,8 +110,8 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
 /// All runs of a request.
 pub(in crate::assembly) struct All<'a> {
     asked: &'a Shooting,
-    /// Index of each further input.
-    others: Vec<usize>,
+    /// Index of the input of each plan.
+    inputs: Vec<usize>,
     columns: Vec<usize>,
     states: usize,
     by_start: Vec<Vec<usize>>,
@@ -174,29 +132,22 @@ impl<'a> All<'a> {
         let states = check(asked, plain)?;
         let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
-        let inputs = &plain.variables.inputs;
-        let input = |plan: &InputPlan| match inputs.iter().position(|own| own.name == plan.input) {
+        let known = &plain.variables.inputs;
+        let input = |plan: &InputPlan| match known.iter().position(|own| own.name == plan.input) {
             Some(place) => Ok(place),
             None => refuse(format!("there is no input \"{}\"", plan.input)),
         };
-        let others = asked.others.iter().map(input).collect::<Result<Vec<_>, _>>()?;
+        let inputs = asked.plans.iter().map(input).collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
-        let by_start = asked.with_initial.groups(states)?;
-        let directions = n_parameters + by_start.len();
-        Ok(All { asked, others, columns, states, by_start, n_parameters, directions })
-    }
-
-    pub fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
-        &self,
-        plain: &Assembly,
-        lift: impl FnOnce() -> Result<F, Error>,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Shot, Error> {
-        if self.directions == 0 {
-            return self.run(std::slice::from_ref(plain), interrupted);
+        let by_start = match &asked.by_start {
+            None => (0..states).map(|place| vec![place]).collect(),
+            Some(groups) => groups.clone(),
+        };
+        if let Some(place) = by_start.iter().flatten().find(|&&place| place >= states) {
+            return refuse(format!("a start has {states} numbers; there is no number {place}"));
         }
-        let passes = (0..self.directions).step_by(DIRECTIONS).map(lift()?).collect::<Result<Vec<_>, _>>()?;
-        self.run(&passes, interrupted)
+        let directions = n_parameters + by_start.len();
+        Ok(All { asked, inputs, columns, states, by_start, n_parameters, directions })
     }
 
     /// Runs every segment with the assembly of each pass.
@@ -264,19 +215,17 @@ impl<'a> All<'a> {
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
             .collect();
         let at = |times: &[f64]| times.partition_point(|&time| time <= from) - 1;
-        let others = self.others.iter().zip(&asked.others);
+        let plans = self.inputs.iter().zip(&asked.plans);
         let held: Vec<(usize, P)> =
-            others.clone().map(|(&input, plan)| (input, P::c(plan.values[at(&plan.times)]))).collect();
-        let begun = drive.begin_under(&start, P::c(asked.commands[at(&asked.times)]), &held);
+            plans.clone().map(|(&input, plan)| (input, P::c(plan.values[at(&plan.times)]))).collect();
+        let begun = drive.begin(&start, &held);
         let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
         let changes = |times: &[f64]| times.partition_point(|&time| time < end) - at(times);
-        let commands =
-            asked.others.iter().fold(changes(&asked.times), |sum, plan| sum + changes(&plan.times));
+        let commands = asked.plans.iter().map(|plan| changes(&plan.times)).sum();
         let work = budget(end - from, commands, begun.0.n_states());
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
         let mut session = Session::new(drive, from, begun, options);
-        session.plan(0, later(&asked.times, &asked.commands, from, end));
-        for (&input, plan) in others {
+        for (&input, plan) in plans {
             session.plan(input, later(&plan.times, &plan.values, from, end));
         }
         let mut stopped = |_| stop.load(Ordering::Relaxed);
@@ -311,6 +260,12 @@ impl<'a> All<'a> {
         write(&mut shot.ends[row..], &mut shot.end_sensitivities[row * self.directions..], &done.end);
         shot.failures[segment] = done.failure;
     }
+}
+
+/// The commands of a plan that come after `from` and before `end`, each with its time.
+fn later(times: &[f64], commands: &[f64], from: f64, end: f64) -> impl Iterator<Item = (f64, f64)> {
+    let each = times.iter().copied().zip(commands.iter().copied());
+    each.filter(move |(time, _)| (from < *time) & (*time < end))
 }
 
 /// Keeps the outputs at the samples of one segment.

@@ -1,12 +1,13 @@
 //! A session as bytes.
 
+use super::sampled::Samples;
 use super::{Session, refuse};
-use crate::assembly::schedule::What;
+use crate::assembly::schedule::ScheduledAction;
 use crate::ground::Error;
 use ode::System;
 
 /// First bytes of a saved session, and the version of the format.
-const MAGIC: &[u8; 8] = b"pnd-ses\x05";
+const MAGIC: &[u8; 8] = b"pnd-ses\x06";
 
 /// FNV-1a hash.
 fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
@@ -30,6 +31,7 @@ impl Session {
         let circuit = self.circuit();
         let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
         words.push(circuit.stops_laid_out_for().unwrap_or(0.0).to_bits());
+        words.extend([u64::from(self.samples.left), self.samples.lasted.to_bits()]);
         words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
         circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
@@ -51,7 +53,7 @@ impl Session {
         let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
         let whole = rest.len().is_multiple_of(8)
             && words.last() == Some(&mark_of(bytes[..bytes.len() - 8].iter().copied()));
-        if !whole || words.len() < 5 {
+        if !whole || words.len() < 7 {
             return refuse("these bytes of a session are damaged");
         }
         if words[0] != self.mark {
@@ -62,7 +64,7 @@ impl Session {
         let mut n_modes = 0;
         self.circuit().clone().change_modes(|_| n_modes += 1);
         let ids = self.circuit().inputs();
-        let (values, rest) = words[4..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
+        let (values, rest) = words[6..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
         let (modes, rest) = rest.split_at_checked(n_modes).unwrap_or_default();
         let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
         let (entries, left) = entries.as_chunks::<3>();
@@ -70,7 +72,7 @@ impl Session {
         let number = |word: &u64| f64::from_bits(*word);
         let (n_inputs, n_timings) = (self.inputs().len(), self.timings().len());
         let entry = |[t, code, value]: &[u64; 3]| {
-            Some((number(t), What::of(*code, n_inputs, n_timings)?, number(value)))
+            Some((number(t), ScheduledAction::of(*code, n_inputs, n_timings)?, number(value)))
         };
         let schedule: Option<Vec<_>> = entries.iter().map(entry).collect();
         let (true, false, Some(schedule)) = (fits, stepper.is_empty(), schedule) else {
@@ -89,6 +91,7 @@ impl Session {
         circuit.change_modes(|mode| *mode = modes.next().map_or(0.0, number));
         self.stepper.restore(stepper);
         self.schedule = schedule;
+        self.samples = Samples { left: words[4] as u32, lasted: number(&words[5]) };
         (self.failed, self.is_read) = (None, false);
         Ok(())
     }

@@ -2,7 +2,7 @@
 //! ends exactly on each entry.
 
 use super::Session;
-use crate::assembly::schedule::{Due, What, behind_play};
+use crate::assembly::schedule::{Due, ScheduledAction, behind_play};
 use crate::component::{Pulses, Timing, average};
 use crate::part::valves::signal;
 use math::Lane;
@@ -45,7 +45,8 @@ impl<R: Lane> Session<R> {
     /// Direction of an armature after its last switch: -1, 0 (at rest) or 1.
     fn goal(&self, timing: usize) -> f64 {
         let what = self.timings()[timing];
-        let entry = |due: Due| self.schedule.iter().find(|entry| entry.1 == What::Timing(timing, due));
+        let entry =
+            |due: Due| self.schedule.iter().find(|entry| entry.1 == ScheduledAction::Timing(timing, due));
         if let Some(&(_, _, to)) = entry(Due::Start) {
             return to;
         }

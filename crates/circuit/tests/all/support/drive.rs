@@ -265,7 +265,7 @@ impl Drive {
     }
 
     pub fn warnings(&self) -> &[String] {
-        self.0.warnings()
+        &self.0.warnings
     }
 
     pub fn start_names(&self) -> Vec<String> {
@@ -277,7 +277,7 @@ impl Drive {
     }
 
     pub fn set_command<R: math::Lane>(&self, circuit: &mut circuit::Circuit<R>, lane: usize, u: R) {
-        self.assembly().set_command(circuit, lane, u);
+        self.assembly().set(circuit, 0, lane, u);
     }
 
     /// The equations and their state at `initial` with the command `u`.
@@ -336,6 +336,11 @@ impl Drive {
     ) -> Result<Shot, Error> {
         let circuit = expand(&serde_json::from_str(json).expect("JSON")).to_string();
         let parameters = asked.parameters.iter().map(|name| number(name)).collect();
-        self.0.shoot(&circuit, Some("command"), &Shooting { parameters, ..asked.clone() }, interrupted)
+        self.0.shoot(&circuit, &Shooting { parameters, ..asked.clone() }, interrupted)
     }
+}
+
+/// The plan of one input.
+pub fn plan(input: &str, times: Vec<f64>, values: Vec<f64>) -> Vec<circuit::InputPlan> {
+    vec![circuit::InputPlan { input: input.into(), times, values }]
 }

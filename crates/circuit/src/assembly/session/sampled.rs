@@ -1,0 +1,100 @@
+//! Sampled control: a controller reads outputs with a period, and its command holds in between.
+
+use super::Session;
+use crate::circuit::Look;
+use crate::ground::Error;
+use ode::Method;
+
+/// Integration method of the next call: a low-order method if the call is hardly longer than a step. A low-order step
+/// needs less work, and the end of the call limits the length of a step anyway.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Samples {
+    /// Remaining calls for the high-order method.
+    pub left: u32,
+    /// Duration of the last call, s.
+    pub lasted: f64,
+}
+
+impl Samples {
+    /// Largest number of attempts in a call for which low order is efficient: one high-order attempt costs as much as
+    /// two.
+    const FEW: u64 = 2;
+    /// Calls after which low order is tried again.
+    const PAUSE: u32 = 16;
+    /// Largest ratio of a duration to the last one that counts as equal.
+    const LONGER: f64 = 1.5;
+
+    /// Returns the method of a call that lasts this long, s.
+    fn method(&self, lasts: f64) -> Method {
+        if self.left == 0 && lasts <= Self::LONGER * self.lasted { Method::Rodas3 } else { Method::Rodas5P }
+    }
+
+    /// Registers a call: how long it lasted, s, and its number of attempts.
+    fn took(&mut self, lasted: f64, attempts: u64) {
+        let left = if attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };
+        *self = Samples { left, lasted };
+    }
+}
+
+/// Reading and command of a sampled controller.
+#[derive(Clone, Debug)]
+pub struct Sampling {
+    /// Columns that the controller reads.
+    pub columns: Vec<usize>,
+    /// Input that it sets.
+    pub input: usize,
+    /// Time between two samples, s.
+    pub period: f64,
+    /// Time of the last sample, s.
+    pub until: f64,
+}
+
+impl Session {
+    /// Continues until a time, s, with a separate limit on attempts and the method that suits the length of the call.
+    pub fn go_on(&mut self, until: f64, look: &mut Look<'_>) -> Result<(), Error> {
+        if until.is_finite() {
+            self.allow_until(until);
+        }
+        let (lasts, before) = (until - self.time(), self.statistics().factorisations);
+        self.stepper.use_method(self.samples.method(lasts));
+        let mut drawn = self.drawn.take();
+        let gone = self.advance(until, &mut drawn, look);
+        self.drawn = drawn;
+        self.stepper.use_method(Method::default());
+        if gone.is_ok() && lasts > 0.0 {
+            self.samples.took(lasts, self.statistics().factorisations - before);
+        }
+        gone
+    }
+
+    /// Runs a controller: at each sample it receives the time, s, and the columns, and returns the value of the input
+    /// until the next sample, or `None` to end the run. Returns a row of the columns and this value for each sample.
+    /// The last sample sets nothing.
+    pub fn control(
+        &mut self,
+        sampling: &Sampling,
+        controller: &mut dyn FnMut(f64, &[f64]) -> Option<f64>,
+        look: &mut Look<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        let Sampling { columns, input, period, until } = sampling;
+        let begin = self.time();
+        let samples = ((until - begin) / period).round() as usize;
+        let width = columns.len() + 1;
+        let mut rows = Vec::with_capacity((samples + 1) * width);
+        for sample in 0..=samples {
+            let time = begin + sample as f64 * period;
+            if sample > 0 {
+                self.go_on(time, look)?;
+            }
+            let first = rows.len();
+            rows.extend(columns.iter().map(|&column| self.read(column)));
+            let Some(value) = controller(time, &rows[first..]) else { break };
+            rows.push(value);
+            if sample < samples {
+                self.set(*input, value)?;
+            }
+        }
+        rows.truncate(rows.len() / width * width);
+        Ok(rows)
+    }
+}
