@@ -10,7 +10,7 @@ use crate::thresholds::{RETURN_LEAST_TIME, STOP_LEAST_TIME};
 ///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fade<S = f64> {
-    /// Begin, s.
+    /// Time at which it begins, s.
     pub begin: S,
     /// Duration, s.
     pub duration: S,

@@ -74,7 +74,7 @@ pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> 
 pub enum Reference {
     /// Moves, one after the other. The reference rests at the start before the first move.
     Moves {
-        /// Start, m.
+        /// Position at the start, m.
         #[serde(rename = "start_m")]
         start: f64,
         /// The entries in the order of their times.
@@ -94,7 +94,7 @@ pub enum Reference {
     },
     /// Polynomials, one after the other. Between two of them, the reference rests where the first one ends.
     Pieces {
-        /// Start, m.
+        /// Position at the start, m.
         #[serde(rename = "start_m")]
         start: f64,
         /// The entries in the order of their times.
@@ -161,7 +161,7 @@ const MOMENTS: u32 = 200;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(from = "[f64; 2 + COEFFICIENTS]")]
 pub struct Piece {
-    /// Begin, s.
+    /// Time at which it begins, s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,
@@ -194,7 +194,7 @@ impl Piece {
 /// A move to a position, from the end of the previous move.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct Move {
-    /// Begin, s.
+    /// Time at which it begins, s.
     pub begin: f64,
     /// Duration, s.
     pub duration: f64,

@@ -150,7 +150,7 @@ pub struct Fault {
     pub kind: FaultKind,
     /// Channel of the fault.
     pub channel: Option<SensorChannel>,
-    /// Begin, s.
+    /// Time at which it begins, s.
     pub begin_s: f64,
     /// End of the fault, s; `None`: it is permanent.
     pub end_s: Option<f64>,

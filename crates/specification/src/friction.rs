@@ -112,7 +112,7 @@ pub struct Wear {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Harmonic {
-    /// m.
+    /// Period, m.
     pub period_m: f64,
     /// Fraction of the levels, -.
     pub amplitude: f64,

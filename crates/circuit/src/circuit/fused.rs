@@ -240,7 +240,7 @@ impl<P: Real> Cylinder<P> {
 }
 
 impl<R: Real> Cylinder<R> {
-    /// Returns the rates of the velocity and of an inner state, if any, and their rows of the Jacobian. The axis is
+    /// Writes the rates of the velocity and of an inner state, if any, and their rows of the Jacobian. The axis is
     /// given at (x, v), which are directions 0 and 1. The slopes of both pressures by x and U are given.
     #[inline(always)]
     fn differentiate<const D: usize>(
