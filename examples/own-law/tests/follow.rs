@@ -4,8 +4,8 @@ use circuit::{Error, Look, Network};
 use control::{AnyLaw, Move, Own, Reference};
 use ode::Options;
 use own_law::Follow;
-use servo::specification::{Controller, PositionSensor, Setup};
-use servo::{Encoder, Loop, controller};
+use servo::specification::{Controller, Setup};
+use servo::{Encoder, Led, Servo, controller, run_together};
 use std::collections::BTreeMap;
 
 const AXIS: &str = include_str!("../../../crates/servo/tests/data/reference_axis.json");
@@ -24,8 +24,8 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
     };
     let start: BTreeMap<_, _> =
         network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
-    let session = network.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
-    let position = PositionSensor { resolution_m: 5e-6, noise_m: 1e-6 };
+    let mut session = network.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
+    let position = Encoder { resolution: 5e-6, noise: 1e-6 };
     let setup = Setup {
         position,
         pressures: None,
@@ -47,20 +47,19 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         valves: BTreeMap::new(),
         hold: None,
         adaptation: false,
-        supervision: None,
+        supervision: Default::default(),
+        standby: None,
         belief,
     };
-    let (mut controller, axis) = controller(&spec, Encoder::from(position).deviation())?;
+    let (mut controller, axis) = controller(&spec, setup.position.deviation())?;
     controller.law = AnyLaw::Own(Own::new(law));
     let reference =
         Reference::Moves { start: BEGIN, moves: vec![Move { begin: 0.1, duration: 0.3, to: END }] };
     let mut never = |_| false;
-    let rows = Loop::new(session, &axis, &setup)?.run(
-        &mut controller,
-        &reference,
-        0.6,
-        &mut Look::new(&mut never),
-    )?;
+    let mut servo = Servo::new(&mut session, &axis, &setup)?;
+    let mut axes = [Led { servo: &mut servo, controller: &mut controller, reference: &reference }];
+    let (rows, _) = run_together(&mut session, &mut axes, &[], 0.6, &mut Look::new(&mut never))?;
+    let rows = &rows[0];
     let error = |row: &[f64]| (row[5] - row[1]).abs();
     let last = rows.last().map_or(f64::NAN, |row| error(row));
     Ok([rows.iter().map(|row| error(row)).fold(0.0, f64::max), last])
