@@ -148,7 +148,7 @@ impl Session {
     /// Continues from the state of another session with an equal circuit.
     fn follow(&mut self, other: &Session) {
         self.stepper.follow(&other.stepper);
-        self.samples = other.samples;
+        self.calls = other.calls;
         self.is_read = false;
     }
 

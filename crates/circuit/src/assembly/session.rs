@@ -1,6 +1,7 @@
 //! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. All
 //! other runs of a circuit use a session.
 
+mod calls;
 mod linear;
 mod sampled;
 mod saved;
@@ -16,9 +17,9 @@ use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::component::{Starting, Timing};
 use crate::ground::{Error, Net, with_unit};
 use crate::part::InputId;
+use calls::ShortCalls;
 use math::Lane;
 use ode::{Options, Output, Statistics, Stepper, System, same_time};
-use sampled::Samples;
 
 /// A running circuit.
 #[derive(Clone)]
@@ -34,7 +35,7 @@ pub struct Session<R: Lane = f64> {
     /// Whether `row` belongs to the present state and inputs.
     pub(super) is_read: bool,
     failed: Option<String>,
-    pub(super) samples: Samples,
+    pub(super) calls: ShortCalls,
     pub(super) rtol: f64,
     /// Hash of the description and the tolerance.
     mark: u64,
@@ -63,7 +64,7 @@ impl<R: Lane> Session<R> {
             glances: None,
             is_read: false,
             failed: None,
-            samples: Samples::default(),
+            calls: ShortCalls::default(),
             rtol: options.rtol,
             mark: 0,
             drawn: None,

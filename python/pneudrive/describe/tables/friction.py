@@ -18,7 +18,18 @@ from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
-from pneudrive.describe.tables import dependences
+from pneudrive.describe.tables.dependences import (
+    DEPENDENCES,
+    Acting,
+    DirectionDependence,
+    Dwell,
+    PositionDependence,
+    Relaxation,
+    SealPressure,
+    SideLoad,
+    TemperatureDependence,
+    Wear,
+)
 from pneudrive.errors import DescriptionError, nearest, warn
 
 
@@ -68,10 +79,10 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
         "evolution": entry["evolves"],
         "relaxation": entry["bristles"],
     }
-    return ["law", *parameters, *(key for key in (*CHOICES, *dependences.DEPENDENCES) if has.get(key, True))]
+    return ["law", *parameters, *(key for key in (*CHOICES, *DEPENDENCES) if has.get(key, True))]
 
 
-class SlipElement(dependences.Acting):
+class SlipElement(Acting):
     """Spring with slider of law ``gms``: its stiffness, and its fraction of the friction force."""
 
     table_name: ClassVar[str] = "friction.elements"
@@ -220,14 +231,14 @@ class Friction(Described):
     stribeck_shape: StribeckShape | None = None
     elements: tuple[SlipElement, ...] = ()
     evolution: Evolution | None = None
-    pressure: dependences.SealPressure | None = None
-    dwell: dependences.Dwell | None = None
-    relaxation: dependences.Relaxation | None = None
-    position: dependences.PositionDependence | None = None
-    direction: dependences.DirectionDependence | None = None
-    side_load: dependences.SideLoad | None = None
-    temperature: dependences.TemperatureDependence | None = None
-    wear: dependences.Wear | None = None
+    pressure: SealPressure | None = None
+    dwell: Dwell | None = None
+    relaxation: Relaxation | None = None
+    position: PositionDependence | None = None
+    direction: DirectionDependence | None = None
+    side_load: SideLoad | None = None
+    temperature: TemperatureDependence | None = None
+    wear: Wear | None = None
 
     @field_serializer("parameters")
     def _plain(self, parameters: Parameters) -> dict[str, float]:
@@ -248,7 +259,7 @@ class Friction(Described):
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
-        rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *dependences.DEPENDENCES)}
+        rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
         values: dict[str, float] = {}
         for key, given in rest.items():
             full = f"friction.{key}"
@@ -272,7 +283,7 @@ class Friction(Described):
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
-        return out | {key: data[key] for key in (*CHOICES, *dependences.DEPENDENCES) if data.get(key) is not None}
+        return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
 
     @model_validator(mode="wrap")
     @classmethod
@@ -335,7 +346,7 @@ class Friction(Described):
             return parameter_quantities(self.entry)[name].named(parameters[name])
         if name.startswith("_") or not parameters:
             raise AttributeError(name)
-        known = nearest(name, [*parameters, *dependences.DEPENDENCES])
+        known = nearest(name, [*parameters, *DEPENDENCES])
         msg = f'friction law "{self.law}" has no parameter "{name}". {known}'
         raise AttributeError(msg)
 
@@ -349,7 +360,7 @@ class Friction(Described):
 
     def _dependences(self) -> dict[str, Any]:
         """Return the modifiers of the law by key."""
-        return {key: value for key in dependences.DEPENDENCES if (value := getattr(self, key)) is not None}
+        return {key: value for key in DEPENDENCES if (value := getattr(self, key)) is not None}
 
     def core(self) -> dict[str, Any]:
         """Return the table in the core's form, in SI: law, parameters, pressure and other modifiers."""
@@ -386,7 +397,7 @@ class Friction(Described):
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
         """Return the JSON schema: one alternative for each law of the core."""
-        tables = {key: about.model_json_schema(by_alias=True) for key, about in dependences.DEPENDENCES.items()}
+        tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
         alternatives = []
         for name, law in friction_laws().items():
             own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}

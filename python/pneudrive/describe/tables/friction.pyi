@@ -20,7 +20,18 @@ from pneudrive.describe.parameters import (
     parameter_quantities as parameter_quantities,
     parameter_quantity as parameter_quantity,
 )
-from pneudrive.describe.tables import dependences as dependences
+from pneudrive.describe.tables.dependences import (
+    Acting as Acting,
+    DEPENDENCES as DEPENDENCES,
+    DirectionDependence as DirectionDependence,
+    Dwell as Dwell,
+    PositionDependence as PositionDependence,
+    Relaxation as Relaxation,
+    SealPressure as SealPressure,
+    SideLoad as SideLoad,
+    TemperatureDependence as TemperatureDependence,
+    Wear as Wear,
+)
 from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest, warn as warn
 from pydantic import ModelWrapValidatorHandler
 from types import MappingProxyType
@@ -40,7 +51,7 @@ CHOICES: Incomplete
 
 def _keys(law: str, entry: Mapping[str, Any]) -> list[str]: ...
 
-class SlipElement(dependences.Acting):
+class SlipElement(Acting):
     table_name: ClassVar[str]
     stiffness_n_m: float
     share: float

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
 #: Causality of the variables of an FMU -> title of their table.
-CAUSALITIES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters, set before a run"}
+TABLES_OF_VARIABLES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters, set before a run"}
 FULL_OPENING = 1.0  # command that every valve takes, also one that switches
 #: Values of chambers a and b that are given both or not at all.
 _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
@@ -332,7 +332,7 @@ def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
         ),
         tables=tuple(
             ShownTable(title, ("name", "unit", "start", "meaning"), rows)
-            for kind, title in CAUSALITIES.items()
+            for kind, title in TABLES_OF_VARIABLES.items()
             if (rows := tuple(_row(v) for v in fmu.variables if v.causality == kind))
         ),
     )

@@ -5,37 +5,6 @@ use crate::circuit::Look;
 use crate::ground::Error;
 use ode::Method;
 
-/// Integration method of the next call: a low-order method if the call is hardly longer than a step. A low-order step
-/// needs less work, and the end of the call limits the length of a step anyway.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Samples {
-    /// Remaining calls for the high-order method.
-    pub left: u32,
-    /// Duration of the last call, s.
-    pub lasted: f64,
-}
-
-impl Samples {
-    /// Largest number of attempts in a call for which low order is efficient: one high-order attempt costs as much as
-    /// two.
-    const FEW: u64 = 2;
-    /// Calls after which low order is tried again.
-    const PAUSE: u32 = 16;
-    /// Largest ratio of a duration to the last one that counts as equal.
-    const LONGER: f64 = 1.5;
-
-    /// Returns the method of a call that lasts this long, s.
-    fn method(&self, lasts: f64) -> Method {
-        if self.left == 0 && lasts <= Self::LONGER * self.lasted { Method::Rodas3 } else { Method::Rodas5P }
-    }
-
-    /// Registers a call: how long it lasted, s, and its number of attempts.
-    fn took(&mut self, lasted: f64, attempts: u64) {
-        let left = if attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };
-        *self = Samples { left, lasted };
-    }
-}
-
 /// Reading and command of a sampled controller.
 #[derive(Clone, Debug)]
 pub struct Sampling {
@@ -56,13 +25,13 @@ impl Session {
             self.allow_until(until);
         }
         let (lasts, before) = (until - self.time(), self.statistics().factorisations);
-        self.stepper.use_method(self.samples.method(lasts));
+        self.stepper.use_method(self.calls.method(lasts));
         let mut drawn = self.drawn.take();
         let gone = self.advance(until, &mut drawn, look);
         self.drawn = drawn;
         self.stepper.use_method(Method::default());
         if gone.is_ok() && lasts > 0.0 {
-            self.samples.took(lasts, self.statistics().factorisations - before);
+            self.calls.register(lasts, self.statistics().factorisations - before);
         }
         gone
     }

@@ -1,6 +1,6 @@
 //! A session as bytes.
 
-use super::sampled::Samples;
+use super::calls::ShortCalls;
 use super::{Session, refuse};
 use crate::assembly::schedule::ScheduledAction;
 use crate::ground::Error;
@@ -31,7 +31,7 @@ impl Session {
         let circuit = self.circuit();
         let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
         words.push(circuit.stops_laid_out_for().unwrap_or(0.0).to_bits());
-        words.extend([u64::from(self.samples.left), self.samples.lasted.to_bits()]);
+        words.extend([u64::from(self.calls.left), self.calls.lasted.to_bits()]);
         words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
         circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
         words.extend(stepper);
@@ -91,7 +91,7 @@ impl Session {
         circuit.change_modes(|mode| *mode = modes.next().map_or(0.0, number));
         self.stepper.restore(stepper);
         self.schedule = schedule;
-        self.samples = Samples { left: words[4] as u32, lasted: number(&words[5]) };
+        self.calls = ShortCalls { left: words[4] as u32, lasted: number(&words[5]) };
         (self.failed, self.is_read) = (None, false);
         Ok(())
     }
