@@ -188,26 +188,7 @@ def press(rig):
     time.sleep(0.6)
 
 
-PROTOCOL = """\
-schema = 1
-name = "Small campaign"
-seed = 3
-repeats = {repeats}
-[speed]
-list = ["2 mm/s", "10 mm/s", "50 mm/s", "200 mm/s"]
-settled_time = "0 s"
-[pressure]
-both = ["0 bar gauge", "0.5 bar gauge"]
-settling = "1 s"
-[warm_up]
-cycles = 1
-[before_block]
-tare = "1 s"
-[sampling]
-samples_per_stroke = 200
-burst_rate = "0 Hz"
-{more}
-"""
+PROTOCOL = (Path(__file__).parents[1] / "data/fake_rig_protocol.toml").read_text("utf-8")
 
 
 def protocol(more: str = "", repeats: int = 1):

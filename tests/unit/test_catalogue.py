@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import pytest
 
@@ -159,34 +160,8 @@ def test_printed_figures_come_out_of_the_model():
     assert checked == 4 + 8 + 13 + 1
 
 
-PART = """title = "Cylinder of ours"
-
-[values]
-kind = { value = "cylinder/rodless", source = "sheet" }
-bore = { value = "20 mm", source = "sheet" }
-stroke = { value = "80 mm", assumed = "ordered so" }
-dead_volume = { value = { a = "4 cm3", b = "5 cm3" }, assumed = "measured with water once" }
-friction.coulomb = { value = "9 N", source = "sheet", note = "printed as 0.9 kgf" }
-
-[sources.sheet]
-title = "Our sheet"
-address = "drawer 3"
-date = "2026-11-02"
-"""
-CIRCUIT = """schema = 1
-connections = ["mains -> valve.1", "valve.4 -> left.a", "valve.2 -> left.b"]
-[components.mains]
-kind = "reservoir"
-pressure = "7 bar abs"
-[components.valve]
-use = "catalogue:smc-sy3000"
-nominal_flow = "200 l/min ANR"
-[components.left]
-use = "catalogue:ours"
-moving_mass = "1 kg"
-stroke = "90 mm"
-friction = { law = "coulomb" }
-"""
+PART = (Path(__file__).parents[1] / "data/catalogue_cylinder.toml").read_text("utf-8")
+CIRCUIT = (Path(__file__).parents[1] / "data/catalogue_circuit.toml").read_text("utf-8")
 
 OWN_CYLINDER = """[components.left]
 kind = "cylinder/rodless"

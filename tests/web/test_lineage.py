@@ -265,22 +265,7 @@ def test_any_two_results_of_one_kind_are_compared(chain: Served) -> None:
 # --- A campaign on the simulated rig, begun by the page, killed, resumed: the bits of one that nobody disturbed.
 
 NAME = "campaigns/first"
-PROTOCOL = """\
-schema = 1
-name = "three speeds"
-seed = 3
-directions = "both"
-
-[speed]
-from = "100 mm/s"
-to = "300 mm/s"
-count = 3
-settled_time = "0 s"
-
-[pressure]
-both = ["0 bar gauge"]
-settling = "1 s"
-"""
+PROTOCOL = (Path(__file__).parents[1] / "data/three_speeds_protocol.toml").read_text("utf-8")
 
 
 def until(served: Served, done: int) -> dict:

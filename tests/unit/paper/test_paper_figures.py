@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,21 +14,7 @@ from pneudrive.studies.bracha.figure import EXPERIMENTS, run_experiment
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3
 
 #: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.
-FLAT = """
-schema = 1
-extends = "{base}"
-name = "Rig with a seal that the paper did not have"
-
-[friction]
-breakaway = {{ value = "9 N", source = "assumed", reason = "test" }}
-
-[friction.pressure]
-coulomb = {{ a = "0 N/bar", b = "0 N/bar", source = "assumed", reason = "test" }}
-breakaway = {{ a = "0 N/bar", b = "0 N/bar", source = "assumed", reason = "test" }}
-
-[friction.dwell]
-increment = {{ value = "0 N", source = "assumed", reason = "test" }}
-"""
+FLAT = (Path(__file__).parents[2] / "data/flat_rig.toml").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")

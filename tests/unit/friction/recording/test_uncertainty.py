@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,23 +143,7 @@ def test_a_cycle_has_the_scatter_of_its_strokes_as_a_speed_level_has(make):
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 WINDOW_M = (0.015, 0.030)
-LAYOUT = """
-format = "csv"
-header = true
-delimiter = "comma"
-[columns]
-time = { column = "time_s", unit = "s" }
-position = { column = "position_m", unit = "m" }
-force = { column = "force_n", unit = "N", positive = "+x" }
-pressure_b = { column = "pressure_b_pa", unit = "Pa abs" }
-[geometry]
-kind = "rodless"
-bore = "25 mm"
-[chamber_a]
-open_to_ambient = true
-[window]
-position = "15 mm .. 30 mm"
-"""
+LAYOUT = (Path(__file__).parents[3] / "data/window_layout.toml").read_text("utf-8")
 
 
 @pytest.fixture
