@@ -12,7 +12,7 @@ from pneudrive.campaign.cycle import KINDS, Cycle, Head
 from pneudrive.campaign.running.attempt import FLAGS
 from pneudrive.campaign.status import preliminary_friction, status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
-from pneudrive.friction.campaign.reading import _plans, read_part
+from pneudrive.friction.campaign.reading import read_part
 from pneudrive.friction.strokes import Settled
 from pneudrive.rig.interface import Identity
 
@@ -77,5 +77,5 @@ def test_steps_are_derived_only_where_a_result_needs_them(folder, monkeypatch):
         assert np.array_equal(one.force_n, other.force_n)
     edges = np.linspace(0.0, 0.2, 61)
     derived.clear()
-    read_part(files, _plans(files), Campaign.open(folder).identity, Settled(), edges, frozenset())
+    read_part(files, Campaign.open(folder).identity, Settled(), edges)
     assert derived == []

@@ -20,7 +20,7 @@ def run(kind, rtol, *, ledger=False):
     times = list(platform_air.TIMES[:-1])
     plans = [(f"valve_{i}.command", times, list(platform_air.COMMANDS[i - 1])) for i in range(1, len(own.frame) + 1)]
     start = platform_air.start(own)
-    return circuit.simulate(plans, platform_air.TIMES[-1], 200.0, start, rtol, ledger, None, None, True)
+    return circuit.simulate(plans, platform_air.TIMES[-1], 200.0, start, rtol, ledger, None, None)
 
 
 @pytest.mark.parametrize("kind", KINDS)
