@@ -54,7 +54,7 @@ async function readFile(path: string, isTask: boolean): Promise<Found> {
 /** Open a description or a task, or check whether the open one still equals the file on disk. */
 export async function open(path: string, isTask = false): Promise<void> {
   const before = opened.value;
-  const isOpen = before?.path === path;
+  const isOpen = before?.path === path && before.isTask === isTask;
   if (before && !isOpen) {
     if (isSaved(before)) drafts.delete(before.path);
     else drafts.set(before.path, before);
@@ -114,12 +114,12 @@ async function put(text: string): Promise<void> {
 }
 
 /** Show the server's answer to a text, and then its drawing. Only the newest answer counts. */
-function take(found: Checked, mine: number, { path, text }: { path: string; text: string }): void {
+function take(found: Checked, mine: number, { path, text, isTask }: Pick<Opened, "path" | "text" | "isTask">): void {
   if (mine !== asked) return;
   problems.value = found.problems;
   if (found.problems.length) return;
   valid.value = found;
-  toDraw.value = { mine, path, text };
+  if (!isTask) toDraw.value = { mine, path, text };
 }
 
 function refused(error: unknown, mine: number): void {
@@ -133,7 +133,7 @@ const check = newest(async () => {
   if (!now) return; // it was left meanwhile
   const { path, text, isTask } = now;
   try {
-    take(await ask<Checked>(isTask ? "/api/task" : "/api/check", { path, text }), mine, { path, text });
+    take(await ask<Checked>(isTask ? "/api/task" : "/api/check", { path, text }), mine, now);
   } catch (error) {
     refused(error, mine);
   }

@@ -48,7 +48,8 @@ function useEditor(
  */
 export function useOpenText(path: string, name: Signal<string>): [editor: ComponentChildren, state: ComponentChildren] {
   const now = opened.value?.path === path ? opened.value : null;
-  const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
+  const fileName = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml";
+  const own = now?.isTask ? "task" : fileName; // as the server calls the text
   const inText = problems.value.filter((one) => isIn(one, own));
   const [editor, goTo] = useEditor(
     now ? `text ${now.path}` : "",
