@@ -11,6 +11,7 @@ import os
 import signal
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +23,6 @@ from pneudrive.rig.interface import Envelope, Identity, Move, RigState, Samples,
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
 #: No test waits for a person.
 QUICK = Options(operator="anna", look_s=0.01, steady_s=0.02, patience_s=0.5)
