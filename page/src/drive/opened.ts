@@ -54,7 +54,7 @@ async function readFile(path: string, isTask: boolean): Promise<Found> {
 /** Open a description or a task, or check whether the open one still equals the file on disk. */
 export async function open(path: string, isTask = false): Promise<void> {
   const before = opened.value;
-  const isOpen = before?.path === path && before.isTask === isTask;
+  const isOpen = before?.path === path;
   if (before && !isOpen) {
     if (isSaved(before)) drafts.delete(before.path);
     else drafts.set(before.path, before);
