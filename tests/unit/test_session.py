@@ -84,9 +84,9 @@ def test_a_controller_in_one_call_gives_the_bits_of_a_loop():
     assert run["command"][:-1].tolist() == [u for _, u in commands]
     double = ctypes.c_double
     code = ctypes.CFUNCTYPE(double, double, ctypes.POINTER(double))(lambda t, read: law(t, read[0], read[1]))
-    compiled = SimpleNamespace(address=ctypes.cast(code, ctypes.c_void_p).value)
-    other = REFERENCE.start(START).control(compiled, 1e-3, 0.5)
-    assert np.array_equal(other["position_m"], run["position_m"])
+    for compiled in (code, SimpleNamespace(ctypes=code)):  # as Numba has it
+        other = REFERENCE.start(START).control(compiled, 1e-3, 0.5)
+        assert np.array_equal(other["position_m"], run["position_m"])
 
 
 @pytest.mark.parametrize(
@@ -94,13 +94,32 @@ def test_a_controller_in_one_call_gives_the_bits_of_a_loop():
     [
         ((lambda *_: 0.0, 0.0, 0.1), "periods"),
         ((lambda *_: 0.0, 1e-3, -1.0), "periods"),
+        ((lambda *_: 0.0, 0.1, 1.04), "periods"),
+        ((0, 1e-3, 0.1), "int is no controller"),
+        ((SimpleNamespace(address=1), 1e-3, 0.1), "is no controller"),
+        ((ctypes.CFUNCTYPE(ctypes.c_double)(float), 1e-3, 0.1), "other types"),
+        ((lambda t: t, 1e-3, 0.1), "takes 1 positional argument but 3"),
         ((lambda *_: 2.0, 1e-3, 0.1), "out of bounds"),
         ((lambda *_: 1 / 0, 1e-3, 0.1), "division"),
     ],
 )
 def test_a_controller_that_cannot_run_is_told(arguments, why):
-    with pytest.raises((CommandError, ZeroDivisionError), match=why):
+    with pytest.raises((CommandError, TypeError, ZeroDivisionError), match=why):
         REFERENCE.start(START).control(*arguments)
+
+
+def test_a_long_call_at_rest_and_a_tight_tolerance_keeps_the_work_of_high_order():
+    """Low order serves the first attempts only: a command after many calls without work is not followed by it."""
+    work = []
+    for calls in (0, 40):
+        session = REFERENCE.start(START, rtol=1e-10)
+        for k in range(calls):
+            session.advance(k + 1.0)
+        session.set("command", 0.3)
+        before = session.statistics["right_hand_sides"]
+        session.advance(calls + 1.0)
+        work.append(session.statistics["right_hand_sides"] - before)
+    assert work[1] < 1.2 * work[0]
 
 
 @pytest.mark.parametrize("drive", [REFERENCE, STICKS], ids=["bristles", "modes"])

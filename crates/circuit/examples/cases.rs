@@ -37,8 +37,12 @@ fn main() {
             let column = |name: &str| session.columns().iter().position(|own| own.ends_with(name));
             let columns = ["position_m", "velocity_m_s"].map(|name| column(name).expect("a column")).to_vec();
             let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
-            let sampling =
-                Sampling { columns, input: input.expect("a command"), period: 1.0 / rate, until: 10.0 };
+            let sampling = Sampling {
+                columns,
+                input: input.expect("a command"),
+                period: 1.0 / rate,
+                periods: (10.0 * rate) as usize,
+            };
             session.control(&sampling, &mut servo, &mut Look::new(&mut |_| false))
         } else {
             let plan = (&[0.0, 1.0][..], &[0.6, -0.6][..]);

@@ -7,11 +7,11 @@ use crate::thresholds::*;
 memory! {
     /// Holding: the force at which the seal rests is kept.
     pub struct Hold<S> {
-        /// Time near the target, s; time within the band about any place, s; and the error at this place, m.
+        /// Time near the target, s, time within the band about any place, s, and the error at this place, m.
         waited: S,
         rested: S,
         place: S,
-        /// Whether holding is active, 0 or 1; the kept force, N; and approximately the force at its beginning, N.
+        /// Whether holding is active, 0 or 1, the kept force, N, and approximately the force at its beginning, N.
         holds: S,
         force: S,
         begun: S,

@@ -119,8 +119,9 @@ pub struct Efforts {
     pub others: Vec<Vec<f64>>,
 }
 
-/// Moving mass and load of a drive at one time.
+/// Moving mass and load of a drive at one time. A file has mass, load and rate as a list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "[f64; 3]")]
 pub struct Effort {
     /// Moving mass, kg.
     pub mass: f64,
@@ -128,6 +129,12 @@ pub struct Effort {
     pub load: f64,
     /// Its rate, N/s.
     pub load_rate: f64,
+}
+
+impl From<[f64; 3]> for Effort {
+    fn from([mass, load, load_rate]: [f64; 3]) -> Self {
+        Effort { mass, load, load_rate }
+    }
 }
 
 impl Efforts {
@@ -191,8 +198,9 @@ impl Piece {
     }
 }
 
-/// A move to a position, from the end of the previous move.
+/// A move to a position, from the end of the previous move. A file has begin, duration and target as a list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "[f64; 3]")]
 pub struct Move {
     /// Time at which it begins, s.
     pub begin: f64,
@@ -200,6 +208,12 @@ pub struct Move {
     pub duration: f64,
     /// Target, m.
     pub to: f64,
+}
+
+impl From<[f64; 3]> for Move {
+    fn from([begin, duration, to]: [f64; 3]) -> Self {
+        Move { begin, duration, to }
+    }
 }
 
 impl Reference {

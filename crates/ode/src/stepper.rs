@@ -91,6 +91,8 @@ pub struct Stepper<R: Lane, Sys: System<R>> {
     until: Vec<f64>,
     /// Limit on the attempts of each lane.
     allowed: Vec<u64>,
+    /// Attempts that remain for the method of `begin_with`.
+    begun_with: u64,
     completes: bool,
     work: Sys::Work<R>,
     dual_work: Sys::Work<Direction<R>>,
@@ -153,6 +155,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             started: vec![false; R::L],
             until: vec![f64::NEG_INFINITY; R::L],
             allowed: vec![options.max_attempts; R::L],
+            begun_with: 0,
             completes: system.completes(),
             work,
             dual_work,
@@ -202,9 +205,11 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         self.fresh = false;
     }
 
-    /// Changes the method of the next steps.
-    pub fn use_method(&mut self, method: Method) {
-        self.options.method = method;
+    /// Makes the next attempts, at most this many, by a method. Others, and those after `attempts` is 0, are made by the
+    /// default method.
+    pub fn begin_with(&mut self, method: Method, attempts: u64) {
+        self.options.method = if attempts > 0 { method } else { Method::default() };
+        self.begun_with = attempts;
     }
 
     /// Allows this many further attempts.
@@ -279,6 +284,9 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let h = self.proposals();
         self.attempt(h);
         self.conclude(h, output);
+        if self.begun_with > 0 {
+            self.begin_with(self.options.method, self.begun_with - 1);
+        }
     }
 
     fn finished(&self, lane: usize) -> bool {

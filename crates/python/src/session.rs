@@ -44,6 +44,11 @@ impl PySession {
     fn column(&self, name: &str) -> Option<usize> {
         self.session.columns().iter().position(|column| column == name)
     }
+
+    fn columns_of(&self, names: &[String]) -> PyResult<Vec<usize>> {
+        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
+        names.iter().map(|name| self.column(name).ok_or_else(|| unknown(name))).collect()
+    }
 }
 
 #[pymethods]
@@ -113,9 +118,7 @@ impl PySession {
         columns: Vec<String>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
-        let places = columns.iter().map(|name| self.column(name).ok_or_else(|| unknown(name)));
-        let places = places.collect::<PyResult<Vec<_>>>()?;
+        let places = self.columns_of(&columns)?;
         let (session, times) = (self.changed(), times.into());
         let run = watched(py, look, |interrupted| {
             session.record(until, times, &places, &mut Look::new(interrupted))
@@ -123,28 +126,27 @@ impl PySession {
         run_to_dict(py, &columns, run)
     }
 
-    /// Runs a controller with a period until a time, s. The controller is a callable of the time and the columns that
-    /// returns the input, or the address of such a function in machine code. Returns a row of the columns and the input
-    /// for each sample.
-    #[pyo3(signature = (controller, period, until, columns, command, look=None))]
+    /// Runs a controller for a number of periods, s. The controller is a callable of the time and the columns that
+    /// returns the input. `address` is that of the same function in machine code, or 0. Returns a row of the columns and
+    /// the input for each sample, and the exception of the controller that ended the run.
+    #[pyo3(signature = (controller, address, period, periods, columns, command, look=None))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn control<'py>(
         &mut self,
         py: Python<'py>,
         controller: Py<PyAny>,
+        address: usize,
         period: f64,
-        until: f64,
+        periods: usize,
         columns: Vec<String>,
         command: &str,
         look: Teller<'py>,
-    ) -> PyResult<Table<'py>> {
-        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
-        let places = columns.iter().map(|name| self.column(name).ok_or_else(|| unknown(name)));
-        let columns = places.collect::<PyResult<Vec<_>>>()?;
+    ) -> PyResult<(Table<'py>, Option<Py<PyAny>>)> {
+        let columns = self.columns_of(&columns)?;
         let width = columns.len() + 1;
-        let sampling = Sampling { columns, input: self.input(command)?, period, until };
+        let sampling = Sampling { columns, input: self.input(command)?, period, periods };
         let session = self.changed();
-        let mut command: Command = if let Ok(address) = controller.extract(py) {
+        let mut command: Command = if address != 0 {
             let compiled = compiled(address);
             Box::new(move |time, seen| Ok(compiled(time, seen.as_ptr())))
         } else {
@@ -155,15 +157,16 @@ impl PySession {
                 })
             })
         };
-        let mut raised = None;
+        let mut raised: Option<PyErr> = None;
         let rows = watched(py, look, |interrupted| {
             let mut asked =
                 |time: f64, seen: &[f64]| command(time, seen).map_err(|own| raised = Some(own)).ok();
             session.control(&sampling, &mut asked, &mut Look::new(interrupted))
         });
-        let rows = raised.map_or(rows, Err)?;
+        let rows = rows?;
         let samples = rows.len() / width;
-        PyArray1::from_vec(py, rows).reshape([samples, width])
+        let rows = PyArray1::from_vec(py, rows).reshape([samples, width])?;
+        Ok((rows, raised.map(|own| own.into_value(py).into_any())))
     }
 
     /// Returns the present values of the states.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.parts import CAPACITY_EXCESS, VIRIAL
+from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, VIRIAL
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 HIGHEST_PA = 20e5
 #: Excess of the heat capacity over that of the model, -, which gives a note (assumed).
 CAPACITY_OFF = 0.02
-#: Temperatures of the table of heat capacities, degC.
-CAPACITY_CELSIUS = (20.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)
 #: Part of the pressure by which a gas may differ from its law, ideal or with a second coefficient (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
 #: Largest acceleration of a piston by the pressure on one side, m/s2: a piston of 6 mm bore and 5 g has 4e3 (assumed).

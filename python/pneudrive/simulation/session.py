@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -19,9 +20,10 @@ if TYPE_CHECKING:
     from pneudrive._core import Session as CoreSession
     from pneudrive.progress import Flag
 
+LEAST_PART = 1e-6  # of a period that is no rounding
+#: Types of a compiled controller: result, then time and outputs.
+_COMPILED = (ctypes.c_double, (ctypes.c_double, ctypes.POINTER(ctypes.c_double)))
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
-#: Largest number of samples of a controller in one call.
-MOST_SAMPLES = 1e8
 _RULE, _REMEDY, _ENDED = ": it must be ", ". Take ", "the session cannot continue"
 
 
@@ -226,7 +228,8 @@ class Session:
         ----------
         controller : callable
             ``controller(t, *values)`` gets the time in s and the outputs `reads`, and returns the command. A function
-            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")`` needs no call of Python.
+            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or one of `ctypes` with these types, needs
+            no call of Python.
         period : float
             Time between two samples, s.
         until : float
@@ -246,9 +249,12 @@ class Session:
         Raises
         ------
         CommandError
-            A name does not exist, the times are not valid, or a command is out of bounds.
+            A name does not exist, the controller cannot be called, the times are not valid, or a command is out of
+            bounds.
         SimulationError
             The solver cannot continue.
+        Exception
+            Any exception of the controller. The session stays at the time of this sample.
 
         Examples
         --------
@@ -260,19 +266,20 @@ class Session:
         """
         import numpy as np
 
-        begin = self.time
-        samples = (until - begin) / period if period > 0.0 else math.nan
-        if not 0.5 < samples < MOST_SAMPLES:
-            what = f"until = {until!r} s, period = {period!r} s, from {begin:g} s on"
-            raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} periods")
+        begin, address = self.time, _address(controller)
+        periods = (until - begin) / period if period > 0.0 else math.nan
+        if not (0.5 < periods < MOST_SAMPLES and abs(periods - round(periods)) < LEAST_PART):
+            raise CommandError.of("simulation.periods", until=until, period=period, begin=begin, most=MOST_SAMPLES)
         watch = Watch(progress, cancel)
         watch.look()
         told = None if progress is None and cancel is None else lambda t: watch.tell(t, until, "seconds simulated")
-        law = getattr(controller, "address", controller)
+        inner = self._core.control
         try:
-            rows = self._core.control(law, period, until, list(reads), command, told)
+            rows, raised = inner(controller, address, period, round(periods), list(reads), command, told)
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, [*reads, command], until, readable=True)
+        if raised is not None:
+            raise raised
         times = begin + period * np.arange(len(rows))
         return {"time_s": times} | dict(zip([*reads, command], rows.T, strict=True))
 
@@ -381,6 +388,18 @@ class Session:
         if str(error).startswith(_ENDED):
             raise SimulationError(str(error), remedy="Restore a saved state, or start another session.") from None
         raise core_error(error, CommandError if isinstance(error, ValueError) else SimulationError) from None
+
+
+def _address(controller: object) -> int:
+    """Return the address of a compiled controller, and 0 for one in Python."""
+    code = getattr(controller, "ctypes", controller)  # of a function that Numba compiled
+    if not isinstance(code, ctypes._CFuncPtr):  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
+        if not callable(controller):
+            raise CommandError.of("simulation.controller", controller=type(controller).__name__)
+        return 0
+    if (code.restype, tuple(code.argtypes or ())) != _COMPILED:
+        raise CommandError.of("simulation.compiled")
+    return ctypes.cast(code, ctypes.c_void_p).value or 0
 
 
 def core_error(error: Exception, kind: type[PneudriveError]) -> PneudriveError:

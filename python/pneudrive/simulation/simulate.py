@@ -19,7 +19,7 @@ from pneudrive.simulation import command as commands
 from pneudrive.simulation import run_limits
 from pneudrive.simulation.session import core_error
 from pneudrive.simulation.start import check_tolerance, ready
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import Sensitivities
     from pneudrive.progress import Flag
 
-MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
 MOST_BUDGET = 10**15
 #: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from pneudrive.files.tables import Table
 
+MOST_SAMPLES = 50_000_000  # of a run: its trajectory takes about 6 GB
 #: Names, units and meanings of columns.
 TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 #: Column of a file -> variable, unit, long name.

@@ -40,11 +40,6 @@ impl<'a> Driven<'a> {
         }
     }
 
-    /// The stroke of the piston, m.
-    pub fn stroke(&self) -> f64 {
-        self.stroke
-    }
-
     pub(super) fn circuit(&self) -> &'a Circuit<f64> {
         &self.assembly.circuit
     }

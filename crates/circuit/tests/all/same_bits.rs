@@ -59,7 +59,8 @@ fn golden_cases() {
                 let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
                 let input = input.expect("a command");
                 let period = 1.0 / gain("sample_rate_hz");
-                let sampling = Sampling { columns, input, period, until: duration };
+                let sampling =
+                    Sampling { columns, input, period, periods: (duration / period).round() as usize };
                 session.control(&sampling, &mut servo, &mut Look::new(&mut never)).expect("runs")
             } else {
                 let (times, commands): (Vec<f64>, Vec<f64>) =

@@ -80,7 +80,7 @@ memory! {
         missed: [S; 3],
         /// Last accepted position, velocity and acceleration of the reference.
         followed: [S; 3],
-        /// Time since the stop ramp began, s; its duration, s; its begin, m, m/s, m/s2; and its end, m.
+        /// Time since the stop ramp began and its duration, s. Its begin, m, m/s, m/s2, and its end, m.
         stops_for: S,
         duration: S,
         from: [S; 3],

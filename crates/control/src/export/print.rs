@@ -16,8 +16,12 @@ pub enum Language {
 const LONGEST: usize = 60;
 
 /// Returns a source with its gaps filled: `@name@` stands for a text.
+///
+/// # Panics
+///
+/// The source names a gap that has no text.
 fn filled(source: &str, gaps: &[(&str, String)]) -> String {
-    let gap = |name| gaps.iter().find(|own| own.0 == name).map_or("", |own| &own.1);
+    let gap = |name| gaps.iter().find(|own| own.0 == name).expect("a text for each gap").1.as_str();
     source.split('@').enumerate().map(|(i, text)| if i % 2 == 0 { text } else { gap(text) }).collect()
 }
 

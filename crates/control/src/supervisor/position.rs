@@ -3,7 +3,6 @@
 use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::Model;
-use crate::number::Memory;
 use crate::thresholds::*;
 use crate::types::{Edges, State};
 
@@ -38,13 +37,15 @@ struct Twin {
 /// Advances a state by a model for a period, while it returns to `seen`.
 fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
     let share = period / (period + POSITION_RETURNS);
-    let (mut seen, mut all, mut count) = (*seen, [0.0; 8], 0);
-    seen.each(&mut |number| {
-        all[count] = *number;
-        count += 1;
-    });
-    let mut all = all.into_iter();
-    own.each(&mut |number| *number += share * (all.next().unwrap_or(*number) - *number));
+    let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
+    back(&mut own.position, seen.position);
+    back(&mut own.velocity, seen.velocity);
+    back(&mut own.disturbance, seen.disturbance);
+    back(&mut own.friction, seen.friction);
+    for i in 0..2 {
+        back(&mut own.pressures[i], seen.pressures[i]);
+        back(&mut own.temperatures[i], seen.temperatures[i]);
+    }
     own.advance(model, edges, period, None);
 }
 

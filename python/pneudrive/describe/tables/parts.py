@@ -24,6 +24,8 @@ NOT_NEGATIVE = marks.Bounds(at_least=0.0)
 DEW_POINTS = marks.Bounds(at_least=193.15, at_most=333.15)
 
 _GASES = tomllib.loads(Path(__file__).with_name("gases.toml").read_text(encoding="utf-8"))
+#: Temperatures of `CAPACITY_EXCESS`, degC.
+CAPACITY_CELSIUS: list[float] = _GASES.pop("capacity_celsius")
 _GASES["air"] |= {
     "heat_capacity_ratio": constants.AIR_HEAT_CAPACITY_RATIO,
     "gas_constant": constants.AIR_GAS_CONSTANT_J_KG_K,

@@ -1,12 +1,10 @@
-//! Integration method of calls that are as short as a step.
+//! Integration method of short calls.
 
-use ode::Method;
-
-/// Integration method of the next call: a low-order method if the call is hardly longer than a step. A low-order step
-/// needs less work, and the end of the call limits the length of a step anyway.
+/// Integration method of the next call. Its first attempts are made by a low-order method if calls of this length have
+/// needed few attempts: a low-order step needs less work, and the end of the call limits the length of a step anyway.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ShortCalls {
-    /// Remaining calls for the high-order method.
+    /// Calls of few attempts until low order is tried again.
     pub left: u32,
     /// Duration of the last call, s.
     pub lasted: f64,
@@ -16,14 +14,16 @@ impl ShortCalls {
     /// Largest number of attempts in a call for which low order is efficient: one high-order attempt costs as much as
     /// two.
     const FEW: u64 = 2;
-    /// Calls after which low order is tried again.
+    /// Attempts of low order in one call. A call that needs more is continued by the high-order method.
+    const MOST: u64 = 2 * Self::FEW;
+    /// Calls of few attempts after which low order is tried again: tries then cost a few percent (assumed).
     const PAUSE: u32 = 16;
-    /// Largest ratio of a duration to the last one that counts as equal.
+    /// Largest ratio of a duration to the last one that counts as equal (assumed).
     const LONGER: f64 = 1.5;
 
-    /// Returns the method of a call that lasts this long, s.
-    pub fn method(&self, lasts: f64) -> Method {
-        if self.left == 0 && lasts <= Self::LONGER * self.lasted { Method::Rodas3 } else { Method::Rodas5P }
+    /// Returns the number of attempts by low order in a call that lasts this long, s.
+    pub fn low_order(&self, lasts: f64) -> u64 {
+        if self.left == 0 && lasts <= Self::LONGER * self.lasted { Self::MOST } else { 0 }
     }
 
     /// Registers a call: how long it lasted, s, and its number of attempts.

@@ -14,8 +14,8 @@ pub struct Sampling {
     pub input: usize,
     /// Time between two samples, s.
     pub period: f64,
-    /// Time of the last sample, s.
-    pub until: f64,
+    /// Number of periods.
+    pub periods: usize,
 }
 
 impl Session {
@@ -25,32 +25,31 @@ impl Session {
             self.allow_until(until);
         }
         let (lasts, before) = (until - self.time(), self.statistics().factorisations);
-        self.stepper.use_method(self.calls.method(lasts));
+        self.stepper.begin_with(Method::Rodas3, self.calls.low_order(lasts));
         let mut drawn = self.drawn.take();
         let gone = self.advance(until, &mut drawn, look);
         self.drawn = drawn;
-        self.stepper.use_method(Method::default());
+        self.stepper.begin_with(Method::default(), 0);
         if gone.is_ok() && lasts > 0.0 {
             self.calls.register(lasts, self.statistics().factorisations - before);
         }
         gone
     }
 
-    /// Runs a controller: at each sample it receives the time, s, and the columns, and returns the value of the input
-    /// until the next sample, or `None` to end the run. Returns a row of the columns and this value for each sample.
-    /// The last sample sets nothing.
+    /// Runs a controller. At each sample it receives the time, s, and the columns. It returns the value of the input
+    /// until the next sample, or `None` to end the run. The last sample sets nothing. Returns a row of the columns and
+    /// this value for each sample.
     pub fn control(
         &mut self,
         sampling: &Sampling,
         controller: &mut dyn FnMut(f64, &[f64]) -> Option<f64>,
         look: &mut Look<'_>,
     ) -> Result<Vec<f64>, Error> {
-        let Sampling { columns, input, period, until } = sampling;
+        let Sampling { columns, input, period, periods } = sampling;
         let begin = self.time();
-        let samples = ((until - begin) / period).round() as usize;
         let width = columns.len() + 1;
-        let mut rows = Vec::with_capacity((samples + 1) * width);
-        for sample in 0..=samples {
+        let mut rows = Vec::new();
+        for sample in 0..=*periods {
             let time = begin + sample as f64 * period;
             if sample > 0 {
                 self.go_on(time, look)?;
@@ -59,7 +58,7 @@ impl Session {
             rows.extend(columns.iter().map(|&column| self.read(column)));
             let Some(value) = controller(time, &rows[first..]) else { break };
             rows.push(value);
-            if sample < samples {
+            if sample < *periods {
                 self.set(*input, value)?;
             }
         }

@@ -326,7 +326,7 @@ impl Component for SingleActing {
             ..SINGLE_ROD
         },
         text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
-               chamber b, F = F_0 + k x towards chamber a, drives back. CylinderChamber b breathes through a hole in its cover.",
+               chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
         sources: &["bejan2016", "iso6358-2013"],
         ports: &[chamber("a"), exhaust("exhaust"), axis("rod", true)],
         parameters: table! {
