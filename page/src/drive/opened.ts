@@ -51,10 +51,10 @@ async function readFile(path: string, isTask: boolean): Promise<Found> {
   return { text, sha256, checked: await ask<Checked>("/api/task", { text }) };
 }
 
-/** Open a description or a task, or check whether the open one still equals the file on disk. */
+/** Open a file as a description or a task, or check whether the open one still equals the file on disk. */
 export async function open(path: string, isTask = false): Promise<void> {
   const before = opened.value;
-  const isOpen = before?.path === path;
+  const isOpen = before?.path === path && before.isTask === isTask;
   if (before && !isOpen) {
     if (isSaved(before)) drafts.delete(before.path);
     else drafts.set(before.path, before);
@@ -62,6 +62,7 @@ export async function open(path: string, isTask = false): Promise<void> {
   const draft = isOpen ? before : drafts.get(path);
   if (!isOpen) {
     said.value = "";
+    problems.value = [];
     onDisk.value = valid.value = drawing.value = null;
   }
   const mine = isOpen ? asked : ++asked;
@@ -78,7 +79,7 @@ export async function open(path: string, isTask = false): Promise<void> {
     if (!own) return show({ path, isTask }, found, mine);
     if (isOpen) return;
     drafts.delete(path);
-    opened.value = own;
+    opened.value = { ...own, isTask };
     await check();
   } catch (error) {
     if (mine !== asked || !(error instanceof Refused)) return;
@@ -235,7 +236,7 @@ function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): v
   else if (left) drafts.set(path, { ...left, ...now });
 }
 
-export const wasSaved = (path: string): string => `Saved ${path}.`;
+const wasSaved = (path: string): string => `Saved ${path}.`;
 
 /** Save the text. A file that changed on disk since then is not overwritten. */
 export async function save(path: string): Promise<void> {
@@ -259,7 +260,7 @@ export async function save(path: string): Promise<void> {
       void check();
     } else {
       said.value = `${path} changed on disk: nothing was written.`;
-      await open(path); // shows what stands there
+      await open(path, now.isTask); // shows what stands there
     }
   }
 }

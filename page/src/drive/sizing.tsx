@@ -1,7 +1,7 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 
 import { computed, signal, useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
@@ -52,6 +52,8 @@ export function SizingView() {
     round.value,
   ]);
   const now = answer && !("waits" in answer) ? answer : null;
+  const searched = useRef(""); // folder of a search that runs anywhere, also while an answer is refused
+  if (now) searched.current = now.searched ? folder : "";
   useLayoutEffect(() => {
     [wrong.value, pinned.value] = [[], []];
     void follow();
@@ -60,7 +62,7 @@ export function SizingView() {
     if (!folder) void open(path.value, true);
   }, [path.value, changesOf(path.value)]);
   useEffect(() => {
-    if (!folder || (state !== "running" && !now?.searched)) return;
+    if (!folder || (state !== "running" && searched.current !== folder)) return;
     const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
     return () => clearTimeout(timer);
   }, [answer, problems, state]);

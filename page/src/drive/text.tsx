@@ -2,6 +2,7 @@
 import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { inCatalogue } from "../routes";
 import type { Problem } from "../server/server";
 import { Button, TextInput } from "../workspace/fields";
 import { list } from "../workspace/files";
@@ -61,8 +62,8 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
   const state = (
     <>
       <p class="row">
-        {now?.sha256 ? (
-          <Button aria-disabled={isSaved} act={() => isSaved || save(now.path)}>
+        {path && !inCatalogue(path) ? (
+          <Button aria-disabled={isSaved} act={() => isSaved || save(path)}>
             Save
           </Button>
         ) : (
@@ -75,9 +76,9 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
         )}
         <span role="status">{said.value || (isSaved ? "" : "Not saved.")}</span>
       </p>
-      {onDisk.value && (
+      {now && onDisk.value && (
         <p class="row">
-          <span role="status">{now!.path} has changed on disk since you opened it.</span>
+          <span role="status">{now.path} has changed on disk since you opened it.</span>
           <Button act={takeFromDisk}>Drop these changes and show the file</Button>
         </p>
       )}

@@ -216,7 +216,6 @@ export class Live<Head extends { number: number }> {
 
   constructor(private readonly draw: (frame: Frame<Head>) => void) {
     delete document.documentElement.dataset.drawn; // by another view
-    this.connect();
   }
 
   private connect(): void {
@@ -283,8 +282,9 @@ export class Live<Head extends { number: number }> {
     return this.isWaiting || this.onTheWay > 0;
   }
 
-  /** Request a run. A waiting request is dropped. */
+  /** Request a run. A waiting request is dropped. The first request opens the socket: a server has few of them. */
   request(asked: Record<string, unknown>): void {
+    if (!this.socket) this.connect();
     this.waiting = asked;
     this.last = asked;
     this.pump();

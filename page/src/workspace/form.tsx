@@ -2,9 +2,10 @@
 
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import type { CommandInput as Field, Made } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
+import { undoable } from "../undo";
 import { useRequest } from "./answers";
 import { Button, Tick, Ticks } from "./fields";
 import { filesOf, studies } from "./files";
@@ -15,7 +16,9 @@ type Values = Record<string, unknown>;
 
 const forms = signal<Record<string, { title: string; fields: Field[] }>>({});
 /** Typed values by command. They are kept while another view is shown. */
-const typed = signal<Record<string, Values>>({});
+const typed = undoable(signal<Record<string, Values>>({}));
+/** Values with which the fields of a command began last, and the free name among them. */
+const begun: Record<string, { start: string; name: unknown }> = {};
 const MOST_LISTED = 200; // recordings that can be ticked
 
 /** Files that a field offers, by its kind. */
@@ -86,24 +89,27 @@ export function JobForm(props: FormProps) {
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
   const free: Values = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
-  useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(start)]);
-  const proposed = useRef(free.name);
+  const asked = JSON.stringify(start);
+  useEffect(() => void (wrong.value = []), [kind, asked]);
   useEffect(() => {
-    if (typed.value[kind]?.name === proposed.current) put(kind, { name: free.name }); // a typed name is kept
-    proposed.current = free.name;
-  }, [free.name]);
+    const before = begun[kind];
+    begun[kind] = { start: asked, name: free.name };
+    if (before?.start !== asked) put(kind, free);
+    else if (typed.value[kind]?.name === before.name) put(kind, free.name ? { name: free.name } : {}); // a typed name is kept
+  }, [kind, asked, free.name]);
   const values = requestOf(kind, given);
   const needed = (form?.fields ?? []).find(
     (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !values[one.key],
   );
-  const [copy, copied] = useCopied(form && isReady && !needed && !own ? values : null, attempt);
+  const sent = { ...values, ...numbersOf(form?.fields ?? [], values) };
+  const [copy, copied] = useCopied(form && isReady && !needed && !own ? sent : null, attempt);
   if (!form) return <Problems of={wrong.value} />;
   const shown = form.fields.filter(
     (one) => !(one.key in given) && (!one.only.length || values[one.only[0]!] === one.only[1]),
   );
   const run = () =>
     attempt(async () => {
-      const job = await ask<{ number: number; out: string }>(own?.door ?? "/api/jobs", own ? own.body(values) : values);
+      const job = await ask<{ number: number; out: string }>(own?.door ?? "/api/jobs", own ? own.body(sent) : sent);
       void follow();
       await after?.(job);
     });
@@ -134,6 +140,16 @@ export function JobForm(props: FormProps) {
     </div>
   );
 }
+
+/** Return the numbers of typed texts. A text that is no number stays, and the server says what is wrong with it. */
+const numbersOf = (fields: Field[], values: Values): Values =>
+  Object.fromEntries(
+    fields.flatMap(({ key, kind }) => {
+      const text = values[key];
+      if (kind !== "number" || typeof text !== "string") return [];
+      return [[key, !text.trim() ? null : Number.isNaN(Number(text)) ? text : Number(text)]];
+    }),
+  );
 
 /** Return a name of a result that is not in use: the name itself, or with the next number. */
 function freeName(name: string): string {

@@ -45,7 +45,7 @@ function actions(): Entry[] {
 /** Values of the open description, and the leading values of the shown result. */
 function values(): Entry[] {
   const { view, path } = route.value;
-  const fields = opened.value?.path === path ? (valid.value?.values ?? []) : [];
+  const fields = opened.value?.path === path && !opened.value.isTask ? (valid.value?.values ?? []) : [];
   const leading = [...document.querySelectorAll<HTMLElement>("main [data-leading]")];
   const textOf = (of: HTMLElement, part: string) => of.querySelector(part)?.textContent ?? "";
   return [
