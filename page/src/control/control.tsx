@@ -251,7 +251,7 @@ function Goal() {
       for (const name of choices.value?.laws ?? []) {
         const found = await ask<{ value: number | null }>("/api/law", { ...request(), law: name, gains: {} });
         if (tried.value?.of !== asked) return;
-        const values = found.value === null ? [] : [found.value / MM];
+        const values = found.value === null ? [] : [{ value: found.value / MM, of: name }];
         tried.value = { of: asked, rows: [...tried.value.rows, { name, values }] };
       }
     });

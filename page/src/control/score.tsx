@@ -15,7 +15,7 @@ import { useAnswer } from "../workspace/answers";
 import { Button } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
-import { Answer, Notes, useView, Values } from "../workspace/result";
+import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
 
 export const MM = 1e-3;
 /** Measure that the goal limits. */
@@ -99,6 +99,7 @@ export function ScoreCard({ path }: { path: string }) {
         </p>
       )}
       {found && !found.finished && <Unfinished path={path} state={job?.state} />}
+      {found && !found.finished && <Findings of={found.failed.map((text) => ({ text, state: "bad", remedy: "" }))} />}
       <JobList of={path} />
       {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
       <p class="note">
@@ -215,16 +216,25 @@ function Along({ found, reference, now }: { found: MeasuredCard; reference: stri
   const runs = found.each.filter((run) => run.reference === reference && run.value !== null);
   const rows = found.laws.map((name) => ({
     name,
-    values: runs.filter((run) => run.law === name).map((run) => run.value! / measured.size),
+    values: runs
+      .filter((run) => run.law === name)
+      .map((run) => ({
+        value: run.value! / measured.size,
+        of: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}`,
+      })),
   }));
   const limit = measured.name === MEASURE ? (goalOf() * MM) / measured.size : undefined;
   return (
     <section aria-label={`Along ${reference}`}>
       <div class="pair">
         <Matrix found={found} reference={reference} />
-        <FigureView
-          shown={stripFigure(`${measured.title} of each run`, `${measured.title}, ${measured.unit}`, rows, limit)}
-        />
+        {runs.some((run) => run.value! > 0) ? (
+          <FigureView
+            shown={stripFigure(`${measured.title} of each run`, `${measured.title}, ${measured.unit}`, rows, limit)}
+          />
+        ) : (
+          <p class="note">{measured.title}: no number above zero along this reference.</p>
+        )}
       </div>
       <h2>
         Along {reference}

@@ -32,12 +32,11 @@ function dashOf(dash: unknown): string | undefined {
 }
 
 /** Return the path of a closed line around a point, from its corners as pairs of numbers in radii. */
-const around = (corners: string) => (x: number, y: number, r: number) =>
-  `M${corners
-    .split(", ")
-    .map((pair) => pair.split(" ").map(Number))
-    .map(([dx, dy]) => `${(x + dx! * r).toFixed(1)} ${(y + dy! * r).toFixed(1)}`)
-    .join("L")}Z`;
+function around(corners: string): (x: number, y: number, r: number) => string {
+  const pairs = corners.split(", ").map((pair) => pair.split(" ").map(Number));
+  return (x, y, r) =>
+    `M${pairs.map(([dx, dy]) => `${(x + dx! * r).toFixed(1)} ${(y + dy! * r).toFixed(1)}`).join("L")}Z`;
+}
 const SHAPES: Record<string, (x: number, y: number, r: number) => string> = {
   s: around("-0.9 -0.9, 0.9 -0.9, 0.9 0.9, -0.9 0.9"),
   "^": around("0 -1.2, 1.1 0.8, -1.1 0.8"),
@@ -82,7 +81,8 @@ function pathOf(x: Numbers, y: Numbers, { px, py }: Place, steps = false): strin
 const besideOf = (x: number, right: number, text: string) =>
   x + 6 + CHARACTER * text.length > right ? { x: x - 6, "text-anchor": "end" as const } : { x: x + 6 };
 
-function Points({ mark, at }: { mark: Markers; at: Place }) {
+/** Points with their bars and names. A tooltip has the title of a point, or its values. */
+function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place }) {
   const ink = colour(mark.look[0]);
   const shape = SHAPES[mark.look[2]] ?? round;
   return (
@@ -98,7 +98,7 @@ function Points({ mark, at }: { mark: Markers; at: Place }) {
               <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />
             )}
             <path d={shape(px, py, radius(mark))}>
-              {at.words && <title>{`${mark.label} ${at.words(value, other)}`.trim()}</title>}
+              {at.words && <title>{mark.titles?.[k] ?? `${mark.label} ${at.words(value, other)}`.trim()}</title>}
             </path>
             {mark.names[k] && (
               <text {...besideOf(px, at.right, mark.names[k]!)} y={py - 5} stroke="none" fill="var(--soft)">

@@ -1,5 +1,5 @@
 /** Figures of measured points with their bars, the curves of fits with their bands, and plain lines. */
-import type { Axis, Mark, ShownFigure } from "../server/generated";
+import type { Axis, Mark, Markers, ShownFigure } from "../server/generated";
 import { digits } from "./looks";
 
 export interface Point {
@@ -30,7 +30,17 @@ const DECADE = 10; // values that span as much lie on a logarithmic axis
 
 /** Return an axis that follows its values, which are in the unit of its label. */
 export const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
-  ...{ label, scale, low, high: null, below: 0, above: 0, names: [], is_si: false, is_named: true, unit: "", size: 1 },
+  label,
+  scale,
+  low,
+  high: null,
+  below: 0,
+  above: 0,
+  names: [],
+  is_si: false,
+  is_named: true,
+  unit: "",
+  size: 1,
 });
 
 /** Return whether the points of all groups lie above zero and span a decade. */
@@ -103,36 +113,51 @@ export function pointsFigure(about: {
   };
 }
 
-/** A row of a strip: its name, and its values in the unit of the axis. */
+/** A row of a strip: its name, and its values in the unit of the axis, each with the run that it is of. */
 export interface StripRow {
   name: string;
-  values: number[];
+  values: { value: number; of: string }[];
 }
 
-/** Return a figure of the values of each row on a logarithmic axis, against a limit. */
-export function stripFigure(name: string, x: string, rows: StripRow[], limit?: number): ShownFigure {
+/** Return a figure of the values of each row on a logarithmic axis. Values over a limit have the colour of a miss. */
+export function stripFigure(name: string, x: string, rows: StripRow[], limit = Infinity): ShownFigure {
   const figure = pointsFigure({ name, x, y: "", isLog: true, panels: [] });
-  const look: Look = ["blue", "-", "|"];
-  const words = (value: number) => (limit === undefined ? "" : value > limit ? ", misses" : ", keeps");
-  const marks = rows.map(({ values }, row): Mark => {
-    const known = values.filter((value) => value > 0);
-    const names = known.length === 1 ? known.map((value) => digits(value) + words(value)) : [];
-    return {
-      ...{ x: known, y: known.map(() => row), label: "", look, low: null, high: null, names },
-      ...{ size: 6, filled: true, joined: false, kind: "markers" },
+  const hasLimit = limit < Infinity;
+  const marks = rows.flatMap(({ values }, row): (Markers & { titles: string[] })[] => {
+    const known = values.filter(({ value }) => value > 0);
+    const over = known.filter(({ value }) => value > limit);
+    const words = known.length > 1 ? `${over.length} of ${known.length} miss` : "misses";
+    const namesOf = (some: typeof known, isOver: boolean): string[] => {
+      if (known.length === 1) return [`${digits(some[0]!.value)}${hasLimit ? `, ${isOver ? words : "keeps"}` : ""}`];
+      const largest = Math.max(...some.map(({ value }) => value));
+      return isOver ? some.map(({ value }) => (value === largest ? words : "")) : [];
     };
+    return [known.filter(({ value }) => value <= limit), over].flatMap((some, k) =>
+      some.length
+        ? {
+            x: some.map(({ value }) => value),
+            y: some.map(() => row),
+            titles: some.map(
+              ({ value, of }) => `${of}: ${digits(value)} ${x.split(", ")[1]}${k ? ", over the goal" : ""}`,
+            ),
+            names: namesOf(some, k === 1),
+            look: [k ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
+            label: "",
+            low: null,
+            high: null,
+            size: 6,
+            filled: true,
+            joined: false,
+            kind: "markers",
+          }
+        : [],
+    );
   });
-  if (limit !== undefined)
-    marks.push({
-      x: limit,
-      y: null,
-      label: `goal ${digits(limit)}`,
-      look: ["black", "--", ""],
-      width: 1,
-      kind: "rule",
-    });
-  const own = { marks, title: "", right: [], right_y: axis(""), legend: null, x: axis("") };
+  const goal: Mark[] = hasLimit
+    ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]
+    : [];
   const names = { ...axis(""), names: rows.map((row) => row.name), low: rows.length - 0.5, high: -0.5 };
+  const own = { title: "", right: [], right_y: axis(""), legend: null, x: axis(""), y: names };
   const sizes = { row_in: 0.2 + 0.19 * rows.length, x: { ...figure.figure.x, above: 0.15 } };
-  return { ...figure, figure: { ...figure.figure, ...sizes, panels: [{ ...own, y: names }] } };
+  return { ...figure, figure: { ...figure.figure, ...sizes, panels: [{ ...own, marks: [...marks, ...goal] }] } };
 }

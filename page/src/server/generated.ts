@@ -531,14 +531,12 @@ export interface Gain {
 }
 
 /** A run under control. Gains have the ranges of their sliders; `told` is the assumed drive. */
-export interface ControlHead {
+export interface ControlHead extends Copied {
   number: number;
   problems?: (Problem)[];
   panels: (RunPanel)[];
   samples: number;
   took_s: number;
-  command: string;
-  python: string;
   law: string;
   drive: string;
   gains: (Gain)[];
@@ -593,7 +591,7 @@ export interface CardRun {
   value: number | null;
 }
 
-export interface Card {
+export interface Card extends Copied {
   spread: string;
   total: number;
   finished: boolean;
@@ -603,9 +601,8 @@ export interface Card {
   measures: (Measure)[];
   cells: (CardCell)[];
   each: (CardRun)[];
+  failed: (string)[];
   told: SentView;
-  command: string;
-  python: string;
 }
 
 export interface ErrorUnit {
@@ -653,7 +650,7 @@ export interface Candidate {
   file: string;
 }
 
-/** A search: the best candidates first; view and sheet once it is done; `searched` by any process. */
+/** A search, the best candidates first. It has view and sheet once it is done. `searched`: by any process. */
 export interface Sizing {
   name: string;
   words: string;
@@ -782,12 +779,10 @@ export interface CycleHead {
   samples?: number;
 }
 
-export interface Plan {
+export interface Plan extends Copied {
   text: string;
   time_s: number;
   cycles: number;
-  command: string;
-  python: string;
 }
 
 export interface FrictionPoint {
@@ -859,20 +854,16 @@ export interface BehindFit {
   python?: string;
 }
 
-export interface NextPoints {
+export interface NextPoints extends Copied {
   view: SentView;
-  command: string;
-  python: string;
 }
 
-export interface Compared {
+export interface Compared extends Copied {
   names: [string, string];
   sentence: string;
   figure: ShownFigure | null;
   values: (ValuePair)[];
   lines: (string)[];
-  command: string;
-  python: string;
 }
 
 export interface Culprit {

@@ -242,7 +242,7 @@ class Gain(TypedDict):
     meaning: str
     rule: str
 
-class ControlHead(TypedDict):
+class ControlHead(Copied):
     """A run under control. Gains have the ranges of their sliders; `told` is the assumed drive."""
 
     number: int
@@ -250,8 +250,6 @@ class ControlHead(TypedDict):
     panels: list[RunPanel]
     samples: int
     took_s: float
-    command: str
-    python: str
     law: str
     drive: str
     gains: list[Gain]
@@ -299,7 +297,7 @@ class CardRun(TypedDict):
     seed: int
     value: float | None
 
-class Card(TypedDict):
+class Card(Copied):
     spread: str
     total: int
     finished: bool
@@ -309,9 +307,8 @@ class Card(TypedDict):
     measures: list[Measure]
     cells: list[CardCell]
     each: list[CardRun]
+    failed: list[str]
     told: SentView
-    command: str
-    python: str
 
 class ErrorUnit(TypedDict):
     unit: str
@@ -359,7 +356,7 @@ class Candidate(TypedDict):
     file: str
 
 class Sizing(TypedDict):
-    """A search: the best candidates first; view and sheet once it is done; `searched` by any process."""
+    """A search, the best candidates first. It has view and sheet once it is done. `searched`: by any process."""
 
     name: str
     words: str
@@ -476,12 +473,10 @@ class CycleHead(TypedDict):
     left: NotRequired[str]
     samples: NotRequired[int]
 
-class Plan(TypedDict):
+class Plan(Copied):
     text: str
     time_s: float
     cycles: int
-    command: str
-    python: str
 
 # --- Friction and validations.
 
@@ -547,19 +542,15 @@ class BehindFit(TypedDict):
     command: NotRequired[str]
     python: NotRequired[str]
 
-class NextPoints(TypedDict):
+class NextPoints(Copied):
     view: SentView
-    command: str
-    python: str
 
-class Compared(TypedDict):
+class Compared(Copied):
     names: tuple[str, str]
     sentence: str
     figure: ShownFigure | None
     values: list[ValuePair]
     lines: list[str]
-    command: str
-    python: str
 
 class Culprit(TypedDict):
     what: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -173,6 +174,7 @@ def events_of(run: Run, impacts: Sequence[Mapping[str, Any]]) -> list[dict[str, 
     return [{"time_s": at, "what": what} for at, what in sorted(set(out))[:MOST_EVENTS]]
 
 
+@lru_cache(maxsize=4096)
 def _quantity(column: str) -> tuple[str, str]:
     """Return the quantity of a column, independent of component and chamber, and its unit."""
     name, unit, _ = meaning(column)
@@ -184,5 +186,6 @@ def _quantity(column: str) -> tuple[str, str]:
     return (last.removesuffix("_a").removesuffix("_b") if last.startswith("pressure") else last), unit
 
 
+@lru_cache(maxsize=4096)
 def _label(column: str) -> str:
     return meaning(column)[0].replace("_", " ")

@@ -1,7 +1,7 @@
 """Requests of the page as models, lines that repeat them elsewhere, and answers: problems, plain data and frames.
 
-A frame is a head of JSON, then arrays that the page reads in place: length of the head (4 bytes, little-endian), the
-head, then each array, each on a multiple of 8 bytes.
+A frame is a head of JSON, then arrays that the page reads in place. It has the length of the head (4 bytes,
+little-endian), the head, then each array on a multiple of 8 bytes.
 """
 
 from __future__ import annotations
@@ -244,8 +244,12 @@ def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: AN
     >>> call("pn.simulate", "drive", "'0.5 s'", initial="", rtol=1e-4)
     "pn.simulate(drive, '0.5 s', rtol=0.0001)"
     """
-    named = [f"{name}={value!r}" for name, value in options.items() if not _is_empty(value)]
-    return f"{function}({', '.join([*positional, *named])})"
+    return f"{function}({(', '.join(positional) + keywords(**options)).removeprefix(', ')})"
+
+
+def keywords(**options: Any) -> str:  # noqa: ANN401 - any value
+    """Return arguments by name in Python, each behind a comma, without the empty ones."""
+    return "".join(f", {name}={value!r}" for name, value in options.items() if not _is_empty(value))
 
 
 def _is_empty(value: object) -> bool:

@@ -1,4 +1,4 @@
-"""Reports of results for the page: their addresses, and what a browser lets them do."""
+"""Addresses of reports, and rights of a report in the browser."""
 
 from __future__ import annotations
 

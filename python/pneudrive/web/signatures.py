@@ -29,7 +29,7 @@ from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, existing_folder, folder_name
 from pneudrive.web.measured.recordings import layout_in
-from pneudrive.web.messages import call, python, words, wrong_request
+from pneudrive.web.messages import keywords, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def _python(kind: str, values: Mapping[str, Any]) -> dict[str, Any]:
             law, form = CANDIDATES[values["law"]], values["pressure"]
             found = {"stribeck_exponent": law.exponent, "stribeck_shape": "lorentzian" if law.lorentzian else None}
             found |= {} if form == "none" else {"pressure_dependence": True, "pressure": form}
-            return {"options": call("", repr(law.law), **found, any_shape=True)[1:-1]}
+            return {"options": repr(law.law) + keywords(**found, any_shape=True)}
         case "size":
             found = {name: values[name] for name in ("least", "most", "draws")}
             found["draws_best"] = DRAWS_BEST_OF * values["draws"]
@@ -208,7 +208,7 @@ def _python(kind: str, values: Mapping[str, Any]) -> dict[str, Any]:
             return {"names": values["free"].split(", ")}
         case "design":
             return {"plan": python("design", fit=values["fit"], rig=RIG, points=values["points"])}
-    return {"options": call("", "", **found)[1:-1]}
+    return {"options": keywords(**found)}
 
 
 #: Key of a choice -> values with their titles.

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
+MOST_FAILED = 20  # reasons of failed runs that are sent
 MOST_EACH = 20_000  # runs whose values of a measure are sent
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
 TRUE = "True drive: factors of the described values, and values in SI."
@@ -339,7 +340,7 @@ class BenchmarkRequest(PageRequest):
     count: Annotated[StrictInt, bounded(1, MOST_MEMBERS)] = 1
 
     def job(self, workspace: Workspace, out: str, *, is_new: bool = False) -> JobRequest:
-        """Return the job that makes a folder, or goes on in it.
+        """Return the job that makes a folder, or continues in it.
 
         Raises
         ------
@@ -402,6 +403,8 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
         with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
             job = BenchmarkRequest.of(card.about["asked"]).job(workspace, path)
     told = card.about["laws"]
+    ended = ((run.law, run.reference, run.reason) for run in card.runs if run.score is None)
+    failed = dict.fromkeys(f"{law} along {along} ended early: {reason}" for law, along, reason in ended)
     truth = tuple((name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items())
     true = ShownTable(TRUE, ("deviation", "least", "largest"), truth)
     return {
@@ -423,6 +426,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
             }
             for run in card.runs[:MOST_EACH]
         ],
+        "failed": list(failed)[:MOST_FAILED],
         "told": _assumed("Assumed and true drive", card.about, tables=[true] if truth else []),
         "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
         "python": job.python if job else python("card", path=path),

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import finalize
 
 import numpy as np
 
@@ -32,12 +32,22 @@ BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
 #: A pause is drawn as a gap: so many times the width of a pixel without a sample.
 PAUSE = 2.0
-PART, MOST_PARTS = 1 << 17, 32  # samples of a part, and kept parts
+PART, MOST_BYTES = 1 << 17, 1 << 28  # samples of a part, and bytes of all kept parts
 _FILES = ("time", "low", "high", "missing")
 
 
+#: Kept parts by recording, columns and number, the last used at the end. Each step on them is atomic: threads share them.
+_PARTS: dict[tuple[int, tuple[str, ...], int], list[Array]] = {}
+
+
+def _forget(recording: int) -> None:
+    for key in list(_PARTS):
+        if key[0] == recording:
+            _PARTS.pop(key, None)
+
+
 class KeptSamples:
-    """The samples of a recording. They are read in parts, which stay for the next views.
+    """The samples of a recording. They are read in parts, which stay for the next views of an open recording.
 
     Parameters
     ----------
@@ -48,6 +58,7 @@ class KeptSamples:
 
     def __init__(self, file: ChannelFile, count: int) -> None:
         self.file, self.count, self.reads = file, count, 0
+        finalize(self, _forget, id(self))
 
     def get(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
         """Return times in s between two rows, and values of columns, with NaN for missing numbers.
@@ -63,11 +74,18 @@ class KeptSamples:
         columns = [np.concatenate(each)[inside] for each in zip(*parts, strict=True)]
         return columns[0], dict(zip(names, columns[1:], strict=True))
 
-    @lru_cache(maxsize=MOST_PARTS)  # noqa: B019 - parts of all recordings
     def _part(self, names: tuple[str, ...], number: int) -> list[Array]:
-        self.reads += 1
-        seconds, values = self.file.read(names, (number * PART, min((number + 1) * PART, self.count)))
-        return [seconds, *(np.where(np.isfinite(values[name]), values[name], np.nan) for name in names)]
+        key = (id(self), names, number)
+        if (part := _PARTS.pop(key, None)) is None:
+            self.reads += 1
+            seconds, values = self.file.read(names, (number * PART, min((number + 1) * PART, self.count)))
+            part = [seconds, *(np.where(np.isfinite(values[name]), values[name], np.nan) for name in names)]
+        _PARTS[key] = part
+        for oldest in list(_PARTS):
+            if sum(one.nbytes for kept in list(_PARTS.values()) for one in kept) <= MOST_BYTES:
+                break
+            _PARTS.pop(oldest, None)
+        return part
 
 
 class TileWindow(NamedTuple):
