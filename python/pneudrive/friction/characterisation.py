@@ -56,16 +56,19 @@ def _speed_with_pressure(points: tuple[pressure.LevelPoint, ...], rows: list[Row
 
 def _stick_slip_note(level: Level) -> str:
     found = [s for s in level.stick_slip if s.found]
-    columns = {
-        "period_s": "period_s",
-        "step_mm": "step_m",
-        "peak_mm_s": "peak_speed_m_s",
-        "mean_mm_s": "mean_speed_m_s",
-    }
-    usual = {name: float(np.median([getattr(s, of) for s in found])) for name, of in columns.items()}
-    usual = {name: 1e3 * value if "mm" in name else value for name, value in usual.items()}
-    stuck = 100 * float(np.median([s.stuck_share for s in found]))
-    return sentence("note.stick_slip", name=level.recording, stuck=stuck, **usual)
+
+    def usual(name: str) -> float:
+        return float(np.median([getattr(s, name) for s in found]))
+
+    return sentence(
+        "note.stick_slip",
+        name=level.recording,
+        period_s=usual("period_s"),
+        step_mm=1e3 * usual("step_m"),
+        peak_mm_s=1e3 * usual("peak_speed_m_s"),
+        mean_mm_s=1e3 * usual("mean_speed_m_s"),
+        stuck=100 * usual("stuck_share"),
+    )
 
 
 def _doubts(levels: Iterable[Level]) -> list[str]:

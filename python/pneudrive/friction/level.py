@@ -139,8 +139,9 @@ class Level(Shown):
             (side,) = self.sides.values()
             scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
         else:
-            both = np.array([(spread.deviation_n, spread.effective) for spread in self.spreads.values()])
-            scatter, single = pair_stderr(*both.T[:, None])[0], self.profile.friction_n[self.bins]
+            deviation = np.array([[spread.deviation_n for spread in self.spreads.values()]])
+            effective = np.array([[spread.effective for spread in self.spreads.values()]])
+            scatter, single = float(pair_stderr(deviation, effective)[0]), self.profile.friction_n[self.bins]
             inside = float(np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows))) / 2
         return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
 
@@ -211,7 +212,7 @@ class Level(Shown):
     @property
     def speed_stderr_m_s(self) -> float:
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
-        speeds = [[s.speed_m_s for s in (r.stroke for r in self.table.rows) if s.direction == d] for d in (1, -1)]
+        speeds = [[r.stroke.speed_m_s for r in self.table.rows if r.stroke.direction == d] for d in (1, -1)]
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
 
     @property

@@ -574,6 +574,8 @@ def typst_of(report: Report) -> str:
 
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     environment.filters |= {"literal": literal, "breakable": _breakable}
+    kinds = {"paragraph": Paragraph, "list_of_items": Items, "table": ShownTable, "figure": ShownFigure}
+    environment.tests |= {name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()}
     parts = [part for part in report.sections if part is not None]
     beside, narrow = ([part for part in parts if part.key in keys] for keys in (BESIDE, NARROW))
     others = [part for part in parts if part not in beside and part not in narrow]

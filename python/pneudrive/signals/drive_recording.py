@@ -410,20 +410,25 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
     if step > COARSEST_S:
         raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
     stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
-    margin, pressures = BEYOND_STROKE * stroke, (LOWEST * ambient, HIGHEST * supply)
-    travel = f"from 0 to the stroke of {stroke:g} m", "check the unit and the zero of the position, or cylinder.stroke"
-    between = (
-        f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa",
-        "check the unit, and whether it is gauge pressure; a layout states both",
-    )
-    limits = {"position_m": (-margin, stroke + margin, *travel)}
-    limits |= dict.fromkeys(("pressure_a_pa", "pressure_b_pa"), (*pressures, *between))
-    for column, (lower, upper, rule, remedy) in limits.items():
-        if column in recording and np.isfinite(recording[column]).any():
-            low, high = np.nanquantile(recording[column], QUANTILES)
-            if low < lower or high > upper:
-                about = {"where": where, "rule": rule, "remedy": remedy}
-                raise RecordingError.of("signals.impossible-range", column=column, low=low, high=high, **about)
+    margin = BEYOND_STROKE * stroke
+    rule = f"from 0 to the stroke of {stroke:g} m"
+    remedy = "check the unit and the zero of the position, or cylinder.stroke"
+    _check_range(recording, "position_m", (-margin, stroke + margin), rule, remedy)
+    rule = f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa"
+    remedy = "check the unit, and whether it is gauge pressure; a layout states both"
+    for column in ("pressure_a_pa", "pressure_b_pa"):
+        _check_range(recording, column, (LOWEST * ambient, HIGHEST * supply), rule, remedy)
+
+
+def _check_range(recording: DriveRecording, column: str, limits: tuple[float, float], rule: str, remedy: str) -> None:
+    """Refuse a column, if there is one, whose values lie outside limits in SI, single outliers apart."""
+    if column in recording and np.isfinite(recording[column]).any():
+        low, high = np.nanquantile(recording[column], QUANTILES)
+        if low < limits[0] or high > limits[1]:
+            where = str(recording.source or recording.name)
+            raise RecordingError.of(
+                "signals.impossible-range", where=where, column=column, low=low, high=high, rule=rule, remedy=remedy
+            )
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:

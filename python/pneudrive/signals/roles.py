@@ -139,10 +139,8 @@ class RoleSearch:
             if column.index in self.taken:
                 continue
             if column.role == role:
-                score, evidence = (
-                    (headers.SECOND_NAME if SECONDARY.search(words_of(column.bare)) else NAME),
-                    ("name",),
-                )
+                score = headers.SECOND_NAME if SECONDARY.search(words_of(column.bare)) else NAME
+                evidence = ("name",)
             if unit is not None:
                 fits = unit.si in ("V", "A") if role == "command" else unit.si == quantity
                 is_raw = quantity is not None and column.is_raw
@@ -532,7 +530,7 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
     if best.score > headers.PHYSICS:
         clocks = [one.column for one in candidates if one.score >= best.score]
         times.clocks = _clocks_of(form, columns, best.column, clocks)
-    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else "no other candidate"
+    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
     times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
     taken.add(best.column.index)
     return times

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from _ctypes import CFuncPtr
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -228,8 +229,8 @@ class Session:
         ----------
         controller : callable
             ``controller(t, *values)`` gets the time in s and the outputs `reads`, and returns the command. A function
-            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or one of `ctypes` with these types, needs
-            no call of Python.
+            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or one of `ctypes` with these types,
+            needs no call of Python.
         period : float
             Time between two samples, s.
         until : float
@@ -393,7 +394,7 @@ class Session:
 def _address(controller: object) -> int:
     """Return the address of a compiled controller, and 0 for one in Python."""
     code = getattr(controller, "ctypes", controller)  # of a function that Numba compiled
-    if not isinstance(code, ctypes._CFuncPtr):  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
+    if not isinstance(code, CFuncPtr):
         if not callable(controller):
             raise CommandError.of("simulation.controller", controller=type(controller).__name__)
         return 0

@@ -431,9 +431,6 @@ def _said(text: str) -> tuple[str, str]:
     return text.rstrip().removesuffix(end), end
 
 
-#: SI unit -> common unit, if they differ.
-
-
 def readable(si_unit: str) -> tuple[float, str]:
     """Return the common unit for an SI unit, with its size in SI.
 

@@ -296,7 +296,7 @@ FOLDER = "control"
 LIVE, LIVE_POINTS = "live.json", "live.f4"
 #: Requests: pause after the cycle, stop the axis now and pause, go on, end.
 PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
-WORDS = (PAUSE, STOP, RESUME, ABORT)
+REQUESTS = (PAUSE, STOP, RESUME, ABORT)
 LOOK_S = 0.2
 #: Presses of Ctrl-C within this time count as one, s.
 BOUNCE_S = 0.2
@@ -310,7 +310,7 @@ class Request:
     Attributes
     ----------
     word : str
-        One of `WORDS`.
+        One of `REQUESTS`.
     by : str
         Person who made the request, in words.
     leave : bool
@@ -397,7 +397,7 @@ class Requests:
             request = None
         with contextlib.suppress(OSError):
             taken.unlink()
-        return request if request is not None and request.word in WORDS else None
+        return request if request is not None and request.word in REQUESTS else None
 
     @contextlib.contextmanager
     def signals(self) -> Iterator[None]:

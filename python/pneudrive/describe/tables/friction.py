@@ -310,8 +310,8 @@ class Friction(Described):
     def _fits_the_law(self) -> Friction:
         coulomb, breakaway = self.parameters.get("coulomb"), self.parameters.get("breakaway")
         if coulomb is not None and breakaway is not None and breakaway < coulomb:
-            forces = {key: units.write(force, "N", "N") for key, force in (("lower", breakaway), ("upper", coulomb))}
-            raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", **forces)
+            lower, upper = units.write(breakaway, "N", "N"), units.write(coulomb, "N", "N")
+            raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", lower=lower, upper=upper)
         if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
             laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
             raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
@@ -326,7 +326,8 @@ class Friction(Described):
         return self
 
     def _check_elements(self) -> None:
-        key, stiffness, total = "friction.elements", "friction.bristle_stiffness", sum(e.share for e in self.elements)
+        key, stiffness = "friction.elements", "friction.bristle_stiffness"
+        total = sum(element.share for element in self.elements)
         if not self.elements:
             if self.entry["elements"] and "bristle_stiffness" not in self.parameters:
                 raise invalid(stiffness, "describe.no-stiffness", law=self.law, needed=units.needed("N/m"))

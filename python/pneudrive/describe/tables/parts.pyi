@@ -21,6 +21,7 @@ from typing import Annotated, Any, ClassVar, Literal
 NOT_NEGATIVE: Incomplete
 DEW_POINTS: Incomplete
 _GASES: Incomplete
+CAPACITY_CELSIUS: list[float]
 GASES: dict[str, tuple[float, float]]
 VIRIAL: dict[str, list[float]]
 CAPACITY_EXCESS: dict[str, list[float]]

@@ -198,9 +198,9 @@ def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> 
     for index in range(SHOWN_CONDITIONS if reading.files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
         levels = np.unique(points["level"][rows])
-        for level in (
-            levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))] if levels.size else ()
-        ):
+        if not levels.size:
+            continue
+        for level in levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))]:
             for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
                 if (loop := loop_of(reading, str(points["key"][i]), choice)) is not None:
                     yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))

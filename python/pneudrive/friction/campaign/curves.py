@@ -141,11 +141,11 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
     share = smooth.carried_drift(friction)
-    fitted = _better(replace(friction, drift=share < smooth.CARRIED))
+    better = _better(replace(friction, drift=share < smooth.CARRIED))
     offset = smooth.CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     offset = _with_tares(tares, offset)
     carries = smooth.carried_drift(offset) < smooth.CARRIED or (offset.curve < 0).sum() > 1
-    return Fits(points, fitted, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
+    return Fits(points, better, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:

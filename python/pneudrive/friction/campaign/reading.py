@@ -380,10 +380,14 @@ def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
 
 
 def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loop | None:
-    """Return friction around the first reversal of a cycle, see `reversal_loop`."""
-    file = next(file for file in reading.files if file.head.cycle.key == key)
-    recording, _ = recording_of(file, reading.identity, file.samples())
-    return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
+    """Return friction around the first reversal of a cycle, see `reversal_loop`. None if it cannot be read."""
+
+    def read(file: CycleFile, samples: Samples) -> cycles.Loop | None:
+        recording, _ = recording_of(file, reading.identity, samples)
+        return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
+
+    (loop,) = read_each(read, [file for file in reading.files if file.head.cycle.key == key])
+    return None if isinstance(loop, Skipped) else loop
 
 
 def _way(samples: Samples) -> float:

@@ -216,7 +216,8 @@ class Protection:
             return None
         if self.users:
             line = self.users.get(username or "", _NOBODY)
-            if not hmac.compare_digest(_user_line(username or "", password or "", line.split(":")[2]), line):
+            made = _user_line(username or "", password or "", line.split(":")[2])
+            if not hmac.compare_digest(made.encode(), line.encode()):  # texts are compared only in ASCII
                 return None
         return User(role=UserRole.User, name=username)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
-from pneudrive.campaign.storage.control import WORDS, ask, holder
+from pneudrive.campaign.storage.control import REQUESTS, ask, holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
@@ -148,8 +148,8 @@ def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = 
     folder = workspace.folder(path)
     if not control:
         raise CommandError("this server shows campaigns but does not control them", remedy=CONTROL)
-    if word not in WORDS:
-        raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
+    if word not in REQUESTS:
+        raise CommandError(f"{word!r} is not a request", rule=", ".join(REQUESTS))
     ask(folder, str(word), f"{getpass.getuser()}, from the page")
 
 

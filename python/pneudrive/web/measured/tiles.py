@@ -36,7 +36,7 @@ PART, MOST_BYTES = 1 << 17, 1 << 28  # samples of a part, and bytes of all kept 
 _FILES = ("time", "low", "high", "missing")
 
 
-#: Kept parts by recording, columns and number, the last used at the end. Each step on them is atomic: threads share them.
+#: Kept parts by recording, columns and number, the last used at the end. Threads share them; each step is atomic.
 _PARTS: dict[tuple[int, tuple[str, ...], int], list[Array]] = {}
 
 
