@@ -188,23 +188,14 @@ def solve_factorised(lower: Array, right: Array) -> Array:
     return dpotrs(lower, right, lower=True)[0]
 
 
-def solve_lower(lower: Array, right: Array) -> Array:
-    """Return the solution of ``L x = right`` with a lower triangle, shape (n,) or (n, m).
+def solve_triangle(triangle: Array, right: Array, *, is_lower: bool = True) -> Array:
+    """Return the solution of ``L x = right`` with a lower or upper triangle, shape (n,) or (n, m).
 
     Examples
     --------
-    >>> solve_lower(np.array([[2.0, 0.0], [1.0, 1.0]]), np.array([4.0, 5.0]))
+    >>> solve_triangle(np.array([[2.0, 0.0], [1.0, 1.0]]), np.array([4.0, 5.0]))
     array([2., 3.])
     """
-    return _solve(lower, right, is_lower=True)
-
-
-def solve_upper(upper: Array, right: Array) -> Array:
-    """Return the solution of ``U x = right`` with an upper triangle, shape (n,) or (n, m)."""
-    return _solve(upper, right, is_lower=False)
-
-
-def _solve(triangle: Array, right: Array, *, is_lower: bool) -> Array:
     from scipy.linalg.lapack import dtrtrs  # pyright: ignore[reportAttributeAccessIssue]
 
     if not right.size:
@@ -319,14 +310,9 @@ class MixedModel:
     def _part(self, rows: NDArray[np.intp]) -> MixedModel:
         """Return the model of some observations, without columns that these do not determine."""
         x = self.x[rows]
-        x = x[:, independent(x)]
-        parts = tuple(
-            RandomEffect(
-                c.name, c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)], c.scale, c.power
-            )
-            for c in self.components
-        )
-        return MixedModel(self.y[rows], x, self.noise[rows], parts)
+        kernels = (c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)] for c in self.components)
+        parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
+        return MixedModel(self.y[rows], x[:, independent(x)], self.noise[rows], tuple(parts))
 
     def covariance(self, sd: Array) -> Array:
         """Return the covariance of the observations at these standard deviations, shape (n, n)."""
@@ -358,10 +344,9 @@ class _State:
     @classmethod
     def of(cls, model: MixedModel, sd: Array) -> _State:
         lower = factorise(model.covariance(sd))
-        half_x, half_y = solve_lower(lower, model.x), solve_lower(lower, model.y)
+        half_x, half_y = solve_triangle(lower, model.x), solve_triangle(lower, model.y)
         q, r = np.linalg.qr(half_x)
-        beta = solve_upper(r, q.T @ half_y) if r.size else np.zeros(0)
-        inverse = solve_upper(r, np.eye(r.shape[0])) if r.size else np.zeros((0, 0))
+        beta, inverse = (solve_triangle(r, right, is_lower=False) for right in (q.T @ half_y, np.eye(r.shape[0])))
         solved = solve_factorised(lower, model.y - model.x @ beta)
         return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x, r)
 
@@ -436,7 +421,7 @@ class MixedFit:
                 cross += s2 * kernel
                 own += s2 * prior[name]
             means.append(x @ state.beta + cross @ state.solved)
-            half = solve_lower(state.lower, cross.T)
+            half = solve_triangle(state.lower, cross.T)
             left = x - half.T @ state.half_x
             own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
             variances.append(np.maximum(own, 0.0))

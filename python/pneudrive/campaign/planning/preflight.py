@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,9 +36,9 @@ LESS_FORCE = {
     "inertia": "Lower the speed.",
     "known weight": "Take a smaller weight.",
 }
-#: Limits that a cycle breaks, each with its first violation in words: value and limit, remedy. The limits are
+#: A limit that a cycle breaks, its violation in words (value and limit), and a remedy. The limits are
 #: ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``release``, ``pressure`` and ``manifold``.
-Violations = dict[str, tuple[str, str]]
+Violation = tuple[str, str, str]
 
 
 def check(plan: Plan) -> tuple[str, ...]:
@@ -56,8 +57,8 @@ def check(plan: Plan) -> tuple[str, ...]:
             rule=f"the rig measures at {_celsius((low, high))}",
             remedy="Change [conditions] temperature.",
         )
-    alike, allowed = _alike(plan), Allowed(plan)
-    broken = [(cycles, items) for cycles in alike if (items := violations(cycles[0], allowed))]
+    allowed = Allowed(plan)
+    broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], allowed)))]
     if broken:
         raise _refusal(plan, broken)
     return cautions(plan)
@@ -157,16 +158,12 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
                 )
 
 
-def violations(cycle: Cycle, allowed: Allowed) -> Violations:
-    """Return the first violation of each limit by one cycle."""
-    first: Violations = {}
-    for find in (_motion, _pressures, _force):
-        for item, text, remedy in find(cycle, allowed):
-            first.setdefault(item, (text, remedy))
-    return first
+def violations(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
+    """Return the violations by one cycle."""
+    return chain(_motion(cycle, allowed), _pressures(cycle, allowed), _force(cycle, allowed))
 
 
-def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
+def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
     low, high = allowed.envelope.position_m
     moves = list(_moves(cycle))
     for distance, step in moves:
@@ -200,7 +197,7 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
 MEASURING = ("sweep", "stop", "sentinel", "blank")
 
 
-def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
+def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
     low, high = allowed.envelope.pressure_pa
     a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
     for chamber, value in (("a", a), ("b", b)):
@@ -213,7 +210,7 @@ def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]
         yield "manifold", f"{_bar(a)} and {_bar(b)}; {limit}", remedy
 
 
-def _force(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
+def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
     push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
     holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
@@ -229,16 +226,14 @@ def _force(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
         yield "force", f"{total:.4g} N ({shown}); at most {allowed.envelope.force_n:.4g} N", remedy
 
 
-def _refusal(plan: Plan, broken: list[tuple[list[Cycle], Violations]]) -> ProtocolError:
+def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> ProtocolError:
     """Return the error with the first cycle that breaks each limit, and their number."""
-    first: dict[str, tuple[str, str, str]] = {}
     counts: Counter[str] = Counter()
-    for cycles, items in broken:
-        for item, (text, remedy) in items.items():
-            first.setdefault(item, (cycles[0].key, text, remedy))
-            counts[item] += len(cycles)
-    shown = list(first.items())[:SHOWN]
-    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, (key, text, _) in shown]
+    for cycles, found in broken:
+        counts.update({item: len(cycles) for item, _, _ in found})
+    first = {item: (cycles[0].key, *words) for cycles, found in broken[::-1] for item, *words in found[::-1]}
+    shown = [(item, *first[item]) for item in counts][:SHOWN]
+    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, key, text, _ in shown]
     count = sum(len(cycles) for cycles, _ in broken)
     return ProtocolError(
         f'the rig "{plan.identity.name}" cannot run this protocol:  '
@@ -246,7 +241,7 @@ def _refusal(plan: Plan, broken: list[tuple[list[Cycle], Violations]]) -> Protoc
         where=plan.protocol.origin,
         value="\n    ".join(lines),
         rule="the rig's envelope, tightened by [limits]",
-        remedy=" ".join(dict.fromkeys(remedy for _, (_, _, remedy) in shown)),
+        remedy=" ".join(dict.fromkeys(remedy for *_, remedy in shown)),
     )
 
 

@@ -104,11 +104,7 @@ def _standing(position: Array, tolerance: float, width: int) -> NDArray[np.bool_
         return np.zeros(position.size, dtype=bool)
     windows = np.lib.stride_tricks.sliding_window_view(position, width + 1)
     still = windows.max(axis=1) - windows.min(axis=1) <= tolerance
-    edges = np.zeros(position.size + 1, dtype=np.int64)
-    begins = np.flatnonzero(still)
-    np.add.at(edges, begins, 1)
-    np.add.at(edges, begins + width + 1, -1)
-    return np.cumsum(edges[:-1]) > 0
+    return np.convolve(still, np.ones(width + 1, dtype=np.int64)) > 0
 
 
 def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
