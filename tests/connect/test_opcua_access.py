@@ -113,12 +113,13 @@ def test_a_server_of_others_may_admit_the_certificate_of_a_user(files):
     [
         ({"certificate": "stranger"}, "rejects this client: BadCertificateUntrusted"),
         ({"user": "carl"}, "rejects this client: BadUserAccessDenied"),
+        ({"user": "jürgen"}, "rejects this client: BadUserAccessDenied"),
         ({"user": "bert"}, "rejects this client: BadUserAccessDenied"),
         ({"user": None, "password_file": None}, "rejects this client: BadIdentityTokenRejected"),
         ({"server": "stranger"}, "server_certificate is not its certificate"),
         (None, "rejects this client: .*No matching endpoints"),
     ],
-    ids=["certificate", "user", "password", "no user", "server", "nothing"],
+    ids=["certificate", "user", "user in other letters", "password", "no user", "server", "nothing"],
 )
 def test_others_are_refused(served, files, who, words):
     with pytest.raises(RigError, match=words):

@@ -164,7 +164,8 @@ fn four_valves_take_one_of_seven_modes() {
     }
     let switches: Vec<usize> = (1..modes.len()).filter(|&k| modes[k] != modes[k - 1]).collect();
     assert!(switches.windows(2).all(|pair| pair[1] - pair[0] >= 3), "a mode of less than 2.2 ms");
-    assert!(switches.len() > 20 && switches.iter().all(|&k| k < 1800), "{} switches", switches.len());
+    let at_rest = switches.iter().filter(|&&k| k > 1400).count();
+    assert!(switches.len() > 20 && at_rest <= 8, "valves switch seldom at rest: {switches:?}");
 }
 
 /// Pulses of 10 ms: none is too short for the armature, and the drive follows.
