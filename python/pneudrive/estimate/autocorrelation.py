@@ -64,11 +64,6 @@ def stderrs_of_means(rows: Array) -> Array:
 SAME_SPEED = 0.05
 
 
-def distinct(values: Array, share: float = SAME_SPEED) -> int:
-    """Return the number of levels among `values`."""
-    return len(distinct_levels(values, share))
-
-
 def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
     """Return the lowest and highest value of each level; values closer than `share` of the larger form one level."""
     levels: list[tuple[float, float]] = []
@@ -312,7 +307,7 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
         return variance.copy()
     d = dof[few]
     e = np.log(variance[few]) - digamma(d / 2.0) + np.log(d / 2.0)
-    trend, rest = _trend(e, np.log(speed[few]), distinct(speed[few]) // ROWS_PER_TREND)
+    trend, rest = _trend(e, np.log(speed[few]), len(distinct_levels(speed[few])) // ROWS_PER_TREND)
     spread = rest - float(np.mean(polygamma(1, d / 2.0)))
     out = variance.copy()
     if spread <= 0.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.planning.protocol import parse_protocol
+from pneudrive.campaign.planning.protocol import Pressures
 from pneudrive.identify.design import Limits
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ SLOWEST_M_S = 1e-3
 HIGHEST_PA, LEVELS = 6e5, 4
 #: Share of the force range for the difference of the pressure forces; the rest is for friction and inertia.
 FORCE_SHARE = 0.5
-#: Protocol with the default settling times.
-ANY_PROTOCOL = 'schema = 1\nname = "any"\n[speed]\nlist = ["1 mm/s"]\n'
 
 
 def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes: int = 1) -> Limits:
@@ -38,8 +36,8 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
     # starting and stopping take at most half of the stroke
     fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
     slowest = min(SLOWEST_M_S, fastest / 10.0)
-    settling = parse_protocol(ANY_PROTOCOL).pressure.settling_s
-    return Limits((slowest, fastest), _gauges(fit, identity, envelope), stroke, acceleration, strokes, settling)
+    gauges, settling_s = _gauges(fit, identity, envelope), Pressures().settling_s  # by default
+    return Limits((slowest, fastest), gauges, stroke, acceleration, strokes, settling_s)
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:

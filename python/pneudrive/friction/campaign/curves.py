@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -427,17 +428,18 @@ def stick_slip_points(points: CurvePoints) -> tuple[result.StickSlipPoint, ...]:
 
 def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
     """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
-    slipping: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
-    steady: dict[Condition, list[float]] = {condition: [] for condition in points.conditions}
-    for condition, speed, here in _cells(points):
-        reasons = here["reason"].tolist()
-        # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
-        if np.isin(reasons, STICK_SLIP).mean() > 0.5:
-            slipping[condition].append(speed)
-        elif np.isin(reasons, NAMES, invert=True).mean() >= 0.5:
-            steady[condition].append(speed)
-    known = [c for c in points.conditions if slipping[c] or steady[c]]
-    return tuple(_threshold(c, max(slipping[c], default=0.0), sorted(steady[c])) for c in known)
+    found = []
+    for condition, cells in groupby(_cells(points), lambda cell: cell[0]):
+        top, steady = 0.0, list[float]()
+        for _, speed, here in cells:  # speeds ascend
+            reasons = here["reason"].tolist()
+            # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
+            if np.isin(reasons, STICK_SLIP).mean() > 0.5:
+                top = speed
+            elif np.isin(reasons, NAMES, invert=True).mean() >= 0.5:
+                steady.append(speed)
+        found += [_threshold(condition, top, steady)] if top or steady else []
+    return tuple(found)
 
 
 def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:

@@ -50,8 +50,8 @@ def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits |
         reason[both] = points["reason"]
         for name, value in _paired(points, fits, edges[1] - edges[0]).items():
             columns[name][both] = value
-    raised = zip(cycles["flags"], reason, strict=True)
-    flags = [",".join(dict.fromkeys([*flags, *([_flag(why)] if why else [])])) for flags, why in raised]
+    raised = zip(cycles["flags"], (why.replace("-", "_").replace(" ", "_") for why in reason), strict=True)
+    flags = [",".join(dict.fromkeys([*flags, *([why] if why else [])])) for flags, why in raised]
     of_cycle = {name: cycles[name] for name in ("temperature_k", "kind", "block", "repeat", "began_s")}
     of_cycle |= {name: np.array([getattr(c, name) for c in cycles["condition"]], dtype=object) for name in LEVELS}
     of_cycle |= {"recording": cycles["key"], "flags": np.array(flags, object), AMBIENT: np.full(count, ambient_pa)}
@@ -87,10 +87,6 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
         "position_from_m": common[:1, None] - width_m / 2.0,
         "position_to_m": common[-1:, None] + width_m / 2.0,
     }
-
-
-def _flag(reason: str) -> str:
-    return reason.replace("-", "_").replace(" ", "_")
 
 
 def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:

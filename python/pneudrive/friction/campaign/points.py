@@ -69,12 +69,7 @@ ENOUGH = 4
 FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, unit or range, not a seal
 
 
-def implausible_friction(
-    condition: Ints,
-    speed_m_s: Array,
-    friction_n: Array,
-    stderr_n: Array,
-) -> NDArray:
+def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, stderr_n: Array) -> NDArray:
     """Return for each cycle of a campaign, shape (n,), the reason why its friction is impossible.
 
     "" if it is possible.
