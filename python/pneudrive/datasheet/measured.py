@@ -56,7 +56,6 @@ STILL = 5e-4  # largest relative change of the pressure among them
 class TankAir(NamedTuple):
     """Air of a cycle, measured and simulated, litres ANR."""
 
-    name: str
     cycle: str
     measured: float
     simulated: float
@@ -69,18 +68,14 @@ def is_of_tank(path: Path, layout: Path | None) -> bool:
     return found is not None and found.kind == KIND
 
 
-def tank_air(drive: Drive, recordings: Sequence[Path], layout: Path | None) -> list[TankAir]:
-    """Read the air of a cycle from recordings of the tank, and simulate these cycles at its mean pressure.
+def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
+    """Return the air of a cycle from a recording of the tank, and that of the simulation at its mean pressure.
 
     Raises
     ------
-    RecordingError, LayoutError
-        A recording cannot be used: a label is missing, or the pressure is not at rest at its ends.
+    RecordingError
+        A label is missing, or the pressure is not at rest at its ends.
     """
-    return [_air(drive, one) for one in read_volume_recordings(list(recordings), layout)]
-
-
-def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
     volume, half = _label(recording, "tank_volume", "m3"), _label(recording, "half_period", "s")
     cycles = _label(recording, "cycles", "")
     before, after = _at_rest(recording)
@@ -89,7 +84,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
     cycle = f"half period {recording.labels['half_period']}"
     simulated = litres_anr(drawn_mass(fed, 1.0, half), density)
-    return TankAir(recording.name, cycle, litres_anr(mass, density), simulated, "synthetic" in recording.labels)
+    return TankAir(cycle, litres_anr(mass, density), simulated, "synthetic" in recording.labels)
 
 
 def _label(recording: VolumeRecording, key: str, unit: str) -> float:
@@ -267,8 +262,9 @@ def _with_air(
     others = [path for path in recordings if path not in of_tank]
     rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
     airs: dict[str, list[TankAir]] = defaultdict(list)
-    for one in tank_air(drive, of_tank, layout):
-        airs[one.cycle].append(one)
+    for recording in read_volume_recordings(of_tank, layout):
+        air = _air(drive, recording)
+        airs[air.cycle].append(air)
     found = []
     for cycle, some in airs.items():
         seen, told = np.array([one.measured for one in some]), np.array([one.simulated for one in some])
@@ -326,27 +322,18 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
     edges = np.flatnonzero(np.r_[True, np.diff(command) != 0.0, True])
     if edges.size - 2 > LEAST_CHANGES:
         return
-    model = {name: record.free[name] for name in ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")}
+    names = ("position_m", "pressure_a_pa", "pressure_b_pa")
+    sides = ({name: getattr(signals, name) for name in names}, {name: record.free[name] for name in names})
     for begin, end in pairwise(edges):
         part = slice(begin, end)
-        way = float(np.ptp(signals.position_m[part]))
-        if (
-            end - begin < 5
-            or way < LEAST_WAY * drive.cylinder.stroke_m
-            or not np.isfinite(model["position_m"][part]).all()
-        ):
-            continue
-        seen = {
-            "time_s": time[part],
-            **{name: getattr(signals, name)[part] for name in ("position_m", "pressure_a_pa", "pressure_b_pa")},
-        }
-        told = {
-            "time_s": time[part],
-            **{name: values[part] for name, values in model.items() if name != "velocity_m_s"},
-        }
+        seen, model = ({"time_s": time[part]} | {key: x[part] for key, x in side.items()} for side in sides)
         size, mass, start = drive.cylinder.stroke_m, moving_mass(drive), float(time[begin])
+        if end - begin < 5 or float(np.ptp(seen["position_m"])) < LEAST_WAY * size:
+            continue
+        if not np.isfinite(model["position_m"]).all():
+            continue
         measured = stroke_numbers(seen, size, mass, start)
-        simulated = stroke_numbers(told, size, mass, start, direction=measured.direction)
+        simulated = stroke_numbers(model, size, mass, start, direction=measured.direction)
         yield float(command[begin]), measured, simulated
 
 

@@ -107,15 +107,10 @@ class EnsembleStudy:
 
     def chunks(self, members: int | None = None) -> list[Chunk]:
         """Return the chunks of this number of members."""
-        size, step = self.rows.size, members or self._usual_chunk()
+        sampled = [output for output in self.outputs if output.word in ("samples", "own")]
+        samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
+        size, step = self.rows.size, members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
         return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
-
-    def _usual_chunk(self) -> int:
-        sampled = sum(len(one.columns) * (round(self.plans.duration_s * one.rate_hz) + 1) for one in self._sampled())
-        return max(1, min(CHUNK, MOST_SAMPLES // max(sampled, 1)))
-
-    def _sampled(self) -> list[Reduction]:
-        return [output for output in self.outputs if output.word in ("samples", "own")]
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
         """Return the object that runs a chunk, without other data, to be sent to another machine."""
@@ -672,7 +667,7 @@ def study_of(
     plans = member_plans(command, duration, drive.commandable)
     design = design_of(vary)
     for_all, each = parted_starts(initial)
-    of = variation_of
+    of = Variation if drive.system.names else CircuitVariation
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
     variation = of(drive, [*design.names, *begun], for_all)
     rows = design.rows(of(drive, design.names, for_all) if begun else variation)
@@ -683,7 +678,11 @@ def study_of(
         rows = rows.wider(beside)
     plans.check(rows.size)
     columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
-    kept = reductions(outputs, _signals(drive, columns, plans))
+    signals = SignalNames(columns, plans.moves_up)
+    if drive.system.names is None:
+        states = [meaning(name)[0] for name in drive.system.compiled().start_names]
+        signals = SignalNames(columns, states=states)
+    kept = reductions(outputs, signals)
     taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}
     taken |= {"time"} if any(one.word == "samples" for one in kept) else set()
     for name in taken.intersection(one.name for one in kept):
@@ -694,15 +693,3 @@ def study_of(
     for first in range(0, rows.size if refuse else 0, CHECKED_ROWS):
         variation.check(rows.take(first, min(first + CHECKED_ROWS, rows.size)), first)
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)
-
-
-def variation_of(drive: Drive | Circuit, names: Sequence[str], initial: Any = None) -> Variation:  # noqa: ANN401
-    """Return the numbers of a drive or a circuit that a design sets."""
-    return (Variation if drive.system.names else CircuitVariation)(drive, names, initial)
-
-
-def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans) -> SignalNames:
-    if drive.system.names is None:
-        begun = drive.system.compiled().start_names
-        return SignalNames(columns, states=[meaning(name)[0] for name in begun])
-    return SignalNames(columns, plans.moves_up)

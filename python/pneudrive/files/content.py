@@ -18,9 +18,21 @@ from pneudrive.errors import tomllib
 from pneudrive.files.bounds import bound, within
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from pneudrive.errors import PneudriveError
+
+
+def rendered(
+    template: Path, filters: Mapping[str, Any], tests: Mapping[str, Any] | None = None, /, **values: object
+) -> str:
+    """Return the text of a template of jinja2, without the lines of its blocks; `values` are not escaped."""
+    import jinja2
+
+    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters |= filters
+    environment.tests |= tests or {}
+    return environment.from_string(template.read_text(encoding="utf-8")).render(values)
 
 
 #: Texts and comments of TOML and texts of JSON, which are skipped; then the nesting characters.

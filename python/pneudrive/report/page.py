@@ -18,6 +18,7 @@ from pneudrive import units
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.errors import CommandError, is_severe, shown
 from pneudrive.figures import WIDTH_IN, Figure
+from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
@@ -570,17 +571,13 @@ def write_pdf(report: Report, target: Path) -> Path:
 
 def typst_of(report: Report) -> str:
     """Return the source of a page; every text is a literal, so that nothing in it is markup."""
-    import jinja2
-
-    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters |= {"literal": literal, "breakable": _breakable}
     kinds = {"paragraph": Paragraph, "list_of_items": Items, "table": ShownTable, "figure": ShownFigure}
-    environment.tests |= {name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()}
+    tests = {name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()}
     parts = [part for part in report.sections if part is not None]
     beside, narrow = ([part for part in parts if part.key in keys] for keys in (BESIDE, NARROW))
     others = [part for part in parts if part not in beside and part not in narrow]
-    template = environment.from_string(TYPST.read_text(encoding="utf-8"))
-    return template.render(title=report.title, verdict=report.lines, beside=beside, others=others, narrow=narrow)
+    filters, values = {"literal": literal, "breakable": _breakable}, {"beside": beside, "others": others}
+    return rendered(TYPST, filters, tests, title=report.title, verdict=report.lines, narrow=narrow, **values)
 
 
 def _breakable(text: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.files.content import rendered
 from pneudrive.progress import UNWATCHED
 from pneudrive.signals.columns import ROLES, families
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
@@ -181,8 +182,6 @@ def _first_recording(path: Path, layout: Layout) -> Recording:
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     """Return the text of the layout file."""
-    import jinja2
-
     reading, form, signs = roles.form, roles.form.form, {None: "whitespace", "\t": "tab"}
     keys = {
         "delimiter": signs.get(form.delimiter, form.delimiter),
@@ -198,9 +197,9 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
     open_roles, found = " ".join(question.role for question in roles.questions), {guess.role for guess in roles.guesses}
     spare = [(one.column.place, unit) for one in roles.candidates("pressure") if (unit := one.column.unit)]
-    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters["toml"] = value_text
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    return rendered(
+        TEMPLATE,
+        {"toml": value_text},
         name=path.name,
         kind=kind,
         format=reading.format,

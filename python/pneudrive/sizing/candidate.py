@@ -231,7 +231,7 @@ class SizingCandidate:
 
     @property
     def waits_for_lead(self) -> bool:
-        """Whether this is the leading candidate, which is run first."""
+        """Whether its leading candidate is run first."""
         return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
 
     def look_at_reach(self, final: int) -> None:

@@ -110,12 +110,6 @@ def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
     return 0.5 * (information + information.T), gradient
 
 
-def start_step(block: Equations, step: Array) -> Array:
-    """Return the change of a block's start for a change of the global coordinates."""
-    n, b = block.information, block.gradient
-    return start_solution(block, b[step.size :] - n[step.size :, : step.size] @ step)
-
-
 def start_solution(block: Equations, right: Array) -> Array:
     """Solve the equations of a block's start, which are positive definite with its prior, except for rounding.
 
@@ -333,7 +327,11 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     shots = _run(problem, point, "the recordings cannot be simulated from the start values", reset=True)
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
-        _take_misfit_as_noise(problem, judge(problem, point, believed, shots, reset=True).residuals, least)
+        residuals = judge(problem, point, believed, shots, reset=True).residuals
+        for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
+            count = np.maximum(experiment.weight.sum(axis=0), 1.0)
+            off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
+            experiment.noise = np.maximum(floor, off)
         at = linearise(problem, point, believed, shots, reset=True)
         found = _shortened(problem, point, at, longest, believed, reset=True)
         if found is None:  # carried states may be far off: first move only these
@@ -345,23 +343,15 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
                 problem, point, "the search reached values for which the drive cannot be simulated", reset=True
             )
             continue
-        gain = 1.0 - found.standing.cost / at.cost
-        point, longest, closings = found.point, found.longest, 0
-        watcher.step(problem, "steps with separate segments", found.standing, point)
-        if gain < SMALL_GAIN:
+        (point, standing, longest), closings = found, 0
+        watcher.step(problem, "steps with separate segments", standing, point)
+        if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
         shots = _run(problem, point, "the search reached values for which the drive cannot be simulated", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
     problem.held = np.zeros(problem.size, dtype=bool)
     return point
-
-
-def _take_misfit_as_noise(problem: FitProblem, residuals: list[Array], least: list[Array]) -> None:
-    for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
-        count = np.maximum(experiment.weight.sum(axis=0), 1.0)
-        off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
-        experiment.noise = np.maximum(floor, off)
 
 
 def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = False) -> list[Shot]:
@@ -372,17 +362,13 @@ def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = F
     return shots
 
 
-@dataclass(frozen=True)
-class _Found:
-    point: Iterate
-    standing: Misfit
-    longest: float
-
-
 def _shortened(
     problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
-) -> _Found | None:
-    """Shorten the step until it lowers the merit function, by runs without derivatives; None if none does."""
+) -> tuple[Iterate, Misfit, float] | None:
+    """Shorten the step until it lowers the merit function, by runs without derivatives.
+
+    Return point, misfit and the longest step that follows; None if no step lowers it.
+    """
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
     while longest >= SHORTEST:
@@ -395,7 +381,7 @@ def _shortened(
         if not isinstance(shots, str):
             standing = judge(problem, trial, believed, shots, reset=reset)
             if standing.merit < before:
-                return _Found(trial, standing, min(LONGER * longest, LONGEST))
+                return trial, standing, min(LONGER * longest, LONGEST)
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
     return None
 
@@ -436,10 +422,9 @@ def join_segments(
         found = _shortened(problem, point, at, longest, believed)
         if found is None:
             return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
-        point, longest = found.point, found.longest
-        at = linearise(
-            problem, point, believed, _run(problem, point, "the search reached a drive that cannot be simulated")
-        )
+        point, _, longest = found
+        shots = _run(problem, point, "the search reached a drive that cannot be simulated")
+        at = linearise(problem, point, believed, shots)
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at.standing, point)
     return point, at, False
@@ -451,10 +436,10 @@ def _start_gain(blocks: list[Equations], size: int) -> float:
 
 
 def _moved(point: Iterate, at: Joined, step: Array) -> Iterate:
-    states = []
+    states, size = [], step.size
     for state, block, (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
-        unknown = np.r_[step, start_step(block, step)]
-        states.append(state + by_unknown @ unknown + closing)
+        right = block.gradient[size:] - block.information[size:, :size] @ step
+        states.append(state + by_unknown @ np.r_[step, start_solution(block, right)] + closing)
     return replace(point, eta=point.eta + step, states=states)
 
 
@@ -471,7 +456,6 @@ class Information:
     ----------
     slopes : list of ndarray, shape (n, c, P)
         Derivatives of each recording, in units of the noise, without the part that starts can compensate.
-    residuals : list of ndarray, shape (n, c)
     matrix : ndarray, shape (P, P)
         Information of the coordinates, with prior knowledge of the sensors.
     inverse : ndarray, shape (P, P)
@@ -483,7 +467,6 @@ class Information:
     """
 
     slopes: list[Array]
-    residuals: list[Array]
     matrix: Array
     inverse: Array
     weak: Array
@@ -539,7 +522,7 @@ def information(problem: FitProblem, at: Joined) -> Information:
         for c in range(residual.shape[1]):
             r = residual[weight[:, c] > 0.0, c]
             inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
-    return Information(slopes, at.residuals, matrix, inverse, axes[:, ~good].T, inflation)
+    return Information(slopes, matrix, inverse, axes[:, ~good].T, inflation)
 
 
 def correlation_time(residual: Array) -> float:

@@ -30,7 +30,6 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +39,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
+from pneudrive.files.content import rendered
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.identify.identified import sentences
 from pneudrive.repr_tables import Shown
@@ -47,8 +47,6 @@ from pneudrive.simulation.trajectory import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    import jinja2
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Drive, Friction
@@ -325,20 +323,10 @@ class Exported(Shown):
         return write_whole(Path(path), self.text)
 
 
-@lru_cache(maxsize=1)
-def _templates() -> jinja2.Environment:
-    import jinja2
-
-    loader = jinja2.FileSystemLoader(Path(__file__).parent)
-    environment = jinja2.Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters |= {"real": _real}
-    return environment
-
-
 def _rendered(made: Exported, **values: Any) -> Exported:  # noqa: ANN401 - values of a template
     """Return the conversion with the text of its template."""
-    template = _templates().get_template(f"{made.tool}.jinja")
-    return replace(made, text=template.render(made=made, curve=made.curve, remarks=made.remarks(), **values))
+    values |= {"made": made, "curve": made.curve, "remarks": made.remarks()}
+    return replace(made, text=rendered(Path(__file__).with_name(f"{made.tool}.jinja"), {"real": _real}, **values))
 
 
 def best_scale(

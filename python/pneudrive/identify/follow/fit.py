@@ -553,8 +553,11 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
         if extra and (set(extra) <= set(free) or ("wall" in free and name.startswith("wall"))):
             continue
         try:
-            rival = _with_extra(described, solution, [*free, *extra])
-            rival.model = words
+            driven = DrivenCircuit(described)
+            numbers = driven.numbers_of([*free, *extra])
+            if len(numbers) < len(problem.numbers):
+                continue
+            rival = replace(problem, driven=driven, numbers=numbers, weights=list(problem.weights), model=words)
             begin = _begin(rival, solution.point)
             if name == "held":
                 rival = replace(rival, is_delayed=False, starts_free=False, weights=list(problem.weights))
@@ -569,14 +572,6 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             continue  # the circuit has no such number, or the recordings do not depend on it
         found.append(Rival(name, words, 100.0 * float(np.max(solved.every_rms)), gain, predictions, *_shared(solved)))
     return tuple(found)
-
-
-def _with_extra(described: Circuit, solution: FollowSolution, free: list[str]) -> FollowProblem:
-    problem, driven = solution.problem, DrivenCircuit(described)
-    numbers = driven.numbers_of(free)
-    if len(numbers) < len(problem.numbers):
-        raise FitError("a number is lost")
-    return replace(problem, driven=driven, numbers=numbers, weights=list(problem.weights))
 
 
 def _begin(problem: FollowProblem, point: FollowPoint) -> FollowPoint:
