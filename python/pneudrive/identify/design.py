@@ -555,9 +555,11 @@ def next_measurements(
     noise = _noise(source) if noise_n is None else noise_n
     _check(limits, criterion, points, seconds, noise)
     grid = _grid(limits, SPEEDS if seconds is None else SPEEDS_IN_TIME)
-    candidates = DesignSpace(
-        _gradients(prior, grid) / noise, prior.known, _region(prior, over or limits) if criterion == "I" else None
-    )
+    region = None
+    if criterion == "I":
+        g = _gradients(prior, _grid(over or limits))
+        region = np.einsum("dci,dcj->dij", g, g) / g.shape[1]
+    candidates = DesignSpace(_gradients(prior, grid) / noise, prior.known, region)
     cost = limits.seconds(grid.speed_m_s)
     if seconds is not None:
         once, repeats = within_budget(candidates, cost, seconds, criterion)
@@ -614,11 +616,6 @@ def _grid(limits: Limits, count: int = SPEEDS) -> Observations:
 
 def _gradients(prior: Prior, at: Observations) -> Array:
     return np.array([prior.model.value_and_jacobian(q, at)[1] for q in prior.draws])
-
-
-def _region(prior: Prior, over: Limits) -> Array:
-    g = _gradients(prior, _grid(over))
-    return np.einsum("dci,dcj->dij", g, g) / g.shape[1]
 
 
 def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:

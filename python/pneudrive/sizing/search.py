@@ -272,9 +272,8 @@ class Search:
             own = {name: [one for one in self.candidates if one.choice.cylinder.name == name] for name in names}
             for _ in range(ROUNDS):
                 self._advance_rough([one for every in own.values() for one in self._next_of(every)])
-            run = {name: [one for one in every if one.rough and not one.lost] for name, every in own.items()}
-            for name, every in run.items():
-                if left := [one for one in every if not one.lost]:
+            for name, every in own.items():
+                if left := [one for one in every if one.rough and not one.lost]:
                     best[name] = min(left, key=self._promise)
         self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
 

@@ -502,7 +502,8 @@ def assembled(
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
     low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
-    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
+    usual = [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
+    sizes = np.array([max(abs(v), s) for v, s in zip(values, usual, strict=True)])
     for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
         end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
         if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
@@ -534,10 +535,6 @@ def assembled(
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
-
-
-def _sizes(parameters: list[Parameter], problem: FitProblem) -> list[float]:
-    return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
 
 
 def _notes(

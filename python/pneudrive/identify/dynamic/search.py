@@ -190,11 +190,6 @@ class Joined:
         """Residuals of each recording, shape (n, c), in units of the noise."""
         return self.standing.residuals
 
-    @property
-    def exact(self) -> bool:
-        """Whether residuals are far below the noise; the error of the solver is a lower limit of the noise."""
-        return self.cost < EXACT_SHARE**2 * sum(r.size for r in self.residuals)
-
 
 def judge(
     problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
@@ -417,7 +412,9 @@ def join_segments(
         unknowns = problem.size + sum(block.gradient.size - problem.size for block in at.blocks)
         length = float(np.sqrt(max(gain, 0.0) / unknowns))
         short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
-        if short or (at.exact and at.standing.gap < SOLVER_GAP):
+        # residuals far below the noise: the error of the solver is a lower limit of the noise
+        exact = at.cost < EXACT_SHARE**2 * sum(r.size for r in at.residuals)
+        if short or (exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
         found = _shortened(problem, point, at, longest, believed)
         if found is None:

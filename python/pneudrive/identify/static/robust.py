@@ -189,7 +189,8 @@ def estimate(
     dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starts or model.starting_points(data)
-    scale = 1.0 if fixed_scale else max(_mad(_residual(model, starts[0], data), dof), floor)
+    small_sample = float(np.sqrt(len(data) / dof))
+    scale = 1.0 if fixed_scale else max(robust_deviation(_residual(model, starts[0], data)) * small_sample, floor)
     candidates = [_polish(model, data, q, kind, scale) for q in starts]
     q, best = min(candidates, key=lambda c: c[1])
     near = [c for c in candidates if c[1] <= best + HARDLY_WORSE * scale**2]
@@ -246,11 +247,6 @@ def _polish(model: StaticLaw, data: Observations, q: Array, kind: Loss, scale: f
         max_nfev=200,
     )
     return found.x, float(found.cost)
-
-
-def _mad(residual: Array, dof: int) -> float:
-    """Return the median absolute deviation from zero as a standard deviation, with a small-sample factor."""
-    return robust_deviation(residual) * float(np.sqrt(residual.size / dof))
 
 
 def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
