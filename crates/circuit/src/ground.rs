@@ -8,7 +8,6 @@ mod ids;
 mod jobs;
 mod lifted;
 mod net;
-mod parameter;
 mod part;
 pub(crate) mod path;
 
@@ -23,7 +22,6 @@ pub use jobs::run_jobs;
 pub use lifted::DIRECTIONS;
 pub(crate) use lifted::{Lifted, Seeds, Sensitive, seeds};
 pub use net::{AxisNode, GasNode, Net};
-pub(crate) use parameter::{bounds, parameter_text};
 pub use part::{Given, Input, Of, Own, OwnMut, Part, State};
 pub(crate) use part::{PRESSURE_TOLERANCE, Place, clip};
 pub use path::Between;

@@ -1,8 +1,11 @@
 //! A parameter is listed once: name, unit, bounds, default, meaning. The struct, its conversion to lanes, the checks,
 //! and the tables of schema and documentation follow from this list.
 
+use serde::Deserialize;
+
 /// The values that a parameter may take.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "Sides")]
 pub struct Bounds {
     /// Lower bound; minus infinity: unbounded.
     pub lower: f64,
@@ -12,6 +15,33 @@ pub struct Bounds {
     pub open: bool,
     /// The upper bound itself is refused.
     pub open_above: bool,
+}
+
+/// Bounds as a description states them: at most one for each side.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sides {
+    above: Option<f64>,
+    at_least: Option<f64>,
+    below: Option<f64>,
+    at_most: Option<f64>,
+}
+
+impl From<Sides> for Bounds {
+    fn from(sides: Sides) -> Self {
+        Bounds {
+            lower: sides.above.or(sides.at_least).unwrap_or(f64::NEG_INFINITY),
+            upper: sides.below.or(sides.at_most).unwrap_or(f64::INFINITY),
+            open: sides.at_least.is_none(),
+            open_above: sides.at_most.is_none(),
+        }
+    }
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        any()
+    }
 }
 
 /// Largest size of a finite number of a description, SI. Squares and products of such numbers stay finite.
@@ -119,10 +149,10 @@ macro_rules! parameters {
             ];
         }
 
-        impl $name<f64> {
+        impl<P: Copy> $name<P> {
             /// Creates it from values in the order of `PARAMETERS`, then the choices.
             #[allow(dead_code)] // parts that are written out field by field do without
-            pub fn from_values(values: &[f64] $($(, $choice: $choice_type)*)?) -> Self {
+            pub fn from_values(values: &[P] $($(, $choice: $choice_type)*)?) -> Self {
                 let mut values = values.iter().copied();
                 $name {
                     $($field: values.next().expect(concat!("a value for ", stringify!($field))),)*
@@ -135,11 +165,7 @@ macro_rules! parameters {
             /// Returns the same choices with other numbers, in the order of `PARAMETERS`.
             #[allow(dead_code)]
             pub fn lifted<P: math::Real>(&self, values: &[P]) -> $name<P> {
-                let mut values = values.iter().copied();
-                $name {
-                    $($field: values.next().expect(concat!("a value for ", stringify!($field))),)*
-                    $($($choice: self.$choice.clone(),)*)?
-                }
+                $name::from_values(values $($(, self.$choice.clone())*)?)
             }
         }
 

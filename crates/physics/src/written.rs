@@ -4,6 +4,7 @@ mod own;
 
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Dimension, Graph, Id, Place, Program, Range, Scope, parse};
+use serde::Deserialize;
 use std::collections::HashMap;
 use std::fmt;
 
@@ -21,17 +22,20 @@ const TAKEN: [&str; 18] = [
 ];
 
 /// A parameter as written by its author, quantities in SI.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ParameterText {
     /// Its name in formulas.
     pub key: String,
     /// Its unit in SI.
     pub unit: String,
     /// The values that it may take, in the unit.
+    #[serde(default)]
     pub bounds: Bounds,
     /// Value where a description gives none, if there is one.
     pub default: Option<f64>,
     /// Meaning, as text.
+    #[serde(default)]
     pub meaning: String,
 }
 

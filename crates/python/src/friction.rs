@@ -4,6 +4,7 @@ use crate::convert::{Table, detached, parse, to_python};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
 use math::Dual;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
+use physics::friction::formula::Text;
 use physics::friction::{At, Growth, Heating, LAWS, Levels, Meta, Wear};
 use physics::written::Refusal;
 use pyo3::exceptions::PyValueError;
@@ -52,8 +53,8 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
 /// place in a formula.
 #[pyfunction]
 pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
-    let spec: specification::Formula = parse(json)?;
-    let own = own_law(&spec).map_err(|refusal| refused(&refusal))?;
+    let text: Text = parse(json)?;
+    let own = own_law(&text).map_err(|refusal| refused(&refusal))?;
     let law = law_entry(py, &own.meta)?;
     law.set_item("warnings", &own.warnings)?;
     law.set_item("levels", own.has_levels())?;
@@ -88,15 +89,7 @@ pub fn steady_friction<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let mut spec: specification::Friction = parse(&friction_json(py, law, dependences)?)?;
     spec.parameters = parameters;
-    if let Some(pressure) = pressure {
-        let coefficient = |key: &str| pressure.get(key).copied().unwrap_or(0.0);
-        spec.pressure = Some(specification::SealPressure {
-            coulomb_a: coefficient("coulomb_a"),
-            coulomb_b: coefficient("coulomb_b"),
-            breakaway_a: coefficient("breakaway_a"),
-            breakaway_b: coefficient("breakaway_b"),
-        });
-    }
+    spec.pressure = pressure.or(spec.pressure);
     let friction = friction_law(&spec).map_err(to_python)?;
     let force = |v: f64| {
         let place = At { v, x: position_m, ..At::at_rest() };

@@ -88,7 +88,7 @@ fn sides(circuit: &Circuit, cylinder: &Component, stroke: f64) -> Result<[Side; 
 
 /// Stiffness of the contact in stick, N/m, and its damping over its stiffness, s, of a moving mass, kg.
 fn stick(friction: &Friction, mass: f64) -> [f64; 2] {
-    let of_elements = friction.elements.iter().map(|own| own.stiffness_n_m).reduce(|sum, own| sum + own);
+    let of_elements = friction.elements.iter().map(|own| own.stiffness).reduce(|sum, own| sum + own);
     let bristle = |key: &str| friction.parameters.get(key).copied();
     let Some(stiffness) = of_elements.or(bristle("bristle_stiffness")) else {
         return [STICK_STIFFNESS * mass, STICK_DAMPING];

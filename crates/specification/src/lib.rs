@@ -5,6 +5,8 @@
 mod friction;
 
 pub use friction::*;
+use physics::friction::formula::Text as FrictionFormula;
+use physics::written::Text as ComponentFormula;
 use serde::{Deserialize, Deserializer, de::Error};
 use std::collections::BTreeMap;
 
@@ -39,7 +41,7 @@ pub fn within<'a, D: Deserializer<'a>, T: FromJson>(table: D) -> Result<T, D::Er
     T::from_json(&serde_json::Value::deserialize(table)?.to_string()).map_err(D::Error::custom)
 }
 
-from_json!(Circuit, ComponentFormula, Formula, Friction);
+from_json!(Circuit, ComponentFormula, FrictionFormula, Friction);
 
 /// The gas of a circuit.
 #[derive(Clone, Debug, Deserialize)]
@@ -50,7 +52,6 @@ pub struct Gas {
     /// Specific gas constant, J/(kg K).
     pub gas_constant_j_kg_k: f64,
     /// `None` for an ideal gas.
-    #[serde(default)]
     pub virial: Option<Virial>,
 }
 
@@ -86,40 +87,16 @@ pub struct Component {
     pub kind: String,
     /// Values in SI by the keys of the parameters.
     #[serde(default)]
-    pub numbers: BTreeMap<String, f64>,
+    pub numbers: Numbers,
     /// Options by the names of the choices; default: the first option.
     #[serde(default)]
     pub choices: BTreeMap<String, String>,
     /// Friction, if its kind has any.
-    #[serde(default)]
     pub friction: Option<Friction>,
     /// Formula, if its kind takes one.
-    #[serde(default)]
     pub formula: Option<ComponentFormula>,
     /// Rows of numbers in the order of the kind's columns.
-    #[serde(default)]
     pub points: Option<Vec<Vec<f64>>>,
-}
-
-/// A formula of a component: see [`physics::written::Text`].
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ComponentFormula {
-    /// Its name in messages and tables.
-    pub name: String,
-    /// Its name for people.
-    #[serde(default)]
-    pub title: String,
-    /// Key in references.bib, if there is one.
-    #[serde(default)]
-    pub source: String,
-    /// Its parameters, in their order.
-    pub parameters: Vec<FormulaParameter>,
-    /// Name and formula, in their order.
-    #[serde(default)]
-    pub lets: Vec<(String, String)>,
-    /// The formula itself.
-    pub output: String,
 }
 
 /// Components, and the ports that are joined: "valve.4", or "ambient".

@@ -2,13 +2,13 @@
 
 use super::own_law::{check_levels, own_law};
 use crate::ground::{DIRECTIONS, Error, Lifted, seeds};
-use crate::specification::{self, Growth, StribeckShape};
+use crate::specification::{self, Friction, Numbers, StribeckShape};
 use math::{Dual, Lane};
 use physics::Parameter;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
-    self, AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Harmonic, Heating,
-    LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Table, Wear,
+    AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Evolution, Harmonic,
+    Heating, LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Table, Wear,
 };
 use std::collections::BTreeMap;
 
@@ -26,32 +26,27 @@ fn refuse<T>(message: String) -> Result<T, Error> {
 }
 
 /// Reads the friction of a description. An error for an unknown name lists the choices.
-pub fn friction_law(spec: &specification::Friction) -> Result<Contact<f64>, Error> {
+pub fn friction_law(spec: &Friction) -> Result<Contact<f64>, Error> {
     contact(&Lifted::plain(spec))
 }
 
 /// Reads the same with derivatives.
-pub(crate) fn contact<P: Lane>(spec: &Lifted<specification::Friction>) -> Result<Contact<P>, Error> {
+pub(crate) fn contact<P: Lane>(spec: &Lifted<Friction>) -> Result<Contact<P>, Error> {
     let law = law(spec)?;
-    let lips = spec.optional(|spec| spec.pressure.as_ref()).map(|lips| SealLips {
-        coulomb_a: lips.number(|p| p.coulomb_a),
-        coulomb_b: lips.number(|p| p.coulomb_b),
-        breakaway_a: lips.number(|p| p.breakaway_a),
-        breakaway_b: lips.number(|p| p.breakaway_b),
-    });
+    let lips = modifier(spec, "pressure", SealLips::<f64>::PARAMETERS, |spec| spec.pressure.as_ref())?;
     let composition = composition(spec, law.meta())?;
-    Ok(Contact::new(law, lips, composition))
+    Ok(Contact::new(law, lips.map(|lips| SealLips::from_values(&lips)), composition))
 }
 
 /// Returns steady sliding at each of `places`: the forces, N, and their derivatives by the numbers `names`, place by
 /// place. `json` is the friction of a description without `parameters`.
 pub fn steady_sensitivity(
     json: &str,
-    parameters: &BTreeMap<String, f64>,
+    parameters: &Numbers,
     names: &[String],
     places: &[At<f64>],
 ) -> Result<(Vec<f64>, Vec<f64>), Error> {
-    let mut seeds = seeds::<specification::Friction>(json, "friction", names)?;
+    let mut seeds = seeds::<Friction>(json, "friction", names)?;
     seeds.value.parameters = parameters.clone();
     let mut derivatives = vec![0.0; places.len() * names.len()];
     for first in (0..names.len()).step_by(DIRECTIONS) {
@@ -67,9 +62,7 @@ pub fn steady_sensitivity(
 }
 
 /// Returns the table of the law, and the law itself if it is custom.
-pub(super) fn meta(
-    spec: &specification::Friction,
-) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
+pub(super) fn meta(spec: &Friction) -> Result<(&'static Meta, Option<&'static OwnLaw>), Error> {
     if let Some(formula) = &spec.formula {
         let own = own_law(formula).map_err(|refusal| Error::Specification(refusal.to_string()))?;
         return Ok((&own.meta, Some(own)));
@@ -85,23 +78,35 @@ pub(super) fn meta(
     Ok((meta, None))
 }
 
-/// Refuses parameter values that are missing, out of bounds or inconsistent.
-fn check_values(spec: &specification::Friction, meta: &Meta) -> Result<(), Error> {
-    for parameter in meta.parameters {
-        match spec.parameters.get(parameter.key).copied().or(parameter.default) {
-            None => {
-                return refuse(format!(
-                    "friction.{} is missing: {} [{}]",
-                    parameter.key,
-                    parameter.meaning.trim(),
-                    parameter.unit
-                ));
-            }
-            Some(value) => within("friction", parameter, value)?,
+/// Refuses values of a table that are unknown, missing or out of bounds. `key` names a parameter in the description.
+fn check(
+    (table, of): (&str, &str),
+    parameters: &[Parameter],
+    numbers: &Lifted<Numbers>,
+    key: fn(&Parameter) -> String,
+) -> Result<(), Error> {
+    let keys: Vec<String> = parameters.iter().map(key).collect();
+    if let Some(other) = numbers.tables().flat_map(BTreeMap::keys).find(|other| !keys.contains(other)) {
+        return refuse(format!("{table}.{other} is not a parameter of \"{of}\"; it has {}", keys.join(", ")));
+    }
+    for (parameter, key) in parameters.iter().zip(keys) {
+        let Parameter { key: name, unit, bounds, .. } = parameter;
+        let Some(value) = numbers.value.get(&key).copied().or(parameter.default) else {
+            return refuse(format!("{table}.{name} is missing: {} [{unit}]", parameter.meaning.trim()));
+        };
+        if !bounds.contain(value) {
+            let rule = bounds.rule(value);
+            return refuse(format!("{table}.{name} = {value} {unit} is out of bounds: it must be {rule}"));
         }
     }
-    let value = |key: &str| spec.parameters.get(key);
-    if let (Some(fc), Some(fs)) = (value("coulomb"), value("breakaway"))
+    Ok(())
+}
+
+/// Refuses values of a law's parameters that are invalid or inconsistent.
+fn check_law(lifted: &Lifted<Friction>, meta: &Meta) -> Result<(), Error> {
+    let table = lifted.table(|spec| &spec.parameters);
+    check(("friction", meta.key), meta.parameters, &table, |parameter| parameter.key.into())?;
+    if let (Some(fc), Some(fs)) = (table.value.get("coulomb"), table.value.get("breakaway"))
         && fs < fc
     {
         return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
@@ -111,33 +116,20 @@ fn check_values(spec: &specification::Friction, meta: &Meta) -> Result<(), Error
 
 /// Returns the same friction with other values of its law's parameters. `None` if other quantities depend on these
 /// parameters.
-pub(super) fn with_values(
-    like: &Contact<f64>,
-    spec: &specification::Friction,
-) -> Result<Option<Contact<f64>>, Error> {
+pub(super) fn with_values(like: &Contact<f64>, spec: &Friction) -> Result<Option<Contact<f64>>, Error> {
     let (meta, own) = meta(spec)?;
     if own.is_some() || meta.elements {
         return Ok(None);
     }
-    check_values(spec, meta)?;
     let plain = Lifted::plain(spec);
+    check_law(&plain, meta)?;
     Ok(Some(like.with_law(like.law.lifted(&mut |parameter| number(&plain, parameter)))))
 }
 
-fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, Error> {
+fn law<P: Lane>(lifted: &Lifted<Friction>) -> Result<AnyLaw<P>, Error> {
     let spec = lifted.value;
     let (meta, own) = meta(spec)?;
-    for key in lifted.tables().flat_map(|spec| spec.parameters.keys()) {
-        if !meta.parameters.iter().any(|parameter| parameter.key == key) {
-            let names: Vec<&str> = meta.parameters.iter().map(|parameter| parameter.key).collect();
-            return refuse(format!(
-                "friction.{key} is not a parameter of \"{}\"; it has {}",
-                meta.key,
-                names.join(", ")
-            ));
-        }
-    }
-    check_values(spec, meta)?;
+    check_law(lifted, meta)?;
     if let Some(own) = own {
         check_levels(spec, own)?;
         Formula::new(own, numbers(lifted, meta)).examine().map_err(Error::Specification)?;
@@ -154,8 +146,8 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
     let mut law = plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter));
     if let (AnyLaw::MaxwellSlip(law), false) = (&mut law, spec.elements.is_empty()) {
         let element = |i: usize| Element {
-            stiffness: lifted.number(|spec| spec.elements[i].stiffness_n_m),
-            level: lifted.number(|spec| spec.elements[i].share),
+            stiffness: lifted.number(|spec| spec.elements[i].stiffness),
+            level: lifted.number(|spec| spec.elements[i].level),
         };
         law.set_elements((0..spec.elements.len()).map(element).collect());
     }
@@ -163,16 +155,16 @@ fn law<P: Lane>(lifted: &Lifted<specification::Friction>) -> Result<AnyLaw<P>, E
 }
 
 /// Returns the values of all parameters, which have been checked.
-fn numbers<P: Lane>(lifted: &Lifted<specification::Friction>, law: &Meta) -> Vec<P> {
+fn numbers<P: Lane>(lifted: &Lifted<Friction>, law: &Meta) -> Vec<P> {
     law.parameters.iter().map(|parameter| number(lifted, parameter)).collect()
 }
 
-fn named(spec: &specification::Friction, key: &str) -> Option<f64> {
+fn named(spec: &Friction, key: &str) -> Option<f64> {
     spec.parameters.get(key).copied()
 }
 
 /// Returns the value of a parameter that has been checked.
-fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Parameter) -> P {
+fn number<P: Lane>(lifted: &Lifted<Friction>, parameter: &Parameter) -> P {
     match (parameter.key, lifted.value.stribeck_shape) {
         ("stribeck_exponent", Some(StribeckShape::Exponential)) => P::one(),
         (key, _) => lifted.number_or(parameter.default.unwrap_or(f64::NAN), |spec| named(spec, key)),
@@ -180,12 +172,12 @@ fn number<P: Lane>(lifted: &Lifted<specification::Friction>, parameter: &Paramet
 }
 
 /// Choices of the description.
-fn choices(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
+fn choices(spec: &Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
     let (elements, evolution) = (elements(spec, law)?, evolution(spec, law)?);
     Ok(Choices { shape: shape(spec, law, own)?, elements, evolution })
 }
 
-fn shape(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error> {
+fn shape(spec: &Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error> {
     let Some(shape) = spec.stribeck_shape else { return Ok(None) };
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
     if own || !takes("stribeck_exponent") {
@@ -207,7 +199,7 @@ fn shape(spec: &specification::Friction, law: &Meta, own: bool) -> Result<Option
 }
 
 /// Returns the elements of a description, in N/m and fractions of the force level.
-fn elements(spec: &specification::Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
+fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
     let listed = &spec.elements;
     let stiffness = spec.parameters.get("bristle_stiffness").filter(|k| k.is_finite());
     match (law.elements, listed.is_empty(), stiffness) {
@@ -238,117 +230,68 @@ fn elements(spec: &specification::Friction, law: &Meta) -> Result<Vec<Element<f6
         ));
     }
     for (i, element) in listed.iter().enumerate() {
-        for (key, value) in [("stiffness", element.stiffness_n_m), ("share", element.share)] {
+        for (key, value) in [("stiffness", element.stiffness), ("share", element.level)] {
             if !(value > 0.0 && value.is_finite()) {
                 return refuse(format!("friction.elements[{i}].{key} = {value} must be greater than 0"));
             }
         }
     }
-    let total: f64 = listed.iter().map(|element| element.share).sum();
+    let total: f64 = listed.iter().map(|element| element.level).sum();
     if (total - 1.0).abs() > SHARES_WITHIN {
         return refuse(format!("friction.elements: the shares add up to {total}; they must add up to 1"));
     }
-    let scaled =
-        |e: &specification::SlipElement| Element { stiffness: e.stiffness_n_m, level: e.share / total };
-    Ok(listed.iter().map(scaled).collect())
+    Ok(listed.iter().map(|element| Element { level: element.level / total, ..*element }).collect())
 }
 
-fn evolution(spec: &specification::Friction, law: &Meta) -> Result<friction::Evolution, Error> {
+fn evolution(spec: &Friction, law: &Meta) -> Result<Evolution, Error> {
     if spec.evolution.is_some() && !law.evolves {
         return refuse(format!(
             "friction.evolution belongs to law \"rate-and-state\"; law \"{}\" has no such state",
             law.key
         ));
     }
-    Ok(match spec.evolution {
-        None | Some(specification::Evolution::Ageing) => friction::Evolution::Ageing,
-        Some(specification::Evolution::Slip) => friction::Evolution::Slip,
-    })
+    Ok(spec.evolution.unwrap_or_default())
 }
 
-/// Refuses a value outside the bounds of its parameter.
-fn within(table: &str, parameter: &Parameter, value: f64) -> Result<(), Error> {
-    if parameter.bounds.contain(value) {
-        return Ok(());
-    }
-    refuse(format!(
-        "{table}.{} = {value} {} is out of bounds: it must be {}",
-        parameter.key,
-        parameter.unit,
-        parameter.bounds.rule(value)
-    ))
+/// Returns the key of a modifier's parameter in a description, which carries the unit.
+fn key_with_unit(parameter: &Parameter) -> String {
+    let unit = match parameter.unit {
+        "N" => "_n",
+        "s" => "_s",
+        "m" => "_m",
+        "K" => "_k",
+        "rad" => "_rad",
+        "K/W" => "_k_w",
+        "1/K" => "_per_k",
+        "1/m" => "_per_m",
+        _ => "",
+    };
+    format!("{}{unit}", parameter.key)
 }
 
-/// Returns the numbers of a table, with values within the bounds of their parameters.
-fn checked<P: Lane, T, const N: usize>(
-    name: &str,
+/// Returns the values of a table, in the order of the parameters and within their bounds.
+fn values<P: Lane>(name: &str, parameters: &[Parameter], table: &Lifted<Numbers>) -> Result<Vec<P>, Error> {
+    check((name, name), parameters, table, key_with_unit)?;
+    let number = |parameter: &Parameter| {
+        let (key, default) = (key_with_unit(parameter), parameter.default.unwrap_or(f64::NAN));
+        table.number_or(default, |numbers| numbers.get(&key).copied())
+    };
+    Ok(parameters.iter().map(number).collect())
+}
+
+/// Returns the values of a modifier, if the description has it.
+fn modifier<P: Lane>(
+    spec: &Lifted<Friction>,
+    key: &str,
     parameters: &[Parameter],
-    table: &Lifted<T>,
-    numbers: impl Fn(&T) -> [f64; N],
-) -> Result<[P; N], Error> {
-    for (parameter, value) in parameters.iter().zip(numbers(table.value)) {
-        within(name, parameter, value)?;
-    }
-    Ok(table.numbers(numbers))
+    table: fn(&Friction) -> Option<&Numbers>,
+) -> Result<Option<Vec<P>>, Error> {
+    spec.optional(table).map(|table| values(&format!("friction.{key}"), parameters, &table)).transpose()
 }
 
-fn composition<P: Lane>(spec: &Lifted<specification::Friction>, law: &Meta) -> Result<Composition<P>, Error> {
-    let dwell = spec.optional(|spec| spec.dwell.as_ref()).map(|table| dwell(&table)).transpose()?;
-    let relaxation = spec.optional(|spec| spec.relaxation.as_ref());
-    let relaxation = relaxation.map(|table| relaxed(&table, law)).transpose()?;
-    let position = spec.optional(|spec| spec.position.as_ref()).map(|table| position(&table)).transpose()?;
-    let direction = spec.optional(|spec| spec.direction.as_ref()).map(|table| {
-        let numbers = |table: &specification::Direction| [table.positive, table.negative];
-        let [positive, negative] =
-            checked("friction.direction", Direction::<f64>::PARAMETERS, &table, numbers)?;
-        Ok(Direction { positive, negative, sense: law.sense })
-    });
-    let side_load = spec.optional(|spec| spec.side_load.as_ref()).map(|table| {
-        let numbers = |table: &specification::SideLoad| [table.force_n, table.coefficient];
-        let [force, coefficient] =
-            checked("friction.side_load", SideLoad::<f64>::PARAMETERS, &table, numbers)?;
-        Ok(SideLoad { force, coefficient })
-    });
-    let (direction, side_load) = (direction.transpose()?, side_load.transpose()?);
-    let heating = spec.optional(|spec| spec.temperature.as_ref()).map(|table| {
-        let numbers = |t: &specification::Temperature| {
-            [t.reference_k, t.viscous_per_k, t.levels_per_k, t.resistance_k_w, t.time_s]
-        };
-        let [reference, viscous, levels, resistance, time] =
-            checked("friction.temperature", Heating::<f64>::PARAMETERS, &table, numbers)?;
-        Ok(Heating { reference, viscous, levels, resistance, time, ambient: reference })
-    });
-    let wear = spec.optional(|spec| spec.wear.as_ref()).map(|table| {
-        let numbers = |t: &specification::Wear| [t.run_in, t.run_in_distance_m, t.rate_per_m, t.slid_m];
-        let [run_in, run_in_distance, rate, slid] =
-            checked("friction.wear", Wear::<f64>::PARAMETERS, &table, numbers)?;
-        Ok(Wear { run_in, run_in_distance, rate, slid })
-    });
-    let (heating, wear) = (heating.transpose()?, wear.transpose()?);
-    Ok(Composition { position, direction, heating, wear, side_load, dwell, relaxation })
-}
-
-fn dwell<P: Lane>(table: &Lifted<specification::Dwell>) -> Result<Dwell<P>, Error> {
-    let growth = match table.value.growth {
-        Growth::Saturating => friction::Growth::Saturating,
-        Growth::Log => friction::Growth::Logarithmic,
-        Growth::Hyperbolic => friction::Growth::Hyperbolic,
-    };
-    let numbers = |table: &specification::Dwell| {
-        [
-            table.increment_n,
-            table.time_s,
-            table.exponent,
-            table.distance_m,
-            table.pressure_a,
-            table.pressure_b,
-        ]
-    };
-    Ok(Dwell::new(growth, checked("friction.dwell", Dwell::<f64>::PARAMETERS, table, numbers)?))
-}
-
-fn relaxed<P: Lane>(table: &Lifted<specification::Relaxation>, law: &Meta) -> Result<Relaxation<P>, Error> {
-    if !law.bristles {
+fn composition<P: Lane>(lifted: &Lifted<Friction>, law: &Meta) -> Result<Composition<P>, Error> {
+    let spec = lifted.value;
+    if spec.relaxation.is_some() && !law.bristles {
         let laws = LAWS.iter().filter(|meta| meta.bristles).map(|meta| meta.key);
         return refuse(format!(
             "friction.relaxation needs elastic bristles, but law \"{}\" has none; choose one of {}",
@@ -356,10 +299,26 @@ fn relaxed<P: Lane>(table: &Lifted<specification::Relaxation>, law: &Meta) -> Re
             laws.collect::<Vec<_>>().join(", ")
         ));
     }
-    let numbers = |table: &specification::Relaxation| [table.share, table.time_s, table.distance_m];
-    let [share, time, distance] =
-        checked("friction.relaxation", Relaxation::<f64>::PARAMETERS, table, numbers)?;
-    Ok(Relaxation { share, time, distance })
+    let modifier = |key, parameters, table| modifier::<P>(lifted, key, parameters, table);
+    let dwell = modifier("dwell", Dwell::<f64>::PARAMETERS, |s| s.dwell.as_ref().map(|d| &d.numbers))?;
+    let dwell = dwell.zip(spec.dwell.as_ref()).map(|(values, dwell)| Dwell::new(dwell.growth, &values));
+    let relaxation = modifier("relaxation", Relaxation::<f64>::PARAMETERS, |s| s.relaxation.as_ref())?;
+    let direction = modifier("direction", Direction::<f64>::PARAMETERS, |s| s.direction.as_ref())?;
+    let side_load = modifier("side_load", SideLoad::<f64>::PARAMETERS, |s| s.side_load.as_ref())?;
+    // Without the last one: the circuit has the ambient temperature.
+    let of_heating = Heating::<f64>::PARAMETERS.split_last().expect("parameters").1;
+    let heating = modifier("temperature", of_heating, |s| s.temperature.as_ref())?;
+    let heating = heating.map(|values| Heating::from_values(&[&values[..], &values[..1]].concat()));
+    let wear = modifier("wear", Wear::<f64>::PARAMETERS, |s| s.wear.as_ref())?;
+    Ok(Composition {
+        position: lifted.optional(|s| s.position.as_ref()).map(|table| position(&table)).transpose()?,
+        direction: direction.map(|values| Direction::from_values(&values, law.sense)),
+        heating,
+        wear: wear.map(|values| Wear::from_values(&values)),
+        side_load: side_load.map(|values| SideLoad::from_values(&values)),
+        dwell,
+        relaxation: relaxation.map(|values| Relaxation::from_values(&values)),
+    })
 }
 
 fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result<Table<P>, Error> {
@@ -400,7 +359,7 @@ fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position
             waves.len()
         ));
     }
-    let total: f64 = waves.iter().map(|wave| wave.amplitude.abs()).sum();
+    let total: f64 = waves.iter().filter_map(|wave| wave.get("amplitude")).map(|a| a.abs()).sum();
     if total >= 1.0 {
         return refuse(format!(
             "friction.position: the amplitudes add up to {total}, so that friction would change its sign; \
@@ -413,11 +372,9 @@ fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position
         }
     }
     let harmonics = (0..waves.len()).map(|k| {
-        let numbers = |wave: &specification::Harmonic| [wave.period_m, wave.amplitude, wave.phase_rad];
         let wave = table.table(|table| &table.harmonics[k]);
-        let [period, amplitude, phase] =
-            checked("friction.position.harmonics", Harmonic::<f64>::PARAMETERS, &wave, numbers)?;
-        Ok(Harmonic { period, amplitude, phase })
+        let values = values("friction.position.harmonics", Harmonic::<f64>::PARAMETERS, &wave)?;
+        Ok(Harmonic::from_values(&values))
     });
     Ok(Position {
         table: position_table(table)?,

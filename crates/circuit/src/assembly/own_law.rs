@@ -1,9 +1,9 @@
 //! A custom friction law, from its description.
 
-use crate::ground::{Error, bounds, parameter_text};
+use crate::ground::Error;
 use crate::specification;
 use physics::friction::COMPOSITION_STATES;
-use physics::friction::formula::{OwnLaw, Problem, Refusal, StateText, Text};
+use physics::friction::formula::{OwnLaw, Refusal, Text};
 
 /// Columns of the trajectory of a drive, before the inner states of friction.
 pub(super) const COLUMNS: [&str; 13] = [
@@ -23,42 +23,16 @@ pub(super) const COLUMNS: [&str; 13] = [
 ];
 
 /// Returns the law of a user's formulas.
-pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refusal> {
-    for (i, state) in formula.states.iter().enumerate() {
-        let twice = formula.states[..i].iter().any(|other| other.name == state.name);
+pub fn own_law(text: &Text) -> Result<&'static OwnLaw, Refusal> {
+    for (i, state) in text.states.iter().enumerate() {
+        let twice = text.states[..i].iter().any(|other| other.name == state.name);
         if twice || COLUMNS.iter().chain(&COMPOSITION_STATES).any(|name| *name == state.name) {
             let what = format!("a trajectory already has a column \"{}\"", state.name);
-            let problem = Problem::of_all(what, "Give the state another name = \"...\".");
-            return Err(Refusal {
-                key: format!("states.{}.name", state.key),
-                formula: String::new(),
-                problem,
-            });
+            let remedy = "Give the state another name = \"...\".";
+            return Err(Refusal::of(format!("states.{}.name", state.key), what, remedy));
         }
     }
-    let states = formula.states.iter().map(|state| StateText {
-        key: state.key.clone(),
-        name: state.name.clone(),
-        unit: state.unit.clone(),
-        scale: state.scale,
-        bounds: bounds(&state.bounds),
-        rate: state.rate.clone(),
-    });
-    let levels = &formula.levels;
-    OwnLaw::of(&Text {
-        name: formula.name.clone(),
-        title: formula.title.clone(),
-        source: formula.source.clone(),
-        parameters: formula.parameters.iter().map(parameter_text).collect(),
-        levels: [levels.coulomb.clone(), levels.breakaway.clone(), levels.viscous.clone()],
-        states: states.collect(),
-        lets: formula.lets.clone(),
-        force: formula.force.clone(),
-        energy: formula.energy.clone(),
-        slip: formula.slip.clone(),
-        steady: formula.steady.clone(),
-        odd: formula.odd,
-    })
+    OwnLaw::of(text)
 }
 
 /// Modifiers of force levels need a law that has levels.

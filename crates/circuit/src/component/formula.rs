@@ -6,9 +6,8 @@ use super::{
 use crate::circuit::Path;
 use crate::component::Quantity;
 use crate::component::instance::Written;
-use crate::ground::{Error, parameter_text};
+use crate::ground::Error;
 use crate::part::{FormulaForce, FormulaPath};
-use crate::specification::ComponentFormula;
 use math::Lane;
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
@@ -22,22 +21,14 @@ static KNOWN: Known<Written> = Known::new();
 pub(crate) fn written(
     base: &'static Kind,
     role: &'static Role,
-    formula: &ComponentFormula,
+    text: &Text,
 ) -> Result<&'static Written, Refusal> {
-    let text = Text {
-        name: formula.name.clone(),
-        title: formula.title.clone(),
-        source: formula.source.clone(),
-        parameters: formula.parameters.iter().map(parameter_text).collect(),
-        lets: formula.lets.clone(),
-        output: formula.output.clone(),
-    };
     if let Some(taken) = text.parameters.iter().find(|parameter| base.takes(&parameter.key)) {
         let what = format!("\"{}\" is a key of every {}", taken.key, base.key);
         let key = format!("parameters.{}", taken.key);
         return Err(Refusal::of(key, what, "Choose another name for the parameter."));
     }
-    let own = OwnFormula::of(role, &text)?;
+    let own = OwnFormula::of(role, text)?;
     KNOWN.get(format!("{} {text:?}", base.key), || {
         let rows = own.parameters.iter().map(|parameter| Row::of(*parameter));
         let commanded = role.variables.last().is_some_and(|last| own.uses(last.name));

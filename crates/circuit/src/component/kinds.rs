@@ -6,9 +6,8 @@ use super::instance::{Brings, Given, Instance, Terminals};
 use super::kind::Kind;
 use super::{flow, formula, gas, mechanics, valves};
 use crate::ground::Error;
-use crate::specification::ComponentFormula;
 use math::{Deps, Lane, Over};
-use physics::written::Refusal;
+use physics::written::{Refusal, Text};
 
 macro_rules! components {
     ($($component:path),* $(,)?) => {
@@ -112,7 +111,7 @@ components! {
 /// does not exist or does not accept a formula.
 pub fn formula_kind(
     kind: &str,
-    formula: &ComponentFormula,
+    formula: &Text,
 ) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
     let base = KINDS.iter().find(|own| own.key == kind)?;
     let Extra::Formula(role) = base.extra else { return None };

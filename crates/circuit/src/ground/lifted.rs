@@ -73,11 +73,6 @@ impl<'a, T> Lifted<'a, T> {
         })
     }
 
-    /// Returns several numbers.
-    pub fn numbers<P: Lane, const N: usize>(&self, f: impl Fn(&T) -> [f64; N]) -> [P; N] {
-        std::array::from_fn(|i| self.number(|table| f(table)[i]))
-    }
-
     /// Returns whether any direction, of this pass or another, changes this number.
     pub fn is_free(&self, f: impl Fn(&T) -> f64) -> bool {
         self.index.is_some_and(|index| self.free.contains(&f(index)))

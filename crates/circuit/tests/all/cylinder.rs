@@ -24,7 +24,7 @@ fn cylinder(split: bool, key: &str) -> (Circuit<f64>, AxisId, [GasId; 2], Edges,
     ];
     let friction = law(key, if key == "stribeck" { &values[..4] } else { &values });
     let dwell =
-        (key == "elasto-plastic").then(|| Dwell::new(Growth::Hyperbolic, [5.0, 0.1, 1.0, 5e-5, 0.0, 0.0]));
+        (key == "elasto-plastic").then(|| Dwell::new(Growth::Hyperbolic, &[5.0, 0.1, 1.0, 5e-5, 0.0, 0.0]));
     let lips = SealLips { coulomb_a: 1e-5, coulomb_b: 2e-5, breakaway_a: 1e-5, breakaway_b: 3e-5 };
     let friction = Contact::new(friction, Some(lips), Composition { dwell, ..Composition::NONE });
     let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction));

@@ -3,7 +3,7 @@
 
 use crate::support::drive::{self, Drive};
 use crate::support::{at_rest, everything, pinned, reference, reference_stribeck};
-use circuit::{Circuit, Error, Look, advance, specification};
+use circuit::{Circuit, Error, Look, advance};
 use math::{Lane, Lanes};
 use ode::{NoOutput, Options, Output, Paused, Statistics, Stepper};
 
@@ -69,18 +69,22 @@ fn four(spec: &drive::Spec) -> Vec<Drive> {
             *value *= if name == "stribeck_exponent" { 1.0 } else { factor };
         }
         if let Some(dwell) = &mut spec.friction.dwell {
-            dwell.increment_n *= factor;
-            dwell.time_s *= 2.0 - factor;
+            *dwell.numbers.get_mut("increment_n").expect("an increment") *= factor;
+            *dwell.numbers.get_mut("time_s").expect("a time") *= 2.0 - factor;
         }
         if let Some(relaxation) = &mut spec.friction.relaxation {
-            relaxation.share *= factor;
+            *relaxation.get_mut("share").expect("a fraction") *= factor;
         }
-        spec.friction.pressure = Some(specification::SealPressure {
-            coulomb_a: 1e-6 * i as f64,
-            coulomb_b: 2e-6,
-            breakaway_a: 3e-6,
-            breakaway_b: 1e-6,
-        });
+        spec.friction.pressure = Some(
+            [
+                ("coulomb_a", 1e-6 * i as f64),
+                ("coulomb_b", 2e-6),
+                ("breakaway_a", 3e-6),
+                ("breakaway_b", 1e-6),
+            ]
+            .map(|(key, value)| (key.into(), value))
+            .into(),
+        );
         Drive::assemble(&spec, false).expect("assembles")
     };
     [1.0, 1.1, 0.9, 1.3].into_iter().enumerate().map(vary).collect()

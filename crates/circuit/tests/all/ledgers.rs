@@ -81,12 +81,11 @@ fn cases() -> [Case; 17] {
         }),
         case("spring and seal lips", [0.5, -0.5, 0.2, 0.0], |drive, _| {
             drive.load.spring = Some(drive::LoadSpring { stiffness_n_m: 800.0, rest_position_m: 0.3 });
-            drive.friction.pressure = Some(spec::SealPressure {
-                coulomb_a: 2e-5,
-                coulomb_b: 1e-5,
-                breakaway_a: 2e-5,
-                breakaway_b: 1e-5,
-            });
+            drive.friction.pressure = Some(
+                [("coulomb_a", 2e-5), ("coulomb_b", 1e-5), ("breakaway_a", 2e-5), ("breakaway_b", 1e-5)]
+                    .map(|(key, value)| (key.into(), value))
+                    .into(),
+            );
         }),
         case("wall that holds the temperature", slam, |drive, _| {
             drive.cylinder.heat_transfer_w_m2_k = 5000.0;

@@ -80,7 +80,7 @@ fn bristles(key: &str, changes: &[(&'static str, f64)]) -> AnyLaw<f64> {
 
 /// 1.5 N for each e-fold of age beyond 1 s, renewed over 20 um.
 fn aging() -> Composition<f64> {
-    let dwell = Dwell::new(Growth::Logarithmic, [1.5, 1.0, 0.4, 2e-5, 0.0, 0.0]);
+    let dwell = Dwell::new(Growth::Logarithmic, &[1.5, 1.0, 0.4, 2e-5, 0.0, 0.0]);
     Composition { dwell: Some(dwell), ..Composition::NONE }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{AxisId, ChamberLaw, Circuit, InputId, specification};
+use circuit::{AxisId, ChamberLaw, Circuit, InputId};
 use ode::Stepper;
 use physics::friction::AnyLaw;
 
@@ -83,8 +83,13 @@ fn turned(spec: &drive::Spec) -> drive::Spec {
         spring.rest_position_m = cylinder.stroke_m - spring.rest_position_m;
     }
     if let Some(lips) = &mut spec.friction.pressure {
-        std::mem::swap(&mut lips.coulomb_a, &mut lips.coulomb_b);
-        std::mem::swap(&mut lips.breakaway_a, &mut lips.breakaway_b);
+        *lips = std::mem::take(lips)
+            .into_iter()
+            .map(|(key, value)| {
+                let (level, chamber) = key.split_at(key.len() - 1);
+                (format!("{level}{}", if chamber == "a" { "b" } else { "a" }), value)
+            })
+            .collect();
     }
     spec
 }
@@ -98,12 +103,11 @@ fn a_drive_described_from_its_other_end_moves_the_same() {
     spec.cylinder.incline_rad = 0.4;
     spec.load.force_n = 8.0;
     spec.load.spring = Some(drive::LoadSpring { stiffness_n_m: 200.0, rest_position_m: 0.1 });
-    spec.friction.pressure = Some(specification::SealPressure {
-        coulomb_a: 1e-5,
-        coulomb_b: 0.0,
-        breakaway_a: 2e-5,
-        breakaway_b: 1e-5,
-    });
+    spec.friction.pressure = Some(
+        [("coulomb_a", 1e-5), ("coulomb_b", 0.0), ("breakaway_a", 2e-5), ("breakaway_b", 1e-5)]
+            .map(|(key, value)| (key.into(), value))
+            .into(),
+    );
     let run = |spec: &drive::Spec, x0: f64, sign: f64| {
         let drive = Drive::assemble(spec, false).expect("assembles");
         let commands = [0.6, -0.6, 0.1].map(|u| sign * u);

@@ -57,7 +57,7 @@ fn each_message_says_what_and_why() {
         ("lugre", "dwell", dwell(json!({ "time_s": 0.0 })), "friction.dwell.time = 0 s"),
         ("lugre", "dwell", dwell(json!({ "exponent": 2.5 })), "friction.dwell.exponent = 2.5"),
         ("lugre", "dwell", dwell(json!({ "distance_m": 0.0 })), "friction.dwell.distance = 0 m"),
-        ("lugre", "dwell", dwell(json!({ "distance": 1.0 })), "unknown field `distance`"),
+        ("lugre", "dwell", dwell(json!({ "distance": 1.0 })), "friction.dwell.distance is not a parameter"),
         ("coulomb", "position", json!({}), "friction.breakaway is not a parameter of \"coulomb\""),
         ("stribeck", "position", json!({ "harmonics": [wave(0.6), wave(-0.4)] }), "add up to 1"),
         ("stribeck", "position", json!({ "harmonics": vec![wave(0.1); 5] }), "at most 4"),

@@ -3,6 +3,7 @@ use super::{At, Choices, Claims, Described, FLOOR, InnerState, Law, Levels, Sens
 use crate::Parameter;
 use crate::parameter::{above, at_least};
 use math::{Lane, Over, Real};
+use serde::Deserialize;
 
 /// Number of elements by default.
 const USUAL_ELEMENTS: usize = 4;
@@ -35,11 +36,14 @@ const STATES: [InnerState; 11] = [
 ];
 
 /// One element: a spring in series with a slider.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Element<P> {
-    /// Fraction of the stiffness sigma0.
+    /// Fraction of the stiffness sigma0, or in a description N/m.
+    #[serde(rename = "stiffness_n_m")]
     pub stiffness: P,
     /// Fraction of the level.
+    #[serde(rename = "share")]
     pub level: P,
 }
 

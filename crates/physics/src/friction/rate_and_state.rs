@@ -2,9 +2,11 @@ use super::bristles::DEFLECTION;
 use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense};
 use crate::parameter::{above, at_least, between};
 use math::{Over, Real};
+use serde::Deserialize;
 
 /// Evolution of the state of the contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Evolution {
     /// dtheta/dt = 1 - |w| theta/L: the contact ages with time, also at rest. Source: [dieterich1979].
     #[default]

@@ -4,6 +4,7 @@ use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Graph, Program};
 use math::{Gather, Lane, Over, Real};
+use serde::Deserialize;
 use std::fmt::Write;
 
 /// A name that a formula can use.
@@ -31,17 +32,21 @@ pub struct Role {
 }
 
 /// A formula as written by its author.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Text {
     /// Its name in messages and tables.
     pub name: String,
     /// Its name for people.
+    #[serde(default)]
     pub title: String,
     /// Key in references.bib; empty: none.
+    #[serde(default)]
     pub source: String,
     /// Its parameters, in their order.
     pub parameters: Vec<ParameterText>,
     /// Names and formulas, in their order.
+    #[serde(default)]
     pub lets: Vec<(String, String)>,
     /// The formula itself.
     pub output: String,

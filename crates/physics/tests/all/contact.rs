@@ -27,7 +27,7 @@ fn uniform(seed: u64) -> impl FnMut() -> f64 {
 fn age_grows_friction_by_the_law_of_its_name() {
     let at = At::at_rest();
     let grown = |growth, time, exponent, age| {
-        Dwell::new(growth, [2.0, time, exponent, 1e-5, 0.0, 0.0]).increment(&at, age)
+        Dwell::new(growth, &[2.0, time, exponent, 1e-5, 0.0, 0.0]).increment(&at, age)
     };
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
     near(grown(Growth::Logarithmic, 0.5, 1.0, 0.0), 0.0);
@@ -39,7 +39,7 @@ fn age_grows_friction_by_the_law_of_its_name() {
     near(share, 1.0 - (-(15.0_f64 / 5.4e4).powf(0.4)).exp());
     assert!((share - 0.037).abs() < 5e-4);
     // Pressure in either chamber raises the increment, and never turns it round.
-    let dwell = Dwell::new(Growth::Hyperbolic, [2.0, 30.0, 1.0, 1e-5, 1e-6, -4e-6]);
+    let dwell = Dwell::new(Growth::Hyperbolic, &[2.0, 30.0, 1.0, 1e-5, 1e-6, -4e-6]);
     near(dwell.increment(&at.pressed(5e5, 0.0), 30.0), 1.5);
     near(dwell.increment(&at.pressed(0.0, 1e5), 30.0), 0.6);
     near(dwell.increment(&at.pressed(0.0, 9e5), 30.0), 0.0);

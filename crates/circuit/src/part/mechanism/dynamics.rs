@@ -7,9 +7,9 @@
 //! X are the weighted points, w their weights and m their masses. F_i is the force on leg i in +x, and D_i the mass
 //! inside its friction.
 
-use crate::part::mechanism::jet::{Curved, Jet};
+use crate::part::mechanism::jet::Jet;
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
-use math::{MOST_ARGUMENTS, Map, Over, Real};
+use math::{Dual, MOST_ARGUMENTS, Map, Over, Real};
 use physics::constants::STANDARD_GRAVITY;
 
 /// Mass matrix, forces and legs at one pose and rate.
@@ -138,14 +138,14 @@ impl<P: Real> Map<P> for Places<'_, P> {
 
     fn slopes(&self, x: &[P], out: &mut [P], slopes: &mut [[P; MOST_ARGUMENTS]]) {
         each!(self.0, M, N => {
-            let at = Curved::coordinates(&group::<P, N>(x, 0), &group(x, 1));
+            let at = Jet::curved(&group::<P, N>(x, 0), &group(x, 1));
             let legs = <M as Mechanism<N>>::see(self.1, &at, &mut |_: [P; 2], _: [Curved<P, N>; 3]| {});
             for (i, leg) in legs.iter().enumerate() {
-                (out[i], out[N + i]) = (leg.jet.x, leg.jet.v);
+                (out[i], out[N + i]) = (leg.x.re, leg.v.re);
                 for k in 0..N {
-                    slopes[i][k] = leg.jet.by_q[k];
-                    slopes[N + i][k] = leg.v_by_q[k];
-                    slopes[N + i][N + k] = leg.jet.by_q[k];
+                    slopes[i][k] = leg.by_q[k].re;
+                    slopes[N + i][k] = leg.v.eps[k];
+                    slopes[N + i][N + k] = leg.by_q[k].re;
                 }
             }
         });
@@ -154,27 +154,31 @@ impl<P: Real> Map<P> for Places<'_, P> {
 
 const _: () = assert!(3 * MOST <= MOST_ARGUMENTS);
 
+/// A function of the coordinates whose derivatives have derivatives too.
+type Curved<P, const N: usize> = Jet<Dual<P, N>, N>;
+
 /// Slopes of the sum of forces on the coordinates at constant acceleration.
 struct Residual<P, const N: usize> {
     by_q: [[P; N]; N],
     by_u: [[P; N]; N],
 }
 
+/// Returns the second rate of a function under these accelerations of the coordinates.
+fn accelerated<P: Real, const N: usize>(x: &Curved<P, N>, acceleration: &[P; N]) -> Dual<P, N> {
+    (0..N).fold(x.a, |sum, k| sum + x.by_q[k].times(acceleration[k]))
+}
+
 impl<P: Real, const N: usize> Residual<P, N> {
     /// Adds the term `dx/dq . x''` times minus `weight`, and `dx/dq` times `force`.
     #[inline(always)]
     fn add(&mut self, x: &Curved<P, N>, weight: P, force: P, acceleration: &[P; N]) {
-        let jet = &x.jet;
-        let second = (0..N).fold(jet.a, |sum, k| sum + jet.by_q[k] * acceleration[k]);
-        let rest = force - weight * second;
-        let two = P::c(2.0);
-        let by_q: [P; N] = std::array::from_fn(|d| {
-            (0..N).fold(x.a_by_q[d], |sum, b| sum + x.second(d, b) * acceleration[b]) * weight
-        });
+        let second = accelerated(x, acceleration);
+        let rest = force - weight * second.re;
         for a in 0..N {
             for d in 0..N {
-                self.by_q[a][d] += x.second(a, d) * rest - jet.by_q[a] * by_q[d];
-                self.by_u[a][d] -= jet.by_q[a] * (weight * two * x.v_by_q[d]);
+                let slope = x.by_q[a].re * weight;
+                self.by_q[a][d] += x.by_q[a].eps[d] * rest - slope * second.eps[d];
+                self.by_u[a][d] -= slope * P::c(2.0) * x.v.eps[d];
             }
         }
     }
@@ -213,7 +217,7 @@ impl<P: Real> Map<P> for Accelerations<'_, P> {
             let gravity = P::c(STANDARD_GRAVITY);
             let legs = <M as Mechanism<N>>::see(
                 self.geometry,
-                &Curved::coordinates(&q, &u),
+                &Jet::curved(&q, &u),
                 &mut |[weight, heavy]: [P; 2], x: [Curved<P, N>; 3]| {
                     for (k, x) in x.iter().enumerate() {
                         let force = if k == 2 { -(gravity * heavy) } else { P::zero() };
@@ -229,9 +233,8 @@ impl<P: Real> Map<P> for Accelerations<'_, P> {
                 let by_u = factor.solve(residual.by_u.map(|row| row[d]));
                 for (i, leg) in legs.iter().enumerate() {
                     (slopes[i][d], slopes[i][N + d]) = (by_q[i], by_u[i]);
-                    let bent = (0..N).fold(leg.a_by_q[d], |sum, b| sum + leg.second(d, b) * acceleration[b]);
-                    slopes[N + i][d] = along(&leg.jet, &by_q) + bent;
-                    slopes[N + i][N + d] = along(&leg.jet, &by_u) + P::c(2.0) * leg.v_by_q[d];
+                    slopes[N + i][d] = along(&forms.legs[i], &by_q) + accelerated(leg, &acceleration).eps[d];
+                    slopes[N + i][N + d] = along(&forms.legs[i], &by_u) + P::c(2.0) * leg.v.eps[d];
                 }
             }
         });

@@ -1,6 +1,6 @@
 //! Numbers with derivatives by the coordinates of a mechanism and along its motion.
 
-use math::{Over, Real};
+use math::{Dual, Over, Real};
 use std::ops::{Add, Mul, Sub};
 
 /// A number in the geometry of a mechanism, with the constants `P` of its description.
@@ -92,159 +92,20 @@ impl<P: Real, S: Over<P>, const N: usize> Smooth<P> for Jet<S, N> {
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.chain(root(self.x))
+        let root = self.x.sqrt();
+        let first = S::c(0.5) / root;
+        self.chain([root, first, -(first * S::c(0.5) / self.x)])
     }
     #[inline(always)]
     fn inverse(self) -> Self {
-        self.chain(reciprocal(self.x))
+        let inverse = S::one() / self.x;
+        self.chain([inverse, -(inverse * inverse), S::c(2.0) * inverse * inverse * inverse])
     }
 }
 
-/// Returns the root of `x` with its first two derivatives.
-fn root<S: Real>(x: S) -> [S; 3] {
-    let root = x.sqrt();
-    let first = S::c(0.5) / root;
-    [root, first, -(first * S::c(0.5) / x)]
-}
-
-/// Returns the reciprocal of `x` with its first two derivatives.
-fn reciprocal<S: Real>(x: S) -> [S; 3] {
-    let inverse = S::one() / x;
-    [inverse, -(inverse * inverse), S::c(2.0) * inverse * inverse * inverse]
-}
-
-/// A [`Jet`] with its own derivatives by the coordinates.
-#[derive(Clone, Copy, Debug)]
-pub struct Curved<P, const N: usize> {
-    /// Value and derivatives.
-    pub jet: Jet<P, N>,
-    /// Second derivatives by q. Only the lower triangle is used.
-    pub by_qq: [[P; N]; N],
-    /// Derivatives of the first rate by q.
-    pub v_by_q: [P; N],
-    /// Derivatives of the second rate by q.
-    pub a_by_q: [P; N],
-}
-
-impl<P: Real, const N: usize> Curved<P, N> {
-    fn flat(jet: Jet<P, N>) -> Self {
-        let zero = [P::zero(); N];
-        Curved { jet, by_qq: [zero; N], v_by_q: zero, a_by_q: zero }
-    }
-
-    /// Returns the coordinates of a motion.
-    pub fn coordinates(q: &[P; N], u: &[P; N]) -> [Self; N] {
-        Jet::coordinates(q, u).map(Self::flat)
-    }
-
-    /// Returns the second derivative by two coordinates.
-    #[inline(always)]
-    pub fn second(&self, i: usize, j: usize) -> P {
-        if j <= i { self.by_qq[i][j] } else { self.by_qq[j][i] }
-    }
-
-    #[inline]
-    fn each(self, o: Self, f: impl Fn(P, P) -> P, jet: Jet<P, N>) -> Self {
-        let mut by_qq = self.by_qq;
-        for i in 0..N {
-            for j in 0..=i {
-                by_qq[i][j] = f(self.by_qq[i][j], o.by_qq[i][j]);
-            }
-        }
-        Curved {
-            jet,
-            by_qq,
-            v_by_q: std::array::from_fn(|i| f(self.v_by_q[i], o.v_by_q[i])),
-            a_by_q: std::array::from_fn(|i| f(self.a_by_q[i], o.a_by_q[i])),
-        }
-    }
-
-    #[inline(never)]
-    fn chain(self, [f, f1, f2, f3]: [P; 4]) -> Self {
-        let Jet { by_q: g, v, a, .. } = self.jet;
-        let mut by_qq = self.by_qq;
-        for i in 0..N {
-            for j in 0..=i {
-                by_qq[i][j] = f1 * by_qq[i][j] + f2 * g[i] * g[j];
-            }
-        }
-        let (two, third) = (P::c(2.0), f3 * v * v);
-        Curved {
-            jet: self.jet.chain([f, f1, f2]),
-            by_qq,
-            v_by_q: std::array::from_fn(|i| f1 * self.v_by_q[i] + f2 * g[i] * v),
-            a_by_q: std::array::from_fn(|i| {
-                f1 * self.a_by_q[i] + f2 * (two * self.v_by_q[i] * v + g[i] * a) + third * g[i]
-            }),
-        }
-    }
-}
-
-impl<P: Real, const N: usize> Add for Curved<P, N> {
-    type Output = Self;
-    #[inline]
-    fn add(self, o: Self) -> Self {
-        self.each(o, |a, b| a + b, self.jet + o.jet)
-    }
-}
-
-impl<P: Real, const N: usize> Sub for Curved<P, N> {
-    type Output = Self;
-    #[inline]
-    fn sub(self, o: Self) -> Self {
-        self.each(o, |a, b| a - b, self.jet - o.jet)
-    }
-}
-
-impl<P: Real, const N: usize> Mul for Curved<P, N> {
-    type Output = Self;
-    #[inline(never)]
-    fn mul(self, o: Self) -> Self {
-        let (one, other, two) = (self.jet, o.jet, P::c(2.0));
-        let mut by_qq = self.by_qq;
-        for i in 0..N {
-            for j in 0..=i {
-                by_qq[i][j] = self.by_qq[i][j] * other.x
-                    + one.by_q[i] * other.by_q[j]
-                    + one.by_q[j] * other.by_q[i]
-                    + one.x * o.by_qq[i][j];
-            }
-        }
-        Curved {
-            jet: one * other,
-            by_qq,
-            v_by_q: std::array::from_fn(|i| {
-                self.v_by_q[i] * other.x + one.by_q[i] * other.v + one.v * other.by_q[i] + one.x * o.v_by_q[i]
-            }),
-            a_by_q: std::array::from_fn(|i| {
-                self.a_by_q[i] * other.x
-                    + one.by_q[i] * other.a
-                    + one.a * other.by_q[i]
-                    + one.x * o.a_by_q[i]
-                    + two * (self.v_by_q[i] * other.v + one.v * o.v_by_q[i])
-            }),
-        }
-    }
-}
-
-impl<P: Real, const N: usize> Smooth<P> for Curved<P, N> {
-    #[inline(always)]
-    fn of(x: P) -> Self {
-        Self::flat(Jet::constant(x))
-    }
-    #[inline]
-    fn by(self, x: P) -> Self {
-        self.each(self, |a, _| a * x, Smooth::<P>::by(self.jet, x))
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        let x = self.jet.x;
-        let [f, f1, f2] = root(x);
-        self.chain([f, f1, f2, -(P::c(1.5) * f2 / x)])
-    }
-    #[inline(always)]
-    fn inverse(self) -> Self {
-        let [f, f1, f2] = reciprocal(self.jet.x);
-        self.chain([f, f1, f2, -(P::c(3.0) * f2 * f)])
+impl<P: Real, const N: usize> Jet<Dual<P, N>, N> {
+    /// Returns the coordinates of a motion. All numbers that follow from them have derivatives by the coordinates.
+    pub fn curved(q: &[P; N], u: &[P; N]) -> [Self; N] {
+        Self::coordinates(&std::array::from_fn(|k| Dual::variable(q[k], k)), &u.map(Dual::from))
     }
 }

@@ -91,7 +91,7 @@ fn names(text: &Text) -> Compiled<()> {
 fn levels(text: &Text) -> Compiled<[Option<usize>; 3]> {
     let mut out = [None; 3];
     for (i, (level, level_unit)) in LEVELS.iter().enumerate() {
-        let Some(name) = &text.levels[i] else { continue };
+        let Some(name) = text.levels.get(*level) else { continue };
         let key = format!("levels.{level}");
         let Some(k) = text.parameters.iter().position(|p| p.key == *name) else {
             let known = text.parameters.iter().map(|p| p.key.as_str());

@@ -1,13 +1,16 @@
 use crate::friction::{At, InnerState};
 use crate::parameter::{above, any, at_least, between};
 use math::{Lane, Over, Real};
+use serde::Deserialize;
 
 /// Growth of friction with the age phi of the contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Growth {
     /// 1 - exp(-(phi/tau)^m): bounded. Source: [kato1972].
     Saturating,
     /// ln(1 + phi/tau): without bound, and therefore for the measured decades of age only. Source: [dieterich1979].
+    #[serde(rename = "log")]
     Logarithmic,
     /// phi/(phi + tau): bounded. Source: [armstrong1994].
     Hyperbolic,
@@ -108,22 +111,16 @@ crate::parameters! {
 
 impl<R: Lane> Dwell<R> {
     /// Creates it from the values of [`Dwell::PARAMETERS`], in their order.
-    pub fn new(
-        growth: Growth,
-        [increment, time, exponent, distance, pressure_a, pressure_b]: [R; 6],
-    ) -> Self {
+    pub fn new(growth: Growth, values: &[R]) -> Self {
         // Returns the error scale of phi: an error of phi must not cost more than the same fraction of b0. If Psi is
         // nearly linear below tau, this is tau itself. If Psi rises steeply from zero, it is the age at which m
         // (phi/tau)^m equals that fraction.
-        let time_s = time.get(0);
-        let scale = match growth {
-            Growth::Logarithmic | Growth::Hyperbolic => time_s,
-            Growth::Saturating => {
-                let (youngest, exponent) = (distance.get(0) / FAST, exponent.get(0));
-                time_s.min(youngest * (time_s / youngest).powf(exponent) / exponent)
-            }
-        };
-        Dwell { increment, time, exponent, distance, pressure_a, pressure_b, growth, scale }
+        let mut dwell = Dwell::from_values(values, growth, values[1].get(0));
+        if growth == Growth::Saturating {
+            let (youngest, exponent) = (dwell.distance.get(0) / FAST, dwell.exponent.get(0));
+            dwell.scale = dwell.scale.min(youngest * (dwell.scale / youngest).powf(exponent) / exponent);
+        }
+        dwell
     }
 }
 

@@ -20,7 +20,7 @@ pub const LIPS: SealLips<f64> =
 
 pub fn dwell(growth: Growth) -> Dwell<f64> {
     let (time, exponent) = if growth == Growth::Saturating { (5e4, 0.4) } else { (1.0, 1.0) };
-    Dwell::new(growth, [1.5, time, exponent, 2e-5, 1e-6, 2e-6])
+    Dwell::new(growth, &[1.5, time, exponent, 2e-5, 1e-6, 2e-6])
 }
 
 pub fn relaxation() -> Relaxation<f64> {
