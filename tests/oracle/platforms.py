@@ -10,7 +10,7 @@ Legs of 3-RPS have hinges. All places are in m, in the axes of the frame; joints
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ class Machine:
     barrel_mass: float = 0.0
     barrel_centre: float = 0.0
     leg_inertia: float = 0.0
+    down: Array = field(default_factory=lambda: np.array([0.0, 0.0, -GRAVITY]))
 
     @property
     def turns(self) -> bool:
@@ -111,7 +112,7 @@ class Machine:
     def side_forces(self, place: Array, turn: Array, rates: Array, forces: Array) -> Array:
         """Return the forces across the legs at their joints on the platform, or across the guides of carriages, N."""
         found, which, multipliers, joints = self.solved(place, turn, rates, forces)
-        up, out = np.array([0.0, 0.0, GRAVITY]), []
+        up, out = -self.down, []
         first = len(self.rate_rows(turn))
         for i, (b, at) in enumerate(zip(self.platform, which, strict=True)):
             d = place + turn @ b - self.frame[i]
@@ -136,11 +137,10 @@ class Machine:
         size = 6 + (n if delta else 4 * n)
         mass, bias = np.zeros((size, size)), np.zeros(size)
         rows, gammas = [], []
-        down = np.array([0.0, 0.0, -GRAVITY])
 
         def point(m: float, a: Array, a0: Array, heavy: float | None = None) -> None:
             mass[:] += m * a.T @ a
-            bias[:] += a.T @ (m * a0 - (m if heavy is None else heavy) * down)
+            bias[:] += a.T @ (m * a0 - (m if heavy is None else heavy) * self.down)
 
         def on_platform(b: Array) -> tuple[Array, Array]:
             arm, a = turn @ b, np.zeros((3, size))
@@ -206,7 +206,7 @@ class Machine:
 
 
 def random_machine(kind: str, rng: np.random.Generator) -> Machine:
-    """Return a machine with unequal joints, hinges, lengths and masses."""
+    """Return a machine with unequal joints, hinges, lengths and masses, and gravity in any direction."""
     n = 6 if kind == "platform/6-ups" else 3
     third = 2.0 * np.pi / 3.0
     if n == 3:
@@ -233,13 +233,15 @@ def random_machine(kind: str, rng: np.random.Generator) -> Machine:
     inertia = np.array([0.08, 0.09, 0.15]) * rng.uniform(0.9, 1.1, 3)
     is_body = kind in ("platform/3-rps", "platform/6-ups")
     is_leg = kind != "platform/linear-delta"
-    return Machine(
+    machine = Machine(
         kind, frame, platform, directions, lengths, rng.uniform(3.0, 9.0),
         rng.uniform(-0.05, 0.05, 3) * is_body, inertia, rng.uniform(0.4, 0.9, n),
         payload=rng.uniform(0.0, 3.0), payload_at=rng.uniform(-0.1, 0.1, 3) * is_body,
         rod_centre=rng.uniform(0.05, 0.2) * is_leg, barrel_mass=rng.uniform(0.3, 0.8),
         barrel_centre=rng.uniform(0.05, 0.15) * is_leg, leg_inertia=rng.uniform(0.0, 0.01) * is_leg,
     )  # fmt: skip
+    machine.down = GRAVITY * Rotation.random(random_state=rng).as_matrix()[0]
+    return machine
 
 
 def random_state(machine: Machine, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -259,6 +261,7 @@ def random_state(machine: Machine, rng: np.random.Generator) -> tuple[Array, Arr
 def numbers(machine: Machine) -> dict[str, float]:
     """Return the numbers of the product's component."""
     out: dict[str, float] = {"mass": machine.mass, "payload": machine.payload, "length": 0.4}
+    out |= {f"gravity_{axis}": machine.down[k] for k, axis in enumerate("xyz")}
     for i in range(len(machine.frame)):
         for what, of in (("frame", machine.frame), ("platform", machine.platform)):
             out |= {f"{what}_{i + 1}_{axis}": of[i][k] for k, axis in enumerate("xyz")}

@@ -58,11 +58,13 @@ impl PyPlatform {
         [own.frame.clone(), own.platform.clone(), own.directions.clone()]
     }
 
-    /// Returns masses, kg, places, m, and moments of inertia, kg m2, by name. Those of each leg are in its order.
+    /// Returns masses, kg, places, m, moments of inertia, kg m2, and the acceleration of gravity with the opposite sign,
+    /// m/s2, by name. Those of each leg are in its order.
     #[getter]
     fn masses(&self) -> Vec<(&'static str, Vec<f64>)> {
         let own = &self.platform.geometry;
         vec![
+            ("lift", own.lift.to_vec()),
             ("mass", vec![own.mass]),
             ("centre", own.centre.to_vec()),
             ("inertia", own.inertia.to_vec()),

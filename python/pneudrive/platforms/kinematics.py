@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
@@ -530,7 +529,6 @@ def platforms(described: Circuit | Drive) -> list[Platform]:
 STEP_S = 1e-5
 #: Samples that are evaluated together.
 AT_ONCE = 20_000
-UP = np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
 
 
 def pose_columns(platform: Platform) -> list[list[str]]:
@@ -620,7 +618,7 @@ class MovingPlatform(NamedTuple):
     Attributes
     ----------
     masses : dict
-        Masses from the core.
+        Masses from the core, and the acceleration of gravity with the opposite sign as `lift`.
     frame, directions : ndarray, shape (n, 3)
         Joints on the frame; axes of hinges or guides.
     origin, axes : ndarray
@@ -667,7 +665,7 @@ class MovingPlatform(NamedTuple):
         """Return the force, N, and the moment about the origin, N m, that move platform and payload."""
         masses = self.masses
         arms = np.stack([masses["centre"] @ self.axes, masses["payload_at"] @ self.axes], axis=1)
-        forces = np.array([masses["mass"], masses["payload"]]) * (self.acceleration(arms) + UP)
+        forces = np.array([masses["mass"], masses["payload"]]) * (self.acceleration(arms) + masses["lift"])
         inertia = np.einsum("mki,k,mkj->mij", self.axes, masses["inertia"], self.axes)
         velocity, rate = self.turn
         spin = np.einsum("mij,mj->mi", inertia, velocity)
@@ -679,7 +677,7 @@ def _legs(body: MovingPlatform) -> Array:
     """Return the forces of legs on the platform across them, N, shape (m, n, 3).
 
     A leg has the unit vector n, the length l, and about its joint on the frame the moment of inertia j and the mass
-    moment m. Then l n x f = -d(j n x n')/dt - g m n x e_z. A hinge adds a force along its axis. This force is found
+    moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a force along its axis. This force is found
     from the balance of the platform.
     """
     place, velocity, acceleration = body.joints
@@ -693,7 +691,7 @@ def _legs(body: MovingPlatform) -> Array:
     to_rod, rods = length - masses["rod_centre"], masses["rods"][:, None]
     moment = masses["barrel"] * masses["barrel_centre"] + rods * to_rod
     inertia = masses["barrel"] * masses["barrel_centre"] ** 2 + rods * to_rod**2 + masses["leg_inertia"]
-    across = -(inertia * n2 + 2.0 * rods * to_rod * speed * n1 + moment * UP) / length
+    across = -(inertia * n2 + 2.0 * rods * to_rod * speed * n1 + moment * masses["lift"]) / length
     if not len(body.directions):
         return across - np.sum(across * n, axis=2, keepdims=True) * n
     hinge = np.broadcast_to(body.directions, n.shape)
@@ -721,12 +719,12 @@ def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -
     x, acceleration, force : ndarray, shape (m, n)
         Position, m, acceleration, m/s2, and drive force, N, of each carriage.
     """
-    guide, carriages = body.directions, body.masses["rods"][:, None]
+    guide, carriages, lift = body.directions, body.masses["rods"][:, None], body.masses["lift"]
     arm = body.joints[0] - body.frame - x[..., None] * guide
     n = arm / np.linalg.norm(arm, axis=2, keepdims=True)
-    of_carriage, of_platform = acceleration[..., None] * guide + UP, body.joints[2] + UP
+    of_carriage, of_platform = acceleration[..., None] * guide + lift, body.joints[2] + lift
     across = -body.masses["barrel"] * (of_carriage / 3.0 + of_platform / 6.0)
     across -= np.sum(across * n, axis=2, keepdims=True) * n
     along = np.sum((carriages * of_carriage - across) * guide, axis=2) - force
-    total = across + (along / np.sum(n * guide, axis=2))[..., None] * n - carriages * UP
+    total = across + (along / np.sum(n * guide, axis=2))[..., None] * n - carriages * lift
     return total - np.sum(total * guide, axis=2, keepdims=True) * guide

@@ -10,6 +10,7 @@ use crate::part::mechanics::axis::largest_scales;
 use crate::part::mechanism::{Geometry, MechanismKind};
 use crate::table;
 use math::Lane;
+use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
 use physics::{Bounds, Parameter};
 use std::f64::consts::{FRAC_PI_3, TAU};
@@ -63,6 +64,9 @@ const ARM: &[Row] = table! {
 const MASS: &[Row] = table! {
     mass: "kg", physics::above(0.0), "Mass of the platform";
     payload: "kg", physics::at_least(0.0), default 0.0, assumed "no payload", "Mass of a payload, a point";
+    gravity_x: "1", physics::any(), default 0.0, "Direction of gravity in the axes of the frame: x";
+    gravity_y: "1", physics::any(), default 0.0, "The same: y";
+    gravity_z: "1", physics::any(), default -1.0, "The same: z";
 };
 const BODY: &[Row] = table! {
     inertia_x: "kg m2", physics::above(0.0), "Moment of inertia of the platform about its axis x through its centre of mass";
@@ -328,6 +332,11 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
         platform,
         directions,
         lengths: (0..n).map(length).collect(),
+        lift: if has("gravity_x") {
+            unit(three("gravity")).map(|x| P::c(-STANDARD_GRAVITY) * x)
+        } else {
+            [zero; 3]
+        },
         mass: if has("mass") { own.number("mass") } else { rods[0] },
         centre: three("centre"),
         inertia: three("inertia"),
@@ -355,6 +364,9 @@ fn check(own: &Instance<f64>, kind: MechanismKind) -> Result<(), Error> {
         }
     }
     let geometry = geometry(own, kind, vec![0.0; kind.count()]);
+    if !geometry.lift.iter().all(|x| x.is_finite()) {
+        return refuse("gravity is not a direction: it must differ from zero".into());
+    }
     let [x, y, z] = geometry.inertia;
     for (axis, largest, others) in [("x", x, y + z), ("y", y, z + x), ("z", z, x + y)] {
         if largest > others {

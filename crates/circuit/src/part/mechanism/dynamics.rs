@@ -1,16 +1,15 @@
 //! Equations of motion of a mechanism.
 //!
 //!   `M_ab = sum w dX/dq_a . dX/dq_b,   J_ia = dx_i/dq_a,   v = J u,   c = x'' at q'' = 0`
-//!   `h_a  = sum w dX/dq_a . X'' at q'' = 0  +  g sum m dX/dq_a . e_z                  [N], [N m]`
+//!   `h_a  = sum w dX/dq_a . X'' at q'' = 0  +  sum m dX/dq_a . g                      [N], [N m]`
 //!   `(M + J^T D J) q'' = J^T (F - D c) - h,   leg acceleration = J q'' + c`
 //!
-//! X are the weighted points, w their weights and m their masses. F_i is the force on leg i in +x, and D_i the mass
+//! X are the weighted points, w their weights and m their masses. -g is the acceleration of gravity. F_i is the force on leg i in +x, and D_i the mass
 //! inside its friction.
 
 use crate::part::mechanism::jet::Jet;
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Dual, MOST_ARGUMENTS, Map, Over, Real};
-use physics::constants::STANDARD_GRAVITY;
 
 /// Mass matrix, forces and legs at one pose and rate.
 #[derive(Clone, Copy, Debug)]
@@ -32,20 +31,20 @@ pub(crate) fn forms<M: Mechanism<N>, P: Real, S: Over<P>, const N: usize>(
     u: &[S; N],
 ) -> Forms<S, N> {
     let (mut mass, mut forces, mut energy) = ([[S::zero(); N]; N], [S::zero(); N], S::zero());
-    let gravity = S::c(STANDARD_GRAVITY);
+    let lift = geometry.lift.map(S::from);
     let legs =
         M::see(geometry, &Jet::coordinates(q, u), &mut |[weight, heavy]: [P; 2], x: [Jet<S, N>; 3]| {
-            let (w, weight) = (S::from(weight), gravity * S::from(heavy));
+            let (w, weight) = (S::from(weight), lift.map(|lift| lift * S::from(heavy)));
             for a in 0..N {
                 for b in 0..=a {
                     let dot = (0..3).fold(S::zero(), |sum, k| sum + x[k].by_q[a] * x[k].by_q[b]);
                     mass[a][b] += w * dot;
                 }
                 let dot = (0..3).fold(S::zero(), |sum, k| sum + x[k].by_q[a] * x[k].a);
-                forces[a] += w * dot + weight * x[2].by_q[a];
+                forces[a] += w * dot + (0..3).fold(S::zero(), |sum, k| sum + weight[k] * x[k].by_q[a]);
             }
             let speed = (0..3).fold(S::zero(), |sum, k| sum + x[k].v * x[k].v);
-            energy += S::c(0.5) * w * speed + weight * x[2].x;
+            energy += S::c(0.5) * w * speed + (0..3).fold(S::zero(), |sum, k| sum + weight[k] * x[k].x);
         });
     Forms { mass, forces, legs, energy }
 }
@@ -214,14 +213,12 @@ impl<P: Real> Map<P> for Accelerations<'_, P> {
             }
             let zero = [[P::zero(); N]; N];
             let mut residual = Residual { by_q: zero, by_u: zero };
-            let gravity = P::c(STANDARD_GRAVITY);
             let legs = <M as Mechanism<N>>::see(
                 self.geometry,
                 &Jet::curved(&q, &u),
                 &mut |[weight, heavy]: [P; 2], x: [Curved<P, N>; 3]| {
                     for (k, x) in x.iter().enumerate() {
-                        let force = if k == 2 { -(gravity * heavy) } else { P::zero() };
-                        residual.add(x, weight, force, &acceleration);
+                        residual.add(x, weight, -(self.geometry.lift[k] * heavy), &acceleration);
                     }
                 },
             );

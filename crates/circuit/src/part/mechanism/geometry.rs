@@ -4,8 +4,8 @@ use crate::part::mechanism::Mechanism;
 use crate::part::mechanism::jet::Smooth;
 use math::{Gather, Lane, Real};
 
-/// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame (z points up),
-/// all others in the axes of the platform.
+/// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame, all others in
+/// the axes of the platform.
 #[derive(Clone, Debug)]
 pub struct Geometry<P> {
     /// Joint of each leg on the frame, or the place of its carriage at x = 0.
@@ -16,6 +16,8 @@ pub struct Geometry<P> {
     pub directions: Vec<[P; 3]>,
     /// Length of each leg at x = 0, or length of its arm, m.
     pub lengths: Vec<P>,
+    /// Acceleration of gravity with the opposite sign, in the axes of the frame, m/s2.
+    pub lift: [P; 3],
     /// Mass of the platform, kg, and its centre.
     pub mass: P,
     /// Centre of mass of the platform.
@@ -55,6 +57,7 @@ impl<P: Copy> Geometry<P> {
             platform: places!(self.platform),
             directions: places!(self.directions),
             lengths: self.lengths.iter().map(|x| f(*x)).collect(),
+            lift: self.lift.map(&mut f),
             mass: f(self.mass),
             centre: self.centre.map(&mut f),
             inertia: self.inertia.map(&mut f),
