@@ -243,7 +243,6 @@ class ComponentChoice(TypedDict):
     name: str
     meaning: str
     options: list[str]
-    default: str
 
 @type_check_only
 class ComponentVariable(TypedDict):

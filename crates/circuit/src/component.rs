@@ -26,7 +26,9 @@ pub use extra::{Extra, Points};
 pub(crate) use instance::Given;
 pub use instance::{Brings, Instance, Node, Terminals, Vessel, WallHeat};
 pub(crate) use kind::joint_volume;
-pub use kind::{Choice, Holds, Kind, Port, PortKind, Variable, axis, chamber, exhaust, gas, pilot};
+pub use kind::{
+    Choice, FrictionTable, Holds, Kind, Port, PortKind, Variable, axis, chamber, exhaust, gas, pilot,
+};
 pub use kinds::{KINDS, formula_kind};
 pub(crate) use kinds::{bring, check, compose, series};
 pub use quantity::{Quantity, Starting};

@@ -23,8 +23,8 @@ pub use assembly::{
 };
 pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
-    Brings, Choice, Extra, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port, PortKind, Quantity,
-    Row, Starting, Stroke, Symbol, formula_kind,
+    Brings, Choice, Extra, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port,
+    PortKind, Quantity, Row, Starting, Stroke, Symbol, formula_kind,
 };
 pub use ground::{
     AxisId, AxisNode, Channel, DIRECTIONS, Error, GasId, GasNode, Given, Input, Kind, Net, Part, run_jobs,

@@ -33,7 +33,7 @@ impl Default for Options {
 }
 
 /// Work counts so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Statistics {
     /// Accepted steps.
     pub steps: u64,

@@ -20,6 +20,7 @@ mod stribeck;
 
 use crate::parameter::Parameter;
 use math::{Gather, Lane, Over, Real};
+use serde::{Serialize, Serializer};
 
 pub use arguments::{At, Levels};
 pub use armstrong::Armstrong;
@@ -62,6 +63,12 @@ pub struct InnerState {
     pub unit: &'static str,
     /// Absolute error scale, in the unit.
     pub scale: f64,
+}
+
+impl Serialize for InnerState {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.name.serialize(to)
+    }
 }
 
 /// Largest number of inner states of a contact: those of its law and of its modifiers.
@@ -214,9 +221,10 @@ pub trait Law<P: Real> {
 }
 
 /// A law's entry in the registry.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Meta {
     /// Its name in a description.
+    #[serde(rename = "name")]
     pub key: &'static str,
     /// Its name for people.
     pub title: &'static str,
@@ -227,18 +235,22 @@ pub struct Meta {
     /// See [`Law::STATES`].
     pub states: &'static [InnerState],
     /// See [`Law::STICKS`].
+    #[serde(skip)]
     pub sticks: bool,
     /// See [`Law::BRISTLES`].
     pub bristles: bool,
     /// See [`Law::STOPS`].
+    #[serde(skip)]
     pub stops: bool,
     /// See [`Law::SENSE`].
+    #[serde(skip)]
     pub sense: Sense,
     /// See [`Law::ELEMENTS`].
     pub elements: bool,
     /// See [`Law::EVOLVES`].
     pub evolves: bool,
     /// See [`Law::CLAIMS`].
+    #[serde(skip)]
     pub claims: Claims,
 }
 

@@ -1,7 +1,8 @@
 //! A parameter is listed once: name, unit, bounds, default, meaning. The struct, its conversion to lanes, the checks,
 //! and the tables of schema and documentation follow from this list.
 
-use serde::Deserialize;
+use serde::ser::{SerializeStruct, Serializer};
+use serde::{Deserialize, Serialize};
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -35,6 +36,18 @@ impl From<Sides> for Bounds {
             open: sides.at_least.is_none(),
             open_above: sides.at_most.is_none(),
         }
+    }
+}
+
+impl Serialize for Bounds {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut out = to.serialize_struct("Bounds", 5)?;
+        out.serialize_field("rule", &self.to_string())?;
+        out.serialize_field("lower", &self.lower)?;
+        out.serialize_field("upper", &self.upper)?;
+        out.serialize_field("open", &self.open)?;
+        out.serialize_field("open_above", &self.open_above)?;
+        out.end()
     }
 }
 
@@ -107,13 +120,14 @@ pub const fn any() -> Bounds {
 }
 
 /// One parameter of a law.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameter {
     /// Its name in a description.
     pub key: &'static str,
     /// Unit in SI; `-` or `1` for a pure number.
     pub unit: &'static str,
     /// The values that it may take.
+    #[serde(flatten)]
     pub bounds: Bounds,
     /// Default value, if there is one.
     pub default: Option<f64>,
@@ -144,7 +158,7 @@ macro_rules! parameters {
                     unit: $unit,
                     bounds: $bounds,
                     default: $crate::parameters!(@default $($default)?),
-                    meaning: concat!($($meaning),+),
+                    meaning: concat!($($meaning),+).trim_ascii(),
                 },)*
             ];
         }

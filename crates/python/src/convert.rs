@@ -3,10 +3,11 @@
 use circuit::specification::FromJson;
 use circuit::{Balance, Error, Impact, Kind, Run, budget};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
-use ode::{Options, Statistics};
+use ode::Options;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use pythonize::pythonize;
 
 pub fn to_python(error: Error) -> PyErr {
     match error {
@@ -72,17 +73,6 @@ pub fn detached<T: Send>(
     watched(py, None, work)
 }
 
-pub fn statistics<'py>(py: Python<'py>, s: &Statistics) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    out.set_item("steps", s.steps)?;
-    out.set_item("rejected", s.rejected)?;
-    out.set_item("right_hand_sides", s.right_hand_sides)?;
-    out.set_item("jacobians", s.jacobians)?;
-    out.set_item("factorisations", s.factorisations)?;
-    out.set_item("events", s.events)?;
-    Ok(out)
-}
-
 pub fn ledger<'py>(py: Python<'py>, balance: &Balance) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     out.set_item("mass_error", balance.mass_error)?;
@@ -123,7 +113,7 @@ pub fn run_to_dict<'py>(py: Python<'py>, names: &[String], run: Run) -> PyResult
     }
     let out = PyDict::new(py);
     out.set_item("columns", columns)?;
-    out.set_item("statistics", statistics(py, &run.statistics)?)?;
+    out.set_item("statistics", pythonize(py, &run.statistics)?)?;
     let impacts = run.impacts.iter().map(|one| impact(py, one)).collect::<PyResult<Vec<_>>>()?;
     out.set_item("impacts", impacts)?;
     out.set_item("ledger", run.balance.as_ref().map(|balance| ledger(py, balance)).transpose()?)?;

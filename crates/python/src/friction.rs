@@ -5,46 +5,17 @@ use circuit::{friction_law, own_law, specification, steady_sensitivity};
 use math::Dual;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use physics::friction::formula::Text;
-use physics::friction::{At, Growth, Heating, LAWS, Levels, Meta, Wear};
+use physics::friction::{At, Growth, Heating, LAWS, Levels, Wear};
 use physics::written::Refusal;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
+use pythonize::pythonize;
 
 /// Returns every friction law that a description can name.
 #[pyfunction]
-pub fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
-    let laws = PyList::empty(py);
-    for meta in LAWS {
-        laws.append(law_entry(py, meta)?)?;
-    }
-    Ok(laws)
-}
-
-fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> {
-    let law = PyDict::new(py);
-    law.set_item("name", meta.key)?;
-    law.set_item("title", meta.title)?;
-    law.set_item("source", meta.source)?;
-    law.set_item("states", meta.states.iter().map(|state| state.name).collect::<Vec<_>>())?;
-    law.set_item("bristles", meta.bristles)?;
-    law.set_item("elements", meta.elements)?;
-    law.set_item("evolves", meta.evolves)?;
-    let parameters = PyList::empty(py);
-    for p in meta.parameters {
-        let parameter = PyDict::new(py);
-        parameter.set_item("key", p.key)?;
-        parameter.set_item("unit", p.unit)?;
-        parameter.set_item("lower", p.bounds.lower)?;
-        parameter.set_item("upper", p.bounds.upper)?;
-        parameter.set_item("open", p.bounds.open)?;
-        parameter.set_item("open_above", p.bounds.open_above)?;
-        parameter.set_item("default", p.default)?;
-        parameter.set_item("meaning", p.meaning.trim())?;
-        parameters.append(parameter)?;
-    }
-    law.set_item("parameters", parameters)?;
-    Ok(law)
+pub fn friction_laws(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    Ok(pythonize(py, LAWS)?)
 }
 
 /// Returns the entry, as in `friction_laws`, of a custom law (JSON), with `warnings`.
@@ -52,10 +23,10 @@ fn law_entry<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> 
 /// Raises ValueError(what, key, formula, line, column, text, caret, remedy). Without a line, the error has no
 /// place in a formula.
 #[pyfunction]
-pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyDict>> {
+pub fn formula_law<'py>(py: Python<'py>, json: &str) -> PyResult<Bound<'py, PyAny>> {
     let text: Text = parse(json)?;
     let own = own_law(&text).map_err(|refusal| refused(&refusal))?;
-    let law = law_entry(py, &own.meta)?;
+    let law = pythonize(py, &own.meta)?;
     law.set_item("warnings", &own.warnings)?;
     law.set_item("levels", own.has_levels())?;
     Ok(law)

@@ -58,39 +58,29 @@ fn constants() -> BTreeMap<&'static str, f64> {
 }
 
 #[pymodule]
-fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<ensemble::PyEnsemble>()?;
-    m.add_class::<network::PyCircuit>()?;
-    m.add_class::<network::PyMembers>()?;
-    m.add_class::<platform::PyPlatform>()?;
-    m.add_class::<session::PySession>()?;
-    m.add_function(wrap_pyfunction!(session::close_step, m)?)?;
-    m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
-    m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;
-    m.add_function(wrap_pyfunction!(kinds::components, m)?)?;
-    m.add_function(wrap_pyfunction!(kinds::formula_component, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::dwell_growth, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::seal_factors, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::seal_warming, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::steady_friction, m)?)?;
-    m.add_function(wrap_pyfunction!(friction::steady_friction_sensitivity, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_events, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_export, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_factors, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_thresholds, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_run, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_signals, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_feasibility, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
-    m.add_class::<control::PySensors>()?;
-    m.add_class::<control::PyReference>()?;
-    m.add_function(wrap_pyfunction!(control::reference_at, m)?)?;
-    m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;
-    m.add_function(wrap_pyfunction!(choked_flow_factor, m)?)?;
-    m.add_function(wrap_pyfunction!(valve_openings, m)?)?;
-    m.add_function(wrap_pyfunction!(constants, m)?)?;
-    Ok(())
+mod _core {
+    #[pymodule_export]
+    use super::control::{
+        PyReference, PySensors, control_events, control_export, control_factors, control_feasibility,
+        control_laws, control_run, control_signals, control_thresholds, control_tune, reference_at,
+    };
+    #[pymodule_export]
+    use super::ensemble::PyEnsemble;
+    #[pymodule_export]
+    use super::friction::{
+        dwell_growth, formula_law, friction_laws, seal_factors, seal_warming, steady_friction,
+        steady_friction_sensitivity,
+    };
+    #[pymodule_export]
+    use super::kinds::{components, formula_component};
+    #[pymodule_export]
+    use super::network::{PyCircuit, PyMembers};
+    #[pymodule_export]
+    use super::platform::PyPlatform;
+    #[pymodule_export]
+    use super::session::{PySession, close_step};
+    #[pymodule_export]
+    use super::signals::{bin_means, turning_points};
+    #[pymodule_export]
+    use super::{choked_flow_factor, constants, flow_ratio, valve_openings};
 }

@@ -1,11 +1,12 @@
 //! `Session`: a running drive.
 
-use crate::convert::{Numbers, Table, Teller, run_to_dict, statistics, to_python, watched};
+use crate::convert::{Numbers, Table, Teller, run_to_dict, to_python, watched};
 use circuit::{Look, Mechanics, Prescribed, Sampling, Session, close};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
+use pythonize::pythonize;
 
 /// A running drive, made by `Drive.start`.
 #[pyclass(name = "Session")]
@@ -66,8 +67,8 @@ impl PySession {
     }
 
     #[getter]
-    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        statistics(py, &self.session.statistics())
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize(py, &self.session.statistics())?)
     }
 
     /// Returns name, unit, bounds as text and meaning of each input.

@@ -329,7 +329,7 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         out.append((key, takes, default + assumed, meaning + (f"; in older files `{was}`" if was else "")))
         out += [(other, _SIZES[_last(other)].written or "", "", f"Alternative to {key}") for other in keys[1:]]
     for choice in entry["choices"]:
-        out.append((choice["name"], " | ".join(choice["options"]), choice["default"], choice["meaning"]))
+        out.append((choice["name"], " | ".join(choice["options"]), choice["options"][0], choice["meaning"]))
     if entry["formula"]:
         meaning = f"Formula of {entry['formula']['output']}; its parameters are further keys of the component"
         out.append(("formula", '"file:NAME.toml" or a table', "needed", meaning))
@@ -402,7 +402,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
         options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
         if set(choice["options"]) == {"yes", "no"}:
             options = Annotated[options, BeforeValidator(_yes_or_no)]
-        fields[choice["name"]] = (options, Field(default=choice["default"], description=choice["meaning"]))
+        fields[choice["name"]] = (options, Field(default=choice["options"][0], description=choice["meaning"]))
     if entry["friction"]:
         fields["friction"] = (Friction | None, None)
     if entry["formula"]:

@@ -677,8 +677,8 @@ def _legs(body: MovingPlatform) -> Array:
     """Return the forces of legs on the platform across them, N, shape (m, n, 3).
 
     A leg has the unit vector n, the length l, and about its joint on the frame the moment of inertia j and the mass
-    moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a force along its axis. This force is found
-    from the balance of the platform.
+    moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a force
+    along its axis. This force is found from the balance of the platform.
     """
     place, velocity, acceleration = body.joints
     masses = body.masses

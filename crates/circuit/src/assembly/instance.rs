@@ -2,7 +2,7 @@
 
 use super::friction::contact;
 use super::joints::{one_of, refuse};
-use crate::component::{Choice, Given, Instance, KINDS, Kind, Row, check};
+use crate::component::{Choice, FrictionTable, Given, Instance, KINDS, Kind, Row, check};
 use crate::ground::{Error, Lifted, with_unit};
 use crate::specification::Component;
 
@@ -27,7 +27,9 @@ pub(super) fn instance(spec: &Component) -> Result<Instance<f64>, Error> {
         return refuse(format!("{name}: a {} has no choice \"{key}\"", table.key));
     }
     let friction = match &spec.friction {
-        Some(_) if !table.friction => return refuse(format!("{name}: a {} takes no friction", table.key)),
+        Some(_) if table.friction == FrictionTable::No => {
+            return refuse(format!("{name}: a {} takes no friction", table.key));
+        }
         Some(friction) => Some(contact(&Lifted::plain(friction))?),
         None => None,
     };

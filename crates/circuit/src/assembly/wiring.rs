@@ -3,7 +3,9 @@
 use super::joints::{Joints, Wiring, one_of, refuse};
 use crate::assembly::variables::{Assembly, Settable, Target, Variables};
 use crate::circuit::Circuit;
-use crate::component::{Acts, Build, Instance, Node, Piston, Quantity, Starting, Terminals, compose};
+use crate::component::{
+    Acts, Build, FrictionTable, Instance, Node, Piston, Quantity, Starting, Terminals, compose,
+};
 use crate::ground::Error;
 use crate::part::InputId;
 use math::{Deps, Lane, Over};
@@ -134,7 +136,7 @@ where
     // The ends of a cylinder depend on the components joined to it, and a platform on its couplings.
     let mut order: Vec<usize> = (0..each.len()).collect();
     let guides = |i: usize| each[i].kind().key.starts_with("platform/");
-    order.sort_by_key(|&i| (each[i].kind().friction, guides(i)));
+    order.sort_by_key(|&i| (each[i].kind().friction != FrictionTable::No, guides(i)));
     for i in order {
         match chains.iter().find(|chain| chain.has(i)) {
             None => compose(&each[i], &Terminals(&nodes[i]), &mut build),

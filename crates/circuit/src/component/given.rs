@@ -1,6 +1,6 @@
 //! The formula or the points of a component, from its description.
 
-use super::extra::Extra;
+use super::extra::{Extra, Points};
 use super::formula::written;
 use super::instance::Given;
 use super::kind::Kind;
@@ -18,7 +18,7 @@ impl Given<f64> {
                 Ok(written) => Ok(Given::Formula(written)),
                 Err(refusal) => refuse(format!(".formula.{refusal}")),
             },
-            (Extra::Points(own), None, Some(points)) => match examined(own.columns, points) {
+            (Extra::Points(own), None, Some(points)) => match examined(&own, points) {
                 Ok(()) => Ok(Given::Points(points.clone())),
                 Err(what) => refuse(format!(".{}{what}", own.key)),
             },
@@ -32,8 +32,7 @@ impl Given<f64> {
 }
 
 /// Returns the error in points, if any.
-fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
-    let most = Extra::MOST_POINTS;
+fn examined(&Points { columns, most, .. }: &Points, points: &[Vec<f64>]) -> Result<(), String> {
     if !(2..=most).contains(&points.len()) {
         return Err(format!(" has {} points: 2 to {most}", points.len()));
     }

@@ -3,12 +3,15 @@
 use super::extra::Extra;
 use super::symbol::Symbol;
 use super::table::Row;
+use physics::written::Given;
+use serde::{Serialize, Serializer};
 
 /// Volume of a port of a fitting or a valve, m3 (assumed): a bore of 5 mm, 10 mm long.
 const PORT_VOLUME: f64 = 2e-7;
 
 /// Kind of a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PortKind {
     /// A gas port.
     Gas,
@@ -19,9 +22,11 @@ pub enum PortKind {
 }
 
 /// Effect of a port on the state of its joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Holds {
     /// Restriction or mass: the port takes the gas or the motion of the joint.
+    #[serde(rename = "")]
     Nothing,
     /// A separate volume.
     Volume,
@@ -34,7 +39,7 @@ pub enum Holds {
 }
 
 /// A port of a component.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Port {
     /// Its name within the component.
     pub name: &'static str,
@@ -47,6 +52,7 @@ pub struct Port {
     /// Source of the state at the port.
     pub holds: Holds,
     /// Volume that it adds to a joint without a separate volume, m3 (assumed).
+    #[serde(skip)]
     pub volume: f64,
 }
 
@@ -83,7 +89,7 @@ pub const fn axis(name: &'static str, optional: bool) -> Port {
 }
 
 /// A choice of a component: its options, the first being the default.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Choice {
     /// Its key in a description.
     pub name: &'static str,
@@ -96,14 +102,35 @@ pub struct Choice {
 /// A variable of a component: name, unit, meaning.
 pub type Variable = (&'static str, &'static str, &'static str);
 
+/// Writes variables as tables.
+fn named<S: Serializer>(variables: &[Variable], to: S) -> Result<S::Ok, S::Error> {
+    let given = |&(name, unit, meaning): &Variable| Given { name, unit, bounds: physics::any(), meaning };
+    to.collect_seq(variables.iter().map(given))
+}
+
+/// Whether a component takes a friction table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrictionTable {
+    /// It has no friction.
+    #[serde(rename = "")]
+    No,
+    /// It may have friction.
+    Optional,
+    /// It requires friction.
+    Needed,
+}
+
 /// The table of a kind of component.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Kind {
     /// Its key in a description.
+    #[serde(rename = "kind")]
     pub key: &'static str,
     /// Title for users.
     pub title: &'static str,
     /// Its description and equation.
+    #[serde(rename = "doc")]
     pub text: &'static str,
     /// Keys in references.bib.
     pub sources: &'static [&'static str],
@@ -114,20 +141,22 @@ pub struct Kind {
     /// Its choices, which are words and not numbers.
     pub choices: &'static [Choice],
     /// Its additional parameters: formula or points.
+    #[serde(flatten)]
     pub extra: Extra,
     /// Whether gas can always pass between its ports.
     pub open: bool,
-    /// Whether it accepts a friction table.
-    pub friction: bool,
-    /// Whether it requires a friction table.
-    pub needs_friction: bool,
+    /// Whether it takes a friction table.
+    pub friction: FrictionTable,
     /// Keys of numbers that only the schedule uses, or that are rounded. Derivatives by them do not exist.
     pub discrete: &'static [&'static str],
     /// Its inputs.
+    #[serde(serialize_with = "named")]
     pub inputs: &'static [Variable],
     /// Its outputs.
+    #[serde(serialize_with = "named")]
     pub outputs: &'static [Variable],
     /// Its symbol.
+    #[serde(skip)]
     pub symbol: Symbol,
 }
 
@@ -143,8 +172,7 @@ impl Kind {
         choices: &[],
         extra: Extra::Nothing,
         open: false,
-        friction: false,
-        needs_friction: false,
+        friction: FrictionTable::No,
         discrete: &[],
         inputs: &[],
         outputs: &[],

@@ -4,9 +4,10 @@ use physics::Parameter;
 use std::ops::Deref;
 
 /// A parameter of a component.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Row {
     /// Key, unit, bounds, default and meaning.
+    #[serde(flatten)]
     pub parameter: Parameter,
     /// Reason for an assumed default. Empty without a default, or if a source of the component has the default.
     pub assumed: &'static str,

@@ -392,7 +392,8 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
     if has_rod && kind.key != "cylinder/rodless" {
         numbers.insert("rod_diameter", 0.01);
     }
-    let friction = if kind.friction { case_a()["friction"].clone() } else { Value::Null };
+    let friction =
+        if kind.friction != circuit::FrictionTable::No { case_a()["friction"].clone() } else { Value::Null };
     let formula = if let circuit::Extra::Formula(role) = kind.extra {
         let output = match role.output.0 {
             "mass_flow" => "opening*slope*(p_up - p_down)*(1 + opening*p_down/p_up)",
@@ -431,7 +432,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         let mut pressures = Vec::new();
         for (i, port) in kind.ports.iter().enumerate() {
             let (own, tank, path) = (format!("own.{}", port.name), format!("tank_{i}"), format!("path_{i}"));
-            if port.kind == circuit::PortKind::Axis && !kind.friction {
+            if port.kind == circuit::PortKind::Axis && kind.friction == circuit::FrictionTable::No {
                 let (mut mover, name) = (cylinder(&case_a()["friction"]), format!("mover_{i}"));
                 mover["name"] = json!(name);
                 components.push(mover);
@@ -445,7 +446,8 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
                 } else {
                     joints.push(json!([format!("{name}.rod"), own]));
                 }
-            } else if port.kind == circuit::PortKind::Axis && !kind.needs_friction {
+            } else if port.kind == circuit::PortKind::Axis && kind.friction != circuit::FrictionTable::Needed
+            {
                 let spring = json!({ "stiffness": 500.0, "rest_position": 0.03 });
                 components.push(json!({ "name": "spring", "kind": "spring", "numbers": spring }));
                 joints.push(json!(["spring.1", own]));

@@ -4,17 +4,19 @@ use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Graph, Program};
 use math::{Gather, Lane, Over, Real};
-use serde::Deserialize;
+use serde::ser::{SerializeStruct, Serializer};
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
 /// A name that a formula can use.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Given {
     /// Its name in formulas.
     pub name: &'static str,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
     /// The range of its values.
+    #[serde(skip)]
     pub bounds: Bounds,
     /// Meaning, as text.
     pub meaning: &'static str,
@@ -29,6 +31,16 @@ pub struct Role {
     pub variables: &'static [Given],
     /// Numbers of the circuit.
     pub constants: &'static [Given],
+}
+
+impl Serialize for Role {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut out = to.serialize_struct("Role", 3)?;
+        out.serialize_field("output", self.output.0)?;
+        out.serialize_field("unit", self.output.1)?;
+        out.serialize_field("names", &[self.variables, self.constants].concat())?;
+        out.end()
+    }
 }
 
 /// A formula as written by its author.

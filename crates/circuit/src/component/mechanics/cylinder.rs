@@ -5,9 +5,9 @@ mod drawing;
 use crate::component::flow::seal::leak;
 use crate::component::mechanics::end_stop::{EndStopDesign, Ends, ends};
 use crate::component::{
-    Acts, Brings, Build, Choice, Component, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity,
-    Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count, exhaust, join,
-    table,
+    Acts, Brings, Build, Choice, Component, FrictionTable, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston,
+    Port, Quantity, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count,
+    exhaust, join, table,
 };
 use crate::ground::{AxisId, Error, GasId};
 use crate::part::{ChamberLaw, PistonSide};
@@ -78,8 +78,7 @@ const KIND: Kind = Kind {
         options: &["energy-balance", "as-printed"],
         meaning: "Energy balance of the chambers; as-printed violates it and serves only to reproduce the source paper",
     }],
-    friction: true,
-    needs_friction: true,
+    friction: FrictionTable::Needed,
     inputs: &[("load_force_n", "N", "external force in +x")],
     outputs: OUTPUTS,
     ..Kind::PLAIN

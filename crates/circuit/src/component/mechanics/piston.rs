@@ -1,6 +1,6 @@
 use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, axis, gas,
-    table,
+    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals,
+    axis, gas, table,
 };
 use crate::part::PistonSide;
 use math::Lane;
@@ -27,7 +27,7 @@ impl Component for Bare {
             moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
             incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
         },
-        friction: true,
+        friction: FrictionTable::Optional,
         inputs: &[("load_force_n", "N", "external force in +x")],
         outputs: &[
             ("position_m", "m", "position"),

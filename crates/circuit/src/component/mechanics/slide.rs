@@ -1,5 +1,5 @@
 use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
+    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
 };
 use math::Lane;
 use std::f64::consts::FRAC_PI_2;
@@ -17,7 +17,7 @@ impl Component for Slide {
             mass: "kg", physics::above(0.0), "Mass";
             incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
         },
-        friction: true,
+        friction: FrictionTable::Optional,
         inputs: &[("load_force_n", "N", "external force in +x")],
         outputs: &[
             ("position_m", "m", "position"),

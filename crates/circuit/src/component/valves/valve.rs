@@ -4,8 +4,8 @@ use crate::component::valves::boxes::{
     THREE_BOXES, VENTS,
 };
 use crate::component::{
-    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Points, Quantity, Row,
-    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
+    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Quantity, Row, SUBSONIC_INDEX,
+    Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
 };
 use crate::ground::{Error, GasId};
 use crate::part::{Edge, Held, Spool, SpoolLeak, TableEdge};
@@ -124,7 +124,7 @@ const OPENING: Parameter = Parameter {
 const FLOW_TABLE: &str = "flow_table";
 
 const fn flow_table(columns: &'static [Parameter]) -> Extra {
-    Extra::Points(Points { key: FLOW_TABLE, columns, optional: true })
+    Extra::points_in(FLOW_TABLE, columns, true)
 }
 
 const FLOW_SHAPE: Choice = Choice {
