@@ -37,9 +37,9 @@ const HALVINGS: u32 = 20;
 /// The moving body.
 pub(crate) enum Mover {
     /// A mass. Index of the state x; the next state is v.
-    Mass(Axis<f64>, usize),
+    Mass(Box<Axis<f64>>, usize),
     /// A leg of a platform whose first state is this one.
-    Leg(Platform<f64>, usize, usize),
+    Leg(Box<Platform<f64>>, usize, usize),
 }
 
 impl Mover {
@@ -155,11 +155,11 @@ impl Circuit<f64> {
         let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
             let mut stops = stops.clone();
             stops.meet(0);
-            Impacts::new(stops, Mover::Mass(axis.clone(), place.first))
+            Impacts::new(stops, Mover::Mass(Box::new(axis.clone()), place.first))
         });
         let legs = self.parts.end_stops.iter().filter_map(|(_, stops)| {
             let (_, leg, first, platform) = self.leg(AxisId(stops.axis))?;
-            Some(Impacts::new(stops.clone(), Mover::Leg(platform.clone(), first, leg)))
+            Some(Impacts::new(stops.clone(), Mover::Leg(Box::new(platform.clone()), first, leg)))
         });
         each.chain(legs).collect()
     }

@@ -4,8 +4,8 @@
 //!   `h_a  = sum w dX/dq_a . X'' at q'' = 0  +  sum m dX/dq_a . g                      [N], [N m]`
 //!   `(M + J^T D J) q'' = J^T (F - D c) - h,   leg acceleration = J q'' + c`
 //!
-//! X are the weighted points, w their weights and m their masses. -g is the acceleration of gravity. F_i is the force on leg i in +x, and D_i the mass
-//! inside its friction.
+//! X are the weighted points, w their weights and m their masses. -g is the acceleration of gravity. F_i is the force
+//! on leg i in +x, and D_i the mass inside its friction.
 
 use crate::part::mechanism::jet::Jet;
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
