@@ -7,7 +7,7 @@ from typing import Any
 from jupyter_client.manager import start_new_kernel
 
 import pneudrive as pn
-from pneudrive.web.messages import unpack
+from web.frames import unpack
 
 VIEW = "application/vnd.jupyter.widget-view+json"
 COMMAND, DURATION = "0 s: 0.6, 0.5 s: -0.6", "1 s"

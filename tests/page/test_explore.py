@@ -109,7 +109,7 @@ def test_two_views_move_together_on_the_paper_of_the_notebook(browser: object, d
 
 
 def test_a_value_that_the_drive_does_not_take_is_answered_in_words(drive: pn.Drive) -> None:
-    from pneudrive.web.messages import unpack
+    from web.frames import unpack
 
     shown = pn.explore(drive, COMMAND, DURATION)
     head, arrays = unpack(shown.answer({"number": 3, "changes": {"friction.coulomb": "-1 N"}}))

@@ -14,9 +14,9 @@ import pneudrive as pn
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.simulation.trajectory import save
 from pneudrive.web.live import answer
-from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, Served
+from web.frames import unpack
 from web.test_control import shell
 from web.test_views import post
 

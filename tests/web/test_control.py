@@ -17,9 +17,9 @@ import pneudrive as pn
 from pneudrive.control.scores import written
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
-from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, Served
+from web.frames import unpack
 from web.test_views import post
 
 STEP = "250 mm; 0.1 s: 280 mm in 0.2 s"

@@ -29,10 +29,10 @@ from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.drive.description import edited
 from pneudrive.web.drive.run_request import RunRequest
-from pneudrive.web.messages import unpack
 from pneudrive.web.signatures import SIGNATURES
 from pneudrive.web.workspace import ChangedError, Workspace
 from web.conftest import DRIVE, Served
+from web.frames import unpack
 
 INPUTS = Path(__file__).parent / "inputs"
 CSV = "time,force\n" + "".join(f"{at * 0.01:.2f},{at % 7}\n" for at in range(3000))

@@ -19,8 +19,8 @@ from pneudrive.cli.main import run as run_command
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import find_strokes
 from pneudrive.web.measured import recordings
-from pneudrive.web.messages import unpack
 from web.conftest import Served
+from web.frames import unpack
 
 MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 

@@ -10,8 +10,8 @@ import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.errors import RecordingError
 from pneudrive.signals.spectrum import amplitude_density
-from pneudrive.web.messages import unpack
 from web.conftest import Served
+from web.frames import unpack
 from web.maps import WIDE, friction_map, stribeck
 from web.test_sizing import TASK
 

@@ -18,9 +18,9 @@ from pneudrive.cli.main import run as run_command
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.web.live import answer
 from pneudrive.web.measured.validation import _suspects
-from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace
 from web.conftest import Served
+from web.frames import unpack
 from web.test_friction import post
 from web.test_recordings import get
 

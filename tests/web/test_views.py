@@ -18,9 +18,10 @@ from pneudrive.errors import CommandError
 from pneudrive.web.app import make_app
 from pneudrive.web.drive.run_request import RunLimit
 from pneudrive.web.live import MOST_IMPACTS, answer
-from pneudrive.web.messages import pack, unpack
+from pneudrive.web.messages import pack
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
+from web.frames import unpack
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LAWS = EXAMPLES / "laws"

@@ -19,7 +19,7 @@ from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import plain
+from pneudrive.rig.interface import closed_after, plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -204,12 +204,12 @@ def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | 
 
     The address is empty for a rig that the caller has made and closes itself.
     """
-    from pneudrive.rig.rig_file import load_rig, opened
+    from pneudrive.rig.rig_file import load_rig
 
     if not isinstance(rig, str | Path):
         yield rig, ""
         return
-    with opened(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
+    with closed_after(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
         yield bench, _full_name(str(rig))
 
 

@@ -41,7 +41,7 @@ with used_later(__name__):
     from pneudrive.campaign.planning import protocol as protocols
     from pneudrive.campaign.running import live
     from pneudrive.campaign.storage import control
-    from pneudrive.rig import rig_file
+    from pneudrive.rig import interface, rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,7 +58,7 @@ def plan(protocol: str, *, rig: str = "default") -> None:
     pneudrive campaign plan quick-look --rig default
     """
     content = protocols.read_protocol(protocol)
-    with rig_file.opened(rig_file.load_rig(rig, content.seed)) as bench:
+    with interface.closed_after(rig_file.load_rig(rig, content.seed)) as bench:
         preflight.check_levels(content, bench)
         typer.echo(plans.show(plans.lay_out(content, bench.identity(), bench.limits())))
 

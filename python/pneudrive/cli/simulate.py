@@ -264,8 +264,8 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     columns = csv_tables.csv_names(path, RecordingError) if is_csv else tables.open_table(path, "parquet").names
     for column in columns:
         if column not in known and column not in known.values():
-            about = {"column": column, "kind": drive.file_kind, "remedy": nearest(column, known)}
-            raise CommandError.of("cli.no-number", where=str(path), **about)
+            kind, remedy = drive.file_kind, nearest(column, known)
+            raise CommandError.of("cli.no-number", where=str(path), column=column, kind=kind, remedy=remedy)
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 

@@ -47,8 +47,8 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
         found = _chambers(form["joints"], f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
-            ports = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
-            raise DescriptionError.of("control.crossed", where=belief.name, **ports)
+            where, valve = belief.name, valves[0]
+            raise DescriptionError.of("control.crossed", where=where, valve=valve, port=port, to=to, cylinder=cylinder)
 
 
 def check_valves(belief: Circuit) -> None:

@@ -136,7 +136,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
         return OwnLaw(kind.__name__, uuid.uuid4().hex, _python(kind.__name__, given))
     module, _ = own_code.split(given) or (given, "")
     if module.endswith((".so", ".dylib", ".dll")):
-        raise CommandError.of("control.library", given=given, rule=_RULE)
+        raise CommandError.of("control.shared-library", given=given, rule=_RULE)
     if found_in:
         law = own_code.load_allowed(given, allow_code, found_in, "--law", CommandError)
     else:
@@ -149,8 +149,8 @@ def _inputs(name: str, law: object) -> list[str]:
         name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
     )
     if inputs is None or not callable(step):
-        lacks = {"lacks": "step" if inputs is not None else "inputs", "names": ", ".join(signals())}
-        raise CommandError.of("control.no_law", name=name, rule=_RULE, **lacks)
+        lacks, names = "inputs" if inputs is None else "step", ", ".join(signals())
+        raise CommandError.of("control.no_law", name=name, rule=_RULE, lacks=lacks, names=names)
     found = check_inputs(name, inputs)
     with suppress(ValueError):  # code without a readable signature
         try:

@@ -235,8 +235,8 @@ def cycles(
     ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
     if not 0.0 < speed_m_s < np.inf or ramps > distance:
         top = 1e3 * limits.top_speed_m_s(distance)
-        sizes = {"speed": 1e3 * speed_m_s, "distance": 1e3 * distance, "ramps": 1e3 * ramps, "top": top}
-        raise CommandError.of("rig.speed", limits=limits, **sizes)
+        speed, way, ramps = (1e3 * value for value in (speed_m_s, distance, ramps))
+        raise CommandError.of("rig.speed", limits=limits, speed=speed, distance=way, ramps=ramps, top=top)
     out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)
     both = out.then(dwell(dwell_s)).then(back).then(dwell(dwell_s)) if dwell_s > 0.0 else out.then(back)
     return Motion(np.tile(both.durations_s, count), np.tile(both.jerks_m_s3, count), low_m)

@@ -26,12 +26,11 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, nearest
-from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, closed_after, has_verbs
+from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, has_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from contextlib import AbstractContextManager
 
     from typing_extensions import Self
 
@@ -284,11 +283,6 @@ def must_be_named(source: str) -> bool:
         return _kind(source)[0] not in ONLY_DATA
     except RigError:
         return False
-
-
-def opened(rig: Rig) -> AbstractContextManager[Rig]:
-    """Close the connection of a rig at the end of the block, also after an error."""
-    return closed_after(rig)
 
 
 def _kind(text: str) -> tuple[str, str]:

@@ -591,8 +591,8 @@ class RigSession:
                 if not 0.0 <= step.duration_s < np.inf:
                     raise RigError(f"a hold of {step.duration_s} s is not possible", rule="0 s <= duration")
             elif not (low - 1e-6 <= step.to_m <= high + 1e-6 and 0.0 < step.speed_m_s <= limits.speed_m_s):
-                sizes = {"to": step.to_m, "speed": step.speed_m_s, "low": low, "high": high, "most": limits.speed_m_s}
-                raise RigError.of("rig.out-of-reach", **{name: 1e3 * size for name, size in sizes.items()})
+                to, speed, *ends = (1e3 * v for v in (step.to_m, step.speed_m_s, low, high, limits.speed_m_s))
+                raise RigError.of("rig.out-of-reach", to=to, speed=speed, ends=ends)
 
     def _quietly(self, step: Step) -> None:
         """Run one step without samples and without drawing noise."""

@@ -254,21 +254,16 @@ def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
 
 def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
     """Return the sign of the force, by which friction opposes motion, and the bore that closes the balance."""
-    sign, force = "-x" if roles.sign < 0 else "+x", roles.guess("force")
+    sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
+    force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]
-    is_open, values = any("pressure" in question.role for question in roles.questions), roles.column("force")
-    if (
-        roles.directions is not None
-        and force is not None
-        and values is not None
-        and len(pressures) == 1
-        and not is_open
-    ):
-        levels, pressure = roles.directions.levels(values.values), roles.column(pressures[0].role)
-        if levels is not None and pressure is not None:
-            mean = float(np.nanmean(pressure.values)) * converter(pressures[0].unit, "Pa")[0]
-            area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean) if mean else 0.0
-            if 1e-6 < area < 1.0:
-                bore = math.sqrt(4 * area / math.pi)
-                return sign, bore, "force over pressure, mean of both directions; write the real bore"
-    return sign, 0.025, "write the real bore"
+    is_open = any("pressure" in question.role for question in roles.questions)
+    pressure = roles.column(pressures[0].role) if len(pressures) == 1 and not is_open else None
+    if directions is None or force is None or values is None or pressure is None:
+        return sign, unknown, "write the real bore"
+    levels, mean = directions.levels(values.values), float(np.nanmean(pressure.values))
+    mean_pa = mean * converter(pressures[0].unit, "Pa")[0]
+    area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean_pa) if levels is not None and mean_pa else 0.0
+    if not 1e-6 < area < 1.0:
+        return sign, unknown, "write the real bore"
+    return sign, math.sqrt(4 * area / math.pi), "force over pressure, mean of both directions; write the real bore"

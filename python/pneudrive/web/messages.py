@@ -76,28 +76,6 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
     return b"".join([struct.pack("<I", len(text)), text, *blocks])
 
 
-def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Read a frame, as the page does.
-
-    Raises
-    ------
-    ValueError
-        The frame is cut off or not one of ours.
-    """
-    if len(frame) < 4:
-        raise ValueError("a frame begins with the length of its head")
-    (length,) = struct.unpack_from("<I", frame)
-    start = 4 + length
-    if start > len(frame):
-        raise ValueError("the head is cut off")
-    head = json.loads(frame[4:start])
-    arrays = {}
-    for name, kind, at, count, *middle in head.pop("arrays"):
-        own = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=start + at)
-        arrays[name] = own + np.float64(middle[0]) if middle else own
-    return head, arrays
-
-
 def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a PneudriveError
     """Return an error and its sub-errors as plain data: file, line, what, value, rule and remedy."""
     out = []

@@ -223,8 +223,8 @@ class OpcUaRig:
         slot = self._link.nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
-            places = {"slot": slot, "sequence": sequence, "number": number}
-            raise RigError.of("rig.lost-samples", where=self._link.url, **places)
+            where = self._link.url
+            raise RigError.of("rig.lost-samples", where=where, slot=slot, sequence=sequence, number=number)
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
@@ -309,8 +309,8 @@ class OpcUaRig:
         """Connect again within the allowed time."""
         if self._back_within(self.reconnect_s):
             return
-        times = {"seconds": self.reconnect_s, "beat": self._link.nodes.handshake.heartbeat_s}
-        raise RigError.of("rig.lost", where=self._link.url, reason=reason, **times)
+        url, beat_s = self._link.url, self._link.nodes.handshake.heartbeat_s
+        raise RigError.of("rig.lost", where=url, reason=reason, seconds=self.reconnect_s, beat=beat_s)
 
     def _back_within(self, limit_s: float) -> bool:
         """Connect again, with growing waits between attempts, and stop the rig; return whether this succeeded."""

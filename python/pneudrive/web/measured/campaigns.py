@@ -40,11 +40,12 @@ def planned(workspace: Workspace, protocol: object = None) -> dict[str, Any]:
     from pneudrive.campaign.planning.plan import lay_out, show
     from pneudrive.campaign.planning.preflight import check_levels
     from pneudrive.campaign.planning.protocol import read_protocol
-    from pneudrive.rig.rig_file import load_rig, opened
+    from pneudrive.rig.interface import closed_after
+    from pneudrive.rig.rig_file import load_rig
 
     name = protocol_named(protocol, workspace)
     asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))
-    with opened(load_rig(RIG, asked.seed)) as bench:
+    with closed_after(load_rig(RIG, asked.seed)) as bench:
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
     lines = {"command": shell("campaign plan", name, rig=RIG), "python": python("plan", rig=RIG, protocol=name)}

@@ -64,21 +64,6 @@ class OpenRecording:
         """Return a view. See `Pyramid.window`."""
         return self.pyramid.window(span, pixels, columns, self.samples)
 
-    def spectrum(self, span: tuple[float, float], column: str) -> tuple[Any, Any]:
-        """Return frequencies, Hz, and amplitude density of a channel within a span of time.
-
-        Raises
-        ------
-        CommandError
-            The span holds too many samples, or the recording has no times.
-        RecordingError
-            As for `pneudrive.signals.spectrum.amplitude_density`.
-        """
-        if self.file.time is None:
-            raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
-        time_s, values = self.samples_in(span, [column])
-        return amplitude_density(time_s, values[column])
-
     def samples_in(self, span: tuple[float, float], columns: Sequence[str]) -> tuple[Array, dict[str, Array]]:
         """Return times and values of all samples of channels within a span of time.
 
@@ -297,11 +282,22 @@ def shown_window(workspace: Workspace, given: Mapping[str, Any]) -> bytes:
 
 
 def shown_spectrum(workspace: Workspace, path: str, request: ViewRequest) -> bytes:
-    """Return the spectra of channels within a view as a frame."""
+    """Return the spectra of channels within a view as a frame.
+
+    Raises
+    ------
+    CommandError
+        The view holds too many samples, or the recording has no times.
+    RecordingError
+        As for `pneudrive.signals.spectrum.amplitude_density`.
+    """
     found, span = workspace.state(Recordings).need(path), request.span
+    if found.file.time is None:
+        raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
+    time_s, values = found.samples_in(span, request.columns_in(found))
     arrays = {}
-    for name in request.columns_in(found):
-        arrays[f"hz/{name}"], arrays[f"density/{name}"] = found.spectrum(span, name)
+    for name, own in values.items():
+        arrays[f"hz/{name}"], arrays[f"density/{name}"] = amplitude_density(time_s, own)
     return pack({"from": span[0], "to": span[1]}, arrays)
 
 

@@ -124,20 +124,6 @@ def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
 
 
-def per_pixel(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns over ``time_s``. Long columns become the lowest and the highest value of each pixel."""
-    time = columns["time_s"]
-    if len(time) <= 2 * pixels + 1:
-        return dict(columns)
-    edges = np.linspace(0, len(time), pixels + 1).astype(int)
-    middle = (edges[:-1] + edges[1:]) // 2
-    out = {"time_s": np.column_stack([time[edges[:-1]], time[middle]]).ravel()}
-    for name, values in columns.items():
-        if name != "time_s":
-            out[name] = np.column_stack(low_high(np.asarray(values), edges)).ravel()
-    return out
-
-
 @dataclass(frozen=True)
 class Pyramid:
     """Blocks of a recording.
@@ -322,18 +308,20 @@ class _Pixels(NamedTuple):
 
 
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns in the form of `per_pixel`. Thinned columns also have ``NAME/at``: the values at the sent times.
+    """Return columns over ``time_s``. Long columns become the lowest and the highest value of each pixel.
 
-    Lowest and highest values of pixels are for drawing. The displayed number under the cursor is therefore a value of
-    the run at that time.
+    Thinned columns also have ``NAME/at``: the values at the sent times. Lowest and highest values of pixels are for
+    drawing. The displayed number under the cursor is therefore a value of the run at that time.
     """
-    drawn = per_pixel(columns, pixels)
-    time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
-    if len(sent) == len(time):
-        return drawn
+    time = np.asarray(columns["time_s"])
+    if len(time) <= 2 * pixels + 1:
+        return dict(columns)
+    edges = np.linspace(0, len(time), pixels + 1).astype(int)
+    sent = np.column_stack([time[edges[:-1]], time[(edges[:-1] + edges[1:]) // 2]]).ravel()
+    values = {name: np.asarray(column) for name, column in columns.items() if name != "time_s"}
     rows = np.searchsorted(time, sent)
-    at = {f"{name}/at": np.asarray(values)[rows] for name, values in columns.items() if name != "time_s"}
-    return {**drawn, **at}
+    drawn = {name: np.column_stack(low_high(own, edges)).ravel() for name, own in values.items()}
+    return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
