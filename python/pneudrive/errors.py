@@ -53,9 +53,14 @@ def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
 
 
 @cache
+def package_table(module: str, name: str) -> dict[str, Any]:
+    """Return the content of a TOML file of the package beside a module, whose file is given. It is read once."""
+    return tomllib.loads((Path(module).parent / name).read_text(encoding="utf-8"))
+
+
 def messages(package: str) -> dict[str, dict[str, str]]:
     """Return the messages of a package: name -> what, value, rule and remedy, with places for values in braces."""
-    return tomllib.loads(Path(__file__).with_name(package).joinpath("messages.toml").read_text(encoding="utf-8"))
+    return package_table(__file__, f"{package}/messages.toml")
 
 
 class PneudriveError(Exception):

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, StrictBool, StrictInt
 
-from pneudrive.describe.files import toml
-from pneudrive.errors import CampaignError, nearest
+from pneudrive.errors import CampaignError, nearest, package_table
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Number, Positive, Sampling, Texts, WrittenStep, holds, plain, present, read_table
 
-WORDS: dict[str, dict[str, Any]] = toml.tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+WORDS: dict[str, dict[str, Any]] = package_table(__file__, "words.toml")
 #: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
 KINDS: dict[str, str] = WORDS["kinds"]
 

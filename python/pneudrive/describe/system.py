@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import re
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.errors import DescriptionError, tomllib
+from pneudrive.errors import DescriptionError, package_table
 
 if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 #: Component of a drive whose name is left out.
 PISTON = "cylinder"
 #: Names of a drive -> names of its circuit.
-DRIVE_NAMES = tomllib.loads(Path(__file__).with_name("drive_names.toml").read_text(encoding="utf-8"))
+DRIVE_NAMES = package_table(__file__, "drive_names.toml")
 #: Names of a drive outside its cylinder, by those of the circuit.
 _OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.startswith(f"{PISTON}.")}
 #: Units that end the keys of a drive in SI, longest first.

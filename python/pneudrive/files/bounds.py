@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError, nearest, tomllib
+from pneudrive.errors import CommandError, nearest, package_table
 
 if TYPE_CHECKING:
     from pneudrive.errors import PneudriveError
@@ -37,7 +36,7 @@ class Bound:
     raised: bool = True
 
 
-_TABLE = tomllib.loads(Path(__file__).with_name("bounds.toml").read_text(encoding="utf-8"))
+_TABLE = package_table(__file__, "bounds.toml")
 BOUNDS = {name: Bound(**about) for name, about in _TABLE.items()}
 
 

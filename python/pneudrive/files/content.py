@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
-from pneudrive.errors import tomllib
+from pneudrive.errors import package_table
 from pneudrive.files.bounds import bound, within
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
 
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
 
-_TABLE = tomllib.loads(Path(__file__).with_name("kinds.toml").read_text(encoding="utf-8"))
+_TABLE = package_table(__file__, "kinds.toml")
 #: Kind of a folder that is one object -> files in it.
 FOLDERS: dict[str, list[str]] = _TABLE["folders"]
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind

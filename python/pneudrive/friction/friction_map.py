@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe.files.toml import read
-from pneudrive.errors import RecordingError
+from pneudrive.errors import RecordingError, package_table
 from pneudrive.files.csv_tables import read_csv
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.files.tables import open_table
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Ints
 
 
-_TABLES = read(Path(__file__).with_name("columns.toml"))[0]
+_TABLES = package_table(__file__, "columns.toml")
 #: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
 COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["map"].items()}
 LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["campaign"].items()}

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.files.toml import read
+from pneudrive.errors import package_table
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
@@ -43,16 +41,14 @@ class Statement:
         return f"{self.text} Remedy: {self.remedy}" if self.remedy else self.text
 
 
-@lru_cache(maxsize=1)
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
     """Return topic -> name -> sentence, or its parts: text and remedy."""
-    return read(Path(__file__).with_name("sentences.toml"))[0]
+    return package_table(__file__, "sentences.toml")
 
 
-@lru_cache(maxsize=1)
 def flag_table() -> dict[str, dict[str, str]]:
     """Return name -> ``means`` and ``do`` of each flag: its meaning, and what to do."""
-    return read(Path(__file__).with_name("flags.toml"))[0]
+    return package_table(__file__, "flags.toml")
 
 
 IMPOSSIBLE = "negative_friction"  # with the doubts, a flag of values that no rig can have

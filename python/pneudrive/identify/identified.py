@@ -9,20 +9,17 @@ import json
 import math
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
-from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
 from pneudrive.describe.marks import Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
-from pneudrive.errors import FitError, nearest, warn
+from pneudrive.errors import FitError, nearest, package_table, warn
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Figure, Line, Look, Markers, Panel, Rule, thin
 from pneudrive.free.parameters import with_shape
 from pneudrive.simulation.trajectory import meaning
@@ -39,14 +36,9 @@ if TYPE_CHECKING:
 # --- Sentences of fits, from sentences.toml.
 
 
-@lru_cache(maxsize=1)
-def _table() -> dict[str, Any]:
-    return toml.read(Path(__file__).with_name("sentences.toml"))[0]
-
-
 def sentences(topic: str) -> dict[str, Any]:
     """Return the sentences of a topic, by name."""
-    return _table()[topic]
+    return package_table(__file__, "sentences.toml")[topic]
 
 
 def stated(topic: str, key: str, /, **values: object) -> dict[str, str]:

@@ -17,7 +17,7 @@ from pneudrive.simulation.trajectory import attributes, check_si
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
     import matplotlib.figure
@@ -79,7 +79,7 @@ def _axis_panels(time: np.ndarray, known: dict[str, np.ndarray], title: str) -> 
             title,
             y="position / mm",
         ),
-        Panel([Line(time, off), Rule(y=0.0)], y=f"error / {_error_unit([off])}"),
+        Panel([Line(time, off), Rule(y=0.0)], y=f"error / {error_unit([off])}"),
         Panel(pressures, y="pressure / bar abs"),
         Panel([Line(time, known["command"], width=0.8, steps=True)], y="command"),
         Panel([Line(time, known["disturbance"], width=0.8)], y="disturbance / N"),
@@ -147,10 +147,16 @@ def _over_time(panels: Sequence[Panel]) -> Figure:
     return stack(panels, 1.2 * len(panels) + 0.5, legend="over", entries=6)
 
 
-def _error_unit(errors_m: Sequence[Any]) -> str:
+def error_unit(errors_m: Sequence[Any]) -> str:
     """Return the unit in which errors are drawn."""
-    largest = max((float(np.abs(error).max()) for error in errors_m), default=0.0)
+    largest = max((float(np.abs(error).max()) for error in errors_m if len(error)), default=0.0)
     return "um" if largest < SMALL_M else "mm"
+
+
+def gain_rows(laws: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of a table of gains: law, key, value, meaning and rule of each."""
+    for law, tuning in laws.items():
+        yield from ((law, *(gain[key] for key in ("key", "written", "meaning", "rule"))) for gain in tuning["gains"])
 
 
 # --- a benchmark of controllers --------------------------------------------------------------------------------------
@@ -214,7 +220,7 @@ def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownF
     each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
     if found.spread and any(each):
         marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
-        x = Axis(f"largest error / {_error_unit([np.asarray(values) for values in each if values])}", "log")
+        x = Axis(f"largest error / {error_unit([np.asarray(values) for values in each if values])}", "log")
         laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
         figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
         yield ShownFigure(f"boxes-{number + 1}", topic.say("boxes", **said), figure)
@@ -228,7 +234,7 @@ def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownF
             references.append(Line(time[part], reference[part], "reference", Look("red"), 0.6))
             errors.append(Line(time[part], (reference - position)[part], look=own, width=0.9))
     if tracks:
-        error = Axis(f"error / {_error_unit([line.y for line in errors])}", "far")
+        error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
         panels = [Panel([*tracks, *references[:1]], y="position / mm"), Panel([*errors, Rule(y=0.0)], y=error)]
         caption = topic.say("tracks", which="member 1" if found.spread else "first seed", **said)
         yield ShownFigure(f"tracks-{number + 1}", caption, stack(panels, 4.2))
@@ -249,10 +255,7 @@ def write_control_report(found: ControlComparison, folder: str | Path) -> Path:
         The folder cannot be written to.
     """
     view, method, told = found.view(), Topic("control", "method"), Topic("control", "told")
-    gains = (
-        (law, *(gain[key] for key in ("key", "written", "meaning", "rule")))
-        for law, tuning in found.about["laws"].items()
-        for gain in tuning["gains"]
+    assumed = told.section(
+        told.table(found.about["plant"], "plant"), told.table(gain_rows(found.about["laws"]), "gains"), synthetic=False
     )
-    assumed = told.section(told.table(found.about["plant"], "plant"), told.table(gains, "gains"), synthetic=False)
     return view_report(view, method.section(method.text()), assumed, synthetic=True).write(folder)

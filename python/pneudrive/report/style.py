@@ -11,7 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import tomllib
+from pneudrive.errors import package_table
 from pneudrive.figures import WIDTH_IN
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
-_STYLE = tomllib.loads(Path(__file__).with_name("style.toml").read_text(encoding="utf-8"))
+_STYLE = package_table(__file__, "style.toml")
 #: Settings of matplotlib, and colours by name on light and on dark paper.
 _SETTINGS, INKS = _STYLE["settings"], _STYLE["inks"]
 FONT, LABEL_PT, TITLE_PT = (_SETTINGS[key] for key in ("font.family", "axes.labelsize", "axes.titlesize"))

@@ -24,7 +24,7 @@ from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPress
 from pneudrive.describe.parameters import parameter_quantity
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.errors import DescriptionError, Problems
+from pneudrive.errors import DescriptionError, Problems, package_table
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits, uniform_in_position
 from pneudrive.rig.rig_file import RigFile
@@ -213,10 +213,10 @@ def _key(row: dict[str, Any]) -> Key:
 
 
 BOUNDS = {"positive": Bounds(above=0.0), "not_negative": Bounds(at_least=0.0), "any_sign": Bounds()}
-_TABLES: dict[str, Any] = toml.tomllib.loads(Path(__file__).with_name("keys.toml").read_text("utf-8"))
+_TABLES: dict[str, Any] = package_table(__file__, "keys.toml")
 #: table -> its title
-TABLES: dict[str, str] = {name: table.pop("title") for name, table in _TABLES.items() if "title" in table}
-KEYS = {name: {key: _key(row) for key, row in _TABLES[name].items()} for name in TABLES}
+TABLES: dict[str, str] = {name: table["title"] for name, table in _TABLES.items() if "title" in table}
+KEYS = {name: {key: _key(row) for key, row in _TABLES[name].items() if key != "title"} for name in TABLES}
 #: Keys of a table [mounting.NAME]: a mounting other than `RIGID`.
 MOUNTING = {key: _key(row) for key, row in _TABLES["mounting"].items()}
 #: Mounting of every rig, without side load.

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -30,8 +29,7 @@ from pydantic import (
 )
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe.files import toml
-from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest
+from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest, package_table
 from pneudrive.signals.force_calibration import ForceCalibration, of_json
 from pneudrive.units import LARGEST
 
@@ -77,7 +75,7 @@ Texts = Annotated[
     BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
 ]
 
-WORDS: dict[str, dict[str, Any]] = toml.tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+WORDS: dict[str, dict[str, Any]] = package_table(__file__, "words.toml")
 ONLY_KNOWN = ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
 SHARED = (

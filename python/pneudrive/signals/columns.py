@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.errors import DescriptionError, tomllib
+from pneudrive.errors import DescriptionError, package_table
 from pneudrive.units import converter, parse
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
 
 #: Units in headers, roles of columns, and words of other columns.
-_TABLES = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+_TABLES = package_table(__file__, "columns.toml")
 LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
 #: How a pressure says that it counts from ambient, or from vacuum.
 _SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import CommandError, RecordingError, nearest, tomllib, warn
+from pneudrive.errors import CommandError, RecordingError, nearest, package_table, warn
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.inputs import INPUTS, stored_beside
 from pneudrive.files.seal import sealed_parquet
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 50_000_000  # of a run: its trajectory takes about 6 GB
 #: Names, units and meanings of columns.
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+TABLE: dict[str, Any] = package_table(__file__, "columns.toml")
 #: Column of a file -> variable, unit, long name.
 MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
 _UNITS = tuple(TABLE["units"])

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import re
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import DescriptionError, tomllib
+from pneudrive.errors import DescriptionError, package_table
 
 if TYPE_CHECKING:
     import pint
 
 
-_UNITS = tomllib.loads(Path(__file__).with_name("table.toml").read_text(encoding="utf-8"))
+_UNITS = package_table(__file__, "table.toml")
 _FACTORS = ((si, unit, line) for si, about in _UNITS.items() for unit, line in about.get("units", {}).items())
 #: Unit as written -> (SI unit, factor, offset): SI value = number * factor + offset.
 TABLE: dict[str, tuple[str, float, float]] = {

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO
-from pneudrive.describe.files import toml
+from pneudrive.errors import package_table
 from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
@@ -97,16 +95,11 @@ def causes(drive: Drive) -> list[Cause]:
     rows = _of_friction(drive) | _of_load(drive) | _of_valve(drive) | _of_leaks(drive) | _of_chambers(drive) | _SENSORS
     level, out = drive.friction.parameters.get("coulomb", 1.0), []
     for key, row in rows.items():
-        entry = {**_texts()[key], **row}
+        entry = {**package_table(__file__, "causes.toml")[key], **row}
         if entry.pop("relative", False):
             entry.update({name: level * entry[name] for name in ("step", "least")})
         out.append(Cause(key=key, **{**entry, "free": tuple(entry.get("free", ()))}))
     return out
-
-
-@cache
-def _texts() -> dict[str, Row]:
-    return toml.read(Path(__file__).with_name("causes.toml"))[0]
 
 
 def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Change:
@@ -338,7 +331,7 @@ def _of_chambers(drive: Drive) -> dict[str, Row]:
         key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
     if getattr(drive.cylinder, field) > 0.0:
         change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
-        remedy = _texts()["heat transfer"]["remedy"].format(key=key)
+        remedy = package_table(__file__, "causes.toml")["heat transfer"]["remedy"].format(key=key)
         rows["heat transfer"] = {"change": change, "remedy": remedy, "bounds": SHARE, "free": (key,)}
     return rows
 

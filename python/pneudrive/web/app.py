@@ -23,8 +23,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
-from pneudrive.describe.files import toml
-from pneudrive.errors import PneudriveError
+from pneudrive.errors import PneudriveError, package_table
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
 from pneudrive.web.jobs import READY, PageJobs
@@ -44,7 +43,7 @@ BUILD_FILE, FRAME = "build.json", "application/octet-stream"
 #: and ``build`` are those of the server, ``given`` is the whole table, and any other is checked by its annotation.
 ANSWERS: dict[str, str] = {
     route: f"{module}:{function}"
-    for module, routes in toml.read(Path(__file__).with_name("routes.toml"))[0].items()
+    for module, routes in package_table(__file__, "routes.toml").items()
     for route, function in routes.items()
 }
 #: Modules that are imported at their first use.

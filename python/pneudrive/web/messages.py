@@ -11,8 +11,6 @@ import math
 import shlex
 import struct
 import zlib
-from functools import cache
-from pathlib import Path
 from traceback import print_exception
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,8 +27,7 @@ from pydantic import (
     WrapValidator,
 )
 
-from pneudrive.describe.files import toml
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
@@ -183,12 +180,7 @@ def wrong_request() -> CommandError:
 
 def python(name: str, **values: Any) -> str:  # noqa: ANN401 - any value
     """Return lines of Python of ``python.toml``."""
-    return _python()[name].format(**values)
-
-
-@cache
-def _python() -> dict[str, str]:
-    return toml.read(Path(__file__).with_name("python.toml"))[0]
+    return package_table(__file__, "python.toml")[name].format(**values)
 
 
 def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: ANN401 - texts, numbers, lists of them

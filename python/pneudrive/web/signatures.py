@@ -14,9 +14,8 @@ from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.cli.main import COMMANDS
-from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.files.writing import is_held
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.identify.design import CANDIDATES
@@ -235,11 +234,10 @@ def _inputs(command: str, given: list[Any], shared: Mapping[str, Any]) -> Iterat
 
 
 def _read() -> Iterator[tuple[str, CommandForm]]:
-    tables, _ = toml.read(Path(__file__).with_name("forms.toml"), CommandError)
-    shared = tables.pop("shared")
+    tables = package_table(__file__, "forms.toml")
     for command, form in tables.items():
-        inputs = tuple(_inputs(command, form.pop("inputs"), shared))
-        yield command, CommandForm(**form, inputs=inputs)
+        if command != "shared":
+            yield command, CommandForm(**form | {"inputs": tuple(_inputs(command, form["inputs"], tables["shared"]))})
 
 
 SIGNATURES = dict(_read())

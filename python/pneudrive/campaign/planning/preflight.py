@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
-from pneudrive.describe.files import toml
-from pneudrive.errors import ProtocolError, nearest
+from pneudrive.errors import ProtocolError, nearest, package_table
 from pneudrive.rig.interface import Changeable, Hold, Move
 
 if TYPE_CHECKING:
@@ -287,7 +285,7 @@ Caution = tuple[str, dict[str, Any]]
 
 def cautions(plan: Plan) -> tuple[str, ...]:
     """Return the effects that a plan cannot show, or can show only poorly, and notes on its rig, time and tables."""
-    texts = toml.tomllib.loads(Path(__file__).with_name("cautions.toml").read_text("utf-8"))
+    texts = package_table(__file__, "cautions.toml")
     return tuple(texts[key].format(**values) for key, values in (*_of_samples(plan), *_of_design(plan)))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
@@ -14,7 +13,7 @@ from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
 from pneudrive.describe.tables.signal import Signal, SignalRange
-from pneudrive.errors import tomllib, warn
+from pneudrive.errors import package_table, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ NOT_NEGATIVE = marks.Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
 DEW_POINTS = marks.Bounds(at_least=193.15, at_most=333.15)
 
-_GASES = tomllib.loads(Path(__file__).with_name("gases.toml").read_text(encoding="utf-8"))
+_GASES = package_table(__file__, "gases.toml")
 #: Temperatures of `CAPACITY_EXCESS`, degC.
 CAPACITY_CELSIUS: list[float] = _GASES.pop("capacity_celsius")
 _GASES["air"] |= {

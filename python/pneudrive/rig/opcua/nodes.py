@@ -29,7 +29,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
-from pneudrive.errors import RigError, nearest
+from pneudrive.errors import RigError, nearest, package_table
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
 
@@ -66,7 +66,7 @@ class NodeKind:
     optional: bool = False
 
 
-_TABLES = toml.tomllib.loads(Path(__file__).with_name("kinds.toml").read_text("utf-8"))
+_TABLES = package_table(__file__, "kinds.toml")
 KINDS = {f"{table}.{key}": NodeKind(**row) for table, rows in _TABLES.items() for key, row in rows.items()}
 IN_RING = {name for name in KINDS if name.startswith("samples.")} - {"samples.written", "samples.acknowledged"}
 #: Nodes -> fields of `RigState`, `Samples` and `Sampling`.

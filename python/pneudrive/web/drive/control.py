@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
@@ -22,6 +21,7 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.progress import Watch
+from pneudrive.report.control import error_unit, gain_rows
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
@@ -37,7 +37,6 @@ MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
 MOST_FAILED = 20  # reasons of failed runs that are sent
 MOST_EACH = 20_000  # runs whose values of a measure are sent
-SMALL_M = 5e-3  # largest error that is drawn in micrometres
 TRUE = "True drive: factors of the described values, and values in SI."
 SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
 #: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
@@ -235,8 +234,8 @@ def tried_law(workspace: Workspace, request: ControlRequest) -> dict[str, Any]:
 
 
 def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
-    largest = max((float(np.abs(error).max()) for error in errors_m if len(error)), default=0.0)
-    return {"unit": "um", "size": 1e-6} if largest < SMALL_M else {"unit": "mm", "size": 1e-3}
+    unit = error_unit(errors_m)
+    return {"unit": unit, "size": {"um": 1e-6, "mm": 1e-3}[unit]}
 
 
 def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
@@ -271,18 +270,12 @@ def _assumed(
     title: str, about: Mapping[str, Any], notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()
 ) -> dict[str, Any]:
     """Return the drive as laws assume it, their gains and their limits as the data of a view."""
-    laws = about["laws"].items()
-    gains = tuple(
-        (name, *(gain[key] for key in ("key", "written", "meaning", "rule")))
-        for name, law in laws
-        for gain in law["gains"]
-    )
-    plant = tuple((name, value) for name, value in about["plant"])
+    plant = tuple(map(tuple, about["plant"]))
     shown = (
-        ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), gains),
+        ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),
         ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), plant),
     )
-    limits = (f"{name}: {limit}" for name, law in laws for limit in law["limits"])
+    limits = (f"{name}: {limit}" for name, law in about["laws"].items() for limit in law["limits"])
     return View(title, notes=(*notes, *limits), tables=(*tables, *shown)).data()
 
 

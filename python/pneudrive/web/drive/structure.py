@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from functools import lru_cache
 from itertools import count, pairwise
-from pathlib import Path
 from typing import Any, Literal
 
 import tomlkit
@@ -13,21 +11,18 @@ from pydantic import StrictStr
 
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port, Wiring
-from pneudrive.describe.files import toml
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.messages import PageRequest
 from pneudrive.web.workspace import Workspace
 
-STARTERS = Path(__file__).with_name("starters.toml")
 ASSUMED = "Assumed initial values."
 
 
-@lru_cache(maxsize=1)
 def starters() -> dict[str, dict[str, Any]]:
     """Return the initial values of a component of each kind."""
-    return toml.read(STARTERS)[0]
+    return package_table(__file__, "starters.toml")
 
 
 def kinds() -> dict[str, Any]:

@@ -21,14 +21,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.describe.files.toml import read
-from pneudrive.errors import FitError, nearest
+from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
 from pneudrive.estimate.design import DesignSpace, exchange, information
@@ -104,7 +102,7 @@ class DwellForm:
         return float(np.log(10.0) * duration_s * self.derivatives(np.array([duration_s]), *shape)[0, 1])
 
 
-FORMS = tuple(DwellForm(name, **row) for name, row in read(Path(__file__).with_name("dwell_laws.toml"))[0].items())
+FORMS = tuple(DwellForm(name, **row) for name, row in package_table(__file__, "dwell_laws.toml").items())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
