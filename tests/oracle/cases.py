@@ -56,6 +56,16 @@ def reference_drive() -> Json:
     )
 
 
+def dead_volumes(a: float, b: float) -> Json:
+    """Return the dead volumes of both chambers of a cylinder, m3."""
+    return {"dead_volume_a_m3": a, "dead_volume_b_m3": b}
+
+
+def cylinder(kind: str, bore: float, rod: float, stroke: float) -> Json:
+    """Return kind, bore, rod diameter and stroke of a cylinder, m."""
+    return {"kind": kind, "bore_m": bore, "rod_diameter_m": rod, "stroke_m": stroke}
+
+
 def lugre(
     coulomb: float,
     breakaway: float,
@@ -130,8 +140,7 @@ def small_bore_slams() -> Json:
         cylinder={
             "bore_m": 0.012,
             "stroke_m": 0.05,
-            "dead_volume_a_m3": 1.5e-6,
-            "dead_volume_b_m3": 1.2e-6,
+            **dead_volumes(1.5e-6, 1.2e-6),
             "moving_mass_kg": 0.25,
             "end_stop": {"stiffness_n_m": 4e5, "damping_n_s_m": 250.0, "damping_depth_m": 1e-4},
         },
@@ -146,12 +155,8 @@ def single_rod_horizontal() -> Json:
     """32/12 mm single-rod cylinder with a load mass; extends, retracts, is stopped halfway by the valve."""
     drive = changed(
         cylinder={
-            "kind": "single-rod",
-            "bore_m": 0.032,
-            "rod_diameter_m": 0.012,
-            "stroke_m": 0.2,
-            "dead_volume_a_m3": 8e-6,
-            "dead_volume_b_m3": 6e-6,
+            **cylinder("single-rod", 0.032, 0.012, 0.2),
+            **dead_volumes(8e-6, 6e-6),
             "moving_mass_kg": 1.2,
             "heat_transfer_w_m2_k": 60.0,
         },
@@ -167,12 +172,8 @@ def single_rod_lifts() -> Json:
     """63/20 mm, standing upright (incline 90 deg) under 25 kg: lifts, lowers, hangs on a shut valve."""
     drive = changed(
         cylinder={
-            "kind": "single-rod",
-            "bore_m": 0.063,
-            "rod_diameter_m": 0.02,
-            "stroke_m": 0.3,
-            "dead_volume_a_m3": 4e-5,
-            "dead_volume_b_m3": 3.5e-5,
+            **cylinder("single-rod", 0.063, 0.02, 0.3),
+            **dead_volumes(4e-5, 3.5e-5),
             "moving_mass_kg": 3.0,
             "incline_rad": 0.5 * math.pi,
         },
@@ -191,8 +192,7 @@ def single_rod_hangs() -> Json:
             "kind": "single-rod",
             "rod_diameter_m": 0.01,
             "stroke_m": 0.16,
-            "dead_volume_a_m3": 5e-6,
-            "dead_volume_b_m3": 5e-6,
+            **dead_volumes(5e-6, 5e-6),
             "moving_mass_kg": 6.0,
             "incline_rad": -0.5 * math.pi,
         },
@@ -208,12 +208,8 @@ def through_rod_spring() -> Json:
     """40/16 mm through-rod on a slope of 30 deg against a spring, warm wall."""
     drive = changed(
         cylinder={
-            "kind": "through-rod",
-            "bore_m": 0.04,
-            "rod_diameter_m": 0.016,
-            "stroke_m": 0.25,
-            "dead_volume_a_m3": 1.2e-5,
-            "dead_volume_b_m3": 1.5e-5,
+            **cylinder("through-rod", 0.04, 0.016, 0.25),
+            **dead_volumes(1.2e-5, 1.5e-5),
             "moving_mass_kg": 4.0,
             "incline_rad": math.radians(30.0),
             "wall_temperature_k": 330.0,
@@ -233,8 +229,7 @@ def long_stroke() -> Json:
         cylinder={
             "bore_m": 0.04,
             "stroke_m": 1.0,
-            "dead_volume_a_m3": 3e-5,
-            "dead_volume_b_m3": 3e-5,
+            **dead_volumes(3e-5, 3e-5),
             "moving_mass_kg": 5.0,
         },
         valve={"conductance_m3_s_pa": 2.2e-8, "critical_pressure_ratio": 0.25},
@@ -265,8 +260,7 @@ def argon() -> Json:
         cylinder={
             "stroke_m": 0.25,
             "bore_m": 0.02,
-            "dead_volume_a_m3": 6e-6,
-            "dead_volume_b_m3": 6e-6,
+            **dead_volumes(6e-6, 6e-6),
             "moving_mass_kg": 1.0,
         },
         valve={"conductance_m3_s_pa": 6e-9},
@@ -299,12 +293,8 @@ def faded_bristles() -> Json:
     """16/6 mm single-rod: a passive LuGre set through the fade of its bristle damping."""
     drive = changed(
         cylinder={
-            "kind": "single-rod",
-            "bore_m": 0.016,
-            "rod_diameter_m": 0.006,
-            "stroke_m": 0.1,
-            "dead_volume_a_m3": 2.5e-6,
-            "dead_volume_b_m3": 2e-6,
+            **cylinder("single-rod", 0.016, 0.006, 0.1),
+            **dead_volumes(2.5e-6, 2e-6),
             "moving_mass_kg": 0.8,
             "end_stop": {"stiffness_n_m": 5e5, "damping_n_s_m": 500.0, "damping_depth_m": 2e-4},
         },
@@ -321,8 +311,7 @@ def creeps_and_remembers() -> Json:
         cylinder={
             "bore_m": 0.016,
             "stroke_m": 0.2,
-            "dead_volume_a_m3": 3e-6,
-            "dead_volume_b_m3": 3e-6,
+            **dead_volumes(3e-6, 3e-6),
             "moving_mass_kg": 0.9,
         },
         valve={"conductance_m3_s_pa": 4e-9},
@@ -372,8 +361,7 @@ def many_steps() -> Json:
             "bore_m": 0.05,
             "stroke_m": 0.3,
             "moving_mass_kg": 6.0,
-            "dead_volume_a_m3": 2.5e-5,
-            "dead_volume_b_m3": 2e-5,
+            **dead_volumes(2.5e-5, 2e-5),
         },
         valve={"conductance_m3_s_pa": 2e-8},
         friction={"parameters": lugre(60.0, 85.0, 0.02, 100.0, 3e5, 800.0)},
@@ -400,13 +388,9 @@ def stribeck_creeps() -> Json:
     """32/12 mm single-rod creeping with exact sticking, friction growing with pressure."""
     drive = changed(
         cylinder={
-            "kind": "single-rod",
-            "bore_m": 0.032,
-            "rod_diameter_m": 0.012,
-            "stroke_m": 0.2,
+            **cylinder("single-rod", 0.032, 0.012, 0.2),
             "moving_mass_kg": 3.0,
-            "dead_volume_a_m3": 3e-5,
-            "dead_volume_b_m3": 3e-5,
+            **dead_volumes(3e-5, 3e-5),
             "heat_transfer_w_m2_k": 50.0,
         },
         valve={"conductance_m3_s_pa": 5e-9},
@@ -424,10 +408,7 @@ def stribeck_rings() -> Json:
     """Vertical through-rod drive on shut chambers: rings, reverses without a pause, then sticks for good."""
     drive = changed(
         cylinder={
-            "kind": "through-rod",
-            "bore_m": 0.032,
-            "rod_diameter_m": 0.01,
-            "stroke_m": 0.3,
+            **cylinder("through-rod", 0.032, 0.01, 0.3),
             "moving_mass_kg": 4.0,
             "incline_rad": 0.5 * math.pi,
         },

@@ -101,7 +101,7 @@ def test_a_resume_that_is_refused_says_so_as_long_as_it_is(server: Server, open_
     }
     card = {
         "spread": "", "total": 2, "finished": False, "done": 0, "laws": ["pid"], "references": [], "measures": [],
-        "cells": [], "each": [], "told": told, "command": "", "python": "",
+        "cells": [], "each": [], "failed": [], "told": told, "command": "", "python": "",
     }  # fmt: skip
     busy = dict.fromkeys(("line", "key", "value", "rule", "remedy")) | {"what": "2 jobs are running"}
     page.route("**/api/comparison?*", lambda route: route.fulfill(json=card))

@@ -12,22 +12,11 @@ from pneudrive.web.messages import Array
 
 
 def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Read a frame, as the page does.
-
-    Raises
-    ------
-    ValueError
-        The frame is cut off or not one of ours.
-    """
-    if len(frame) < 4:
-        raise ValueError("a frame begins with the length of its head")
+    """Read a frame, as the page does."""
     (length,) = struct.unpack_from("<I", frame)
-    start = 4 + length
-    if start > len(frame):
-        raise ValueError("the head is cut off")
-    head = json.loads(frame[4:start])
+    head = json.loads(frame[4 : 4 + length])
     arrays = {}
     for name, kind, at, count, *middle in head.pop("arrays"):
-        own = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=start + at)
+        own = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=4 + length + at)
         arrays[name] = own + np.float64(middle[0]) if middle else own
     return head, arrays

@@ -111,6 +111,7 @@ export function JobForm(props: FormProps) {
     attempt(async () => {
       const job = await ask<{ number: number; out: string }>(own?.door ?? "/api/jobs", own ? own.body(sent) : sent);
       void follow();
+      if (free.name) put(kind, { name: free.name }); // the typed name is in use now
       await after?.(job);
     });
   return (
