@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.autocorrelation import distinct, moderate
+from pneudrive.estimate.autocorrelation import distinct_levels, moderate
 from pneudrive.identify import fit_directions, fit_friction
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
@@ -104,8 +104,8 @@ def test_variances_that_differ_beyond_chance_shrink_by_the_weight_of_their_prior
 
 
 def test_levels_of_speed():
-    assert distinct(np.array([0.01, 0.0101, 0.0103, 0.02])) == 2
-    assert distinct(np.array([0.01])) == 1
+    assert distinct_levels(np.array([0.01, 0.0101, 0.0103, 0.02])) == [(0.01, 0.0103), (0.02, 0.02)]
+    assert distinct_levels(np.array([0.01])) == [(0.01, 0.01)]
 
 
 @pytest.mark.parametrize(
