@@ -15,7 +15,7 @@ from pneudrive.describe.keys import WrongValueError as WrongValueError, wrong as
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
 from pneudrive.describe.tables.signal import Signal as Signal, SignalRange as SignalRange
-from pneudrive.errors import tomllib as tomllib, warn as warn
+from pneudrive.errors import package_table as package_table, warn as warn
 from typing import Annotated, Any, ClassVar, Literal
 
 NOT_NEGATIVE: Incomplete
