@@ -54,7 +54,10 @@ def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
 
 @cache
 def package_table(module: str, name: str) -> dict[str, Any]:
-    """Return the content of a TOML file of the package beside a module, whose file is given. It is read once."""
+    """Return the tables of a TOML file in the folder of a module, which has the path `module`.
+
+    The file is read once, and all callers share its tables: do not change them.
+    """
     return tomllib.loads((Path(module).parent / name).read_text(encoding="utf-8"))
 
 

@@ -142,7 +142,7 @@ export function JobForm(props: FormProps) {
   );
 }
 
-/** Return the numbers of typed texts. A text that is no number stays, and the server says what is wrong with it. */
+/** Return the numbers of typed texts. A text that is not a number stays: the server rejects it with the reason. */
 const numbersOf = (fields: Field[], values: Values): Values =>
   Object.fromEntries(
     fields.flatMap(({ key, kind }) => {

@@ -280,9 +280,9 @@ def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # no
     gap = int(np.argmax(np.diff(time)))
     end = reach.lowest_m if low - reach.lowest_m > reach.highest_m - high else reach.highest_m
     to = f"leads to {1e3 * end:.4g} mm" if np.isfinite(end) else "is not determined"
-    span, low, high = time[gap : gap + 2], 1e3 * low, 1e3 * high
-    gap_s = span[1] - span[0]
-    raise CommandError.of("control.beyond_record", record=made.text, to=to, low=low, high=high, span=span, gap=gap_s)
+    begin_s, end_s = time[gap : gap + 2]
+    value = f"no sample from {begin_s:g} s to {end_s:g} s, a gap of {end_s - begin_s:.4g} s"
+    raise CommandError.of("control.beyond_record", record=made.text, to=to, low=1e3 * low, high=1e3 * high, value=value)
 
 
 def _after(free_s: float, begin_s: float, text: str) -> None:

@@ -464,6 +464,10 @@ def _hypercube(size: int, d: int, seed: int) -> Array:
     return np.clip(qmc.LatinHypercube(d, rng=seed).random(size), EDGE, 1.0 - EDGE)
 
 
+def _latin_hypercube(first: int, last: int, size: int, d: int, seed: int) -> Array:
+    return _hypercube(size, d, seed)[first:last]
+
+
 def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
     del size
     blocks = range(first // BLOCK, -(-last // BLOCK))
@@ -473,7 +477,7 @@ def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
 
 
 #: Method -> points of the unit cube from first to before last, of so many in so many dimensions, by a seed.
-SAMPLERS = {"sobol": _sobol, "latin-hypercube": lambda first, last, *of: _hypercube(*of)[first:last], "random": _random}
+SAMPLERS = {"sobol": _sobol, "latin-hypercube": _latin_hypercube, "random": _random}
 
 
 # --- Designs: the values of the members of an ensemble.

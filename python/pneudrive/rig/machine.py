@@ -399,8 +399,8 @@ class Machine:
             reached = [columns[f"pressure_{side}_pa"][-1] / p for side, p in (("a", a_pa), ("b", b_pa))]
             if all(abs(share - 1.0) < SETTLED for share in reached):
                 return
-        ends = [columns[f"pressure_{side}_pa"][-1] for side in "ab"]
-        raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, reached=ends)
+        reached = " and ".join(f"{columns[f'pressure_{side}_pa'][-1]:g}" for side in "ab")
+        raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{reached} Pa")
 
     def _stays(self, friction: dict[str, Any]) -> None:
         """Check that pressure and weight would not move a released piston away."""

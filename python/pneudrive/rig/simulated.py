@@ -591,8 +591,8 @@ class RigSession:
                 if not 0.0 <= step.duration_s < np.inf:
                     raise RigError(f"a hold of {step.duration_s} s is not possible", rule="0 s <= duration")
             elif not (low - 1e-6 <= step.to_m <= high + 1e-6 and 0.0 < step.speed_m_s <= limits.speed_m_s):
-                to, speed, *ends = (1e3 * v for v in (step.to_m, step.speed_m_s, low, high, limits.speed_m_s))
-                raise RigError.of("rig.out-of-reach", to=to, speed=speed, ends=ends)
+                rule = f"{1e3 * low:g} to {1e3 * high:g} mm, up to {1e3 * limits.speed_m_s:g} mm/s"
+                raise RigError.of("rig.out-of-reach", to=1e3 * step.to_m, speed=1e3 * step.speed_m_s, rule=rule)
 
     def _quietly(self, step: Step) -> None:
         """Run one step without samples and without drawing noise."""

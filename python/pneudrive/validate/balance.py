@@ -702,7 +702,7 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
         }
         return core.shoot("command", request)
 
-    if drive.is_plain and state.shape[1] > 6:  # inner states of the friction
+    if drive.is_plain and inner:  # friction with inner states begins at rest
         rest = states[0, 0] + np.array([0.0, SETTLING_S])
         for _ in range(SETTLING_RUNS):
             settled = segment(rest[:1], np.zeros(1), rest)

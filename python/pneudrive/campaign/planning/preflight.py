@@ -226,12 +226,14 @@ def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
 
 def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> ProtocolError:
     """Return the error with the first cycle that breaks each limit, and their number."""
+    first: dict[str, tuple[str, str, str]] = {}
     counts: Counter[str] = Counter()
     for cycles, found in broken:
+        for item, text, remedy in found:
+            first.setdefault(item, (cycles[0].key, text, remedy))
         counts.update({item: len(cycles) for item, _, _ in found})
-    first = {item: (cycles[0].key, *words) for cycles, found in broken[::-1] for item, *words in found[::-1]}
-    shown = [(item, *first[item]) for item in counts][:SHOWN]
-    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, key, text, _ in shown]
+    shown = list(first.items())[:SHOWN]
+    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, (key, text, _) in shown]
     count = sum(len(cycles) for cycles, _ in broken)
     return ProtocolError(
         f'the rig "{plan.identity.name}" cannot run this protocol:  '
@@ -239,7 +241,7 @@ def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> P
         where=plan.protocol.origin,
         value="\n    ".join(lines),
         rule="the rig's envelope, tightened by [limits]",
-        remedy=" ".join(dict.fromkeys(remedy for *_, remedy in shown)),
+        remedy=" ".join(dict.fromkeys(remedy for _, (_, _, remedy) in shown)),
     )
 
 

@@ -22,17 +22,13 @@ NOT_NEGATIVE = marks.Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
 DEW_POINTS = marks.Bounds(at_least=193.15, at_most=333.15)
 
-_GASES = package_table(__file__, "gases.toml")
+_TABLE = package_table(__file__, "gases.toml")
 #: Temperatures of `CAPACITY_EXCESS`, degC.
-CAPACITY_CELSIUS: list[float] = _GASES.pop("capacity_celsius")
-_GASES["air"] |= {
-    "heat_capacity_ratio": constants.AIR_HEAT_CAPACITY_RATIO,
-    "gas_constant": constants.AIR_GAS_CONSTANT_J_KG_K,
-}
-#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name.
-GASES: dict[str, tuple[float, float]] = {
-    name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items()
-}
+CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
+_GASES = {name: gas for name, gas in _TABLE.items() if name != "capacity_celsius"}
+#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
+GASES: dict[str, tuple[float, float]] = {"air": (constants.AIR_HEAT_CAPACITY_RATIO, constants.AIR_GAS_CONSTANT_J_KG_K)}
+GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items() if name != "air"}
 #: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
 VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
 CAPACITY_EXCESS: dict[str, list[float]] = {

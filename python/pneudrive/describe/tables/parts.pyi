@@ -20,8 +20,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 NOT_NEGATIVE: Incomplete
 DEW_POINTS: Incomplete
-_GASES: Incomplete
+_TABLE: Incomplete
 CAPACITY_CELSIUS: list[float]
+_GASES: Incomplete
 GASES: dict[str, tuple[float, float]]
 VIRIAL: dict[str, list[float]]
 CAPACITY_EXCESS: dict[str, list[float]]

@@ -338,7 +338,8 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
                 problem, point, "the search reached values for which the drive cannot be simulated", reset=True
             )
             continue
-        (point, standing, longest), closings = found, 0
+        point, standing, longest = found
+        closings = 0
         watcher.step(problem, "steps with separate segments", standing, point)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break

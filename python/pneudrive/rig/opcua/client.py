@@ -223,8 +223,7 @@ class OpcUaRig:
         slot = self._link.nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
-            where = self._link.url
-            raise RigError.of("rig.lost-samples", where=where, slot=slot, sequence=sequence, number=number)
+            raise RigError.of("rig.lost-samples", where=self._link.url, slot=slot, sequence=sequence, number=number)
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))

@@ -1,7 +1,7 @@
 //! Integration method of short calls.
 
-/// Integration method of the next call. Its first attempts are made by a low-order method if calls of this length have
-/// needed few attempts: a low-order step needs less work, and the end of the call limits the length of a step anyway.
+/// Integration method of the next call. A low-order method makes its first attempts if calls of this length needed few
+/// attempts. A low-order step needs less work, and the end of the call limits the length of a step anyway.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ShortCalls {
     /// Calls of few attempts until low order is tried again.
