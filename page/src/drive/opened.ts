@@ -236,7 +236,7 @@ function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): v
   else if (left) drafts.set(path, { ...left, ...now });
 }
 
-const wasSaved = (path: string): string => `Saved ${path}.`;
+export const wasSaved = (path: string): string => `Saved ${path}.`;
 
 /** Save the text. A file that changed on disk since then is not overwritten. */
 export async function save(path: string): Promise<void> {

@@ -8,7 +8,7 @@ import { Button, TextInput } from "../workspace/fields";
 import { list } from "../workspace/files";
 import { isIn, Problems } from "../workspace/parts";
 import type { Editor } from "./editor";
-import { change, onDisk, opened, problems, said, save, takeFromDisk } from "./opened";
+import { change, onDisk, opened, problems, said, save, takeFromDisk, wasSaved } from "./opened";
 
 /** Return the editor of a text, and a function that goes to a line of it. Another file (`of`) has another editor. */
 function useEditor(
@@ -59,6 +59,7 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
     (text) => void change(text, true),
   );
   const isSaved = !now || now.text === now.saved;
+  const isOld = !isSaved && said.value === wasSaved(path); // it was typed on since
   const state = (
     <>
       <p class="row">
@@ -74,7 +75,7 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
             </Button>
           </>
         )}
-        <span role="status">{said.value || (isSaved ? "" : "Not saved.")}</span>
+        <span role="status">{(!isOld && said.value) || (isSaved ? "" : "Not saved.")}</span>
       </p>
       {now && onDisk.value && (
         <p class="row">

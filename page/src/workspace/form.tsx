@@ -2,7 +2,7 @@
 
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { CommandInput as Field, Made } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
 import { undoable } from "../undo";
@@ -91,8 +91,8 @@ export function JobForm(props: FormProps) {
   const free: Values = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
   const asked = JSON.stringify(start);
   useEffect(() => void (wrong.value = []), [kind, asked]);
-  useEffect(() => {
-    const before = begun[kind];
+  useLayoutEffect(() => {
+    const before = begun[kind]; // before the paint: a name that is in use is never shown as free
     begun[kind] = { start: asked, name: free.name };
     if (before?.start !== asked) put(kind, free);
     else if (typed.value[kind]?.name === before.name) put(kind, free.name ? { name: free.name } : {}); // a typed name is kept
