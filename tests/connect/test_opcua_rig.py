@@ -15,7 +15,8 @@ import pytest
 from pneudrive.errors import ConnectionLostError, RigError
 from pneudrive.rig import Changeable, Envelope, Hold, Identity, Move, Reproducible, Rig, Samples, Sampling, load_rig
 from pneudrive.rig.interface import CHANNELS
-from pneudrive.rig.opcua.client import OpcUaFile
+from pneudrive.rig.opcua.access import OpcUaFile
+from pneudrive.rig.opcua.client import open_rig
 from pneudrive.rig.opcua.nodes import DEFAULT_MAP, load_map
 from pneudrive.rig.opcua.server import RigServer
 
@@ -67,9 +68,7 @@ def test_a_ring_that_is_always_full_loses_nothing(tmp_path):
     path = tmp_path / "nodes.toml"
     path.write_text(DEFAULT_MAP.read_text().replace("slots = 8", "slots = 2").replace("chunk = 1000", "chunk = 37"))
     with RigServer(load_rig("default", seed=3), load_map(path), port=0) as server:
-        from pneudrive.rig.opcua.client import open_rig
-
-        rig = open_rig(server.url, load_map(path))
+        rig = open_rig(OpcUaFile(url=server.url, map=str(path)))
         assert_same(run_cycle(rig), run_cycle(load_rig("default", seed=3)))
         rig.close()
 
@@ -187,8 +186,6 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
 
 
 def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
-    from pneudrive.rig.opcua.client import open_rig
-
     with pytest.raises(RigError, match=r"(?s)cannot be reached.*rig serve"):
         load_rig("opc.tcp://127.0.0.1:1")
     text = DEFAULT_MAP.read_text()
@@ -211,7 +208,7 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
         assert wrong != text
         (tmp_path / "nodes.toml").write_text(wrong)
         with pytest.raises(RigError, match=words):
-            open_rig(served.url, load_map(tmp_path / "nodes.toml"))
+            open_rig(OpcUaFile(url=served.url, map=str(tmp_path / "nodes.toml")))
 
 
 def test_the_rig_file_of_the_guide_is_one(tmp_path):
@@ -224,7 +221,7 @@ def test_the_rig_file_of_the_guide_is_one(tmp_path):
     assert limits is not None
     assert (identity.resolution, limits.supply_pressure_pa) == ({"force_n": pytest.approx(0.006)}, 5e5)
     assert limits.pressure_pa == pytest.approx((101300.0, 251300.0))
-    assert file.access.password_env == "PNEUDRIVE_RIG_PASSWORD"
+    assert file.password_env == "PNEUDRIVE_RIG_PASSWORD"
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch):

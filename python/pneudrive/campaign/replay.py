@@ -273,7 +273,7 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
     folder, tolerance, identity, limits = Path(source), Tolerance(), None, None
     if not folder.is_dir():
         file = ReplayFile.load(folder)
-        folder = file.beside(file.folder) or Path()
+        folder = file.beside(file.folder)
         tolerance = Tolerance(speed=file.speed_tolerance, pressure_pa=file.pressure_tolerance_pa)
         identity, limits = file.described()
     if not (folder / ABOUT).is_file():

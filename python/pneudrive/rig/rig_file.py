@@ -182,9 +182,9 @@ class RigFile(Described):
         file._folder = Path(path).parent
         return file
 
-    def beside(self, name: str | None) -> Path | None:
+    def beside(self, name: str) -> Path:
         """Return the path of a file that this file names. A relative name refers to the folder of this file."""
-        return None if name is None else self._folder / Path(name).expanduser()
+        return self._folder / Path(name).expanduser()
 
     def described(self) -> tuple[Identity | None, Envelope | None]:
         """Return identity and limits from the file; None for a missing table."""

@@ -9,7 +9,7 @@ import os
 import re
 import secrets
 import socket
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,11 +25,13 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from pydantic import model_validator
 
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Reads
+from pneudrive.describe.marks import Bounds, Quantity, Reads
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig.rig_file import RigFile
 
 ua: Any = asyncua.ua
+SCHEME = "opc.tcp"
+RECONNECT_S = 60.0
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
 #: Line of a user file: name, and salted hash of the password.
@@ -38,42 +40,6 @@ _USER = re.compile(r"(?P<name>[^:]+):scrypt:(?P<salt>[^:]*):[^:]+")
 _NOBODY = ":scrypt::"
 PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
 OTHERS_MAY_READ = 0o077
-
-
-@dataclass(frozen=True)
-class Access:
-    """Credentials of a client, and the server that it trusts.
-
-    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the named
-    certificate is accepted. A user is a name with a password, or a user certificate. Files are read at each connection.
-    """
-
-    user: str | None = None
-    password_file: Path | None = None
-    password_env: str | None = None
-    user_certificate: Path | None = None
-    user_key: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-    server_certificate: Path | None = None
-
-    def password(self) -> str | None:
-        """Read the password.
-
-        Raises
-        ------
-        RigError
-            The file or variable does not exist, or others may read the file.
-        """
-        if self.password_env is not None:
-            if self.password_env not in os.environ:
-                raise RigError.of("rig.variable", name=self.password_env)
-            return os.environ[self.password_env]
-        if self.password_file is None:
-            return None
-        if self.password_file.is_symlink():
-            raise RigError.of("rig.password-link", file=self.password_file)
-        return secret(self.password_file).decode("utf-8").rstrip("\r\n")
 
 
 def _no_password(_: object) -> None:
@@ -97,9 +63,22 @@ def _file_next_to_it(given: object) -> str:
     return given
 
 
-class AccessFile(RigFile):
-    """Rig file with credentials: a name with a password, or a user certificate."""
+def _address(given: object) -> str:
+    if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
+        raise WrongValueError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
+    return given
 
+
+class OpcUaFile(RigFile):
+    """Rig file of a rig over OPC UA: its address, the credentials of the client, and the server that it trusts.
+
+    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the named
+    certificate is accepted. A user is a name with a password, or a user certificate. Files are read at each connection.
+    """
+
+    url: Annotated[str, Reads(_address)]
+    map: str | None = None
+    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = RECONNECT_S
     user: str | None = None
     password: Annotated[None, Reads(_no_password)] = None
     password_file: Annotated[str | None, Reads(_file_next_to_it)] = None
@@ -111,7 +90,7 @@ class AccessFile(RigFile):
     server_certificate: str | None = None
 
     @model_validator(mode="after")
-    def _access_fits(self) -> AccessFile:
+    def _access_fits(self) -> OpcUaFile:
         encrypted = (self.certificate, self.key, self.server_certificate)
         if None in encrypted and any(encrypted):
             rule = "certificate and key of the client, and server_certificate, are needed together"
@@ -128,35 +107,44 @@ class AccessFile(RigFile):
             raise wrong("password_env", "the password is given twice", rule="either password_file or password_env")
         return self
 
-    @property
-    def access(self) -> Access:
-        """Credentials, with the paths of their files."""
-        files: dict[str, Any] = {
-            field.name: self.beside(getattr(self, field.name))
-            for field in fields(Access)
-            if field.name not in ("user", "password_env")
-        }
-        return Access(user=self.user, password_env=self.password_env, **files)
+    def read_password(self) -> str:
+        """Read the password; without one it is empty.
 
+        Raises
+        ------
+        RigError
+            The file or variable does not exist, or others may read the file.
+        """
+        if self.password_env is not None:
+            if self.password_env not in os.environ:
+                raise RigError.of("rig.variable", name=self.password_env)
+            return os.environ[self.password_env]
+        if self.password_file is None:
+            return ""
+        path = self.beside(self.password_file)
+        if path.is_symlink():
+            raise RigError.of("rig.password-link", file=path)
+        return secret(path).decode("utf-8").rstrip("\r\n")
 
-async def secure(client: Any, access: Access) -> None:  # noqa: ANN401 - asyncua's client
-    """Set the credentials of a client before it connects."""
-    if access.certificate is not None:
-        client.application_uri = application_uri(access.certificate)
-        await client.set_security(
-            SecurityPolicyBasic256Sha256,
-            certificate=_properties(read(access.certificate)),
-            private_key=_properties(secret(access.key or Path())),
-            server_certificate=_properties(read(access.server_certificate or Path())),
-        )
-        client.certificate_validator = _validator(CertificateValidatorOptions.PEER_SERVER).validate
-    if access.user is not None:
-        client.set_user(access.user)
-        client.set_password(access.password() or "")
-    if access.user_certificate is not None:
-        own, key = _properties(read(access.user_certificate)), _properties(secret(access.user_key or Path()))
-        await client.load_client_certificate(own.path_or_content, own.extension)
-        await client.load_private_key(key.path_or_content, extension=key.extension)
+    async def secure(self, client: Any) -> None:  # noqa: ANN401 - asyncua's client
+        """Set the credentials of a client before it connects."""
+        if self.certificate and self.key and self.server_certificate:
+            client.application_uri = application_uri(self.beside(self.certificate))
+            await client.set_security(
+                SecurityPolicyBasic256Sha256,
+                certificate=_properties(read(self.beside(self.certificate))),
+                private_key=_properties(secret(self.beside(self.key))),
+                server_certificate=_properties(read(self.beside(self.server_certificate))),
+            )
+            client.certificate_validator = _validator(CertificateValidatorOptions.PEER_SERVER).validate
+        if self.user is not None:
+            client.set_user(self.user)
+            client.set_password(self.read_password())
+        if self.user_certificate and self.user_key:
+            own = _properties(read(self.beside(self.user_certificate)))
+            key = _properties(secret(self.beside(self.user_key)))
+            await client.load_client_certificate(own.path_or_content, own.extension)
+            await client.load_private_key(key.path_or_content, extension=key.extension)
 
 
 @dataclass(frozen=True)

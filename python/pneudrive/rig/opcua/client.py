@@ -9,13 +9,11 @@ import threading
 import time
 import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import numpy as np
 
-from pneudrive.describe.keys import WrongValueError
-from pneudrive.describe.marks import Bounds, Quantity, Reads
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import (
@@ -31,14 +29,12 @@ from pneudrive.rig.interface import (
     identity_of,
 )
 from pneudrive.rig.opcua import nodes as node_map
-from pneudrive.rig.opcua.access import Access, AccessFile
+from pneudrive.rig.opcua.access import SCHEME, OpcUaFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-SCHEME = "opc.tcp"
-RECONNECT_S = 60.0
 STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
 AGAIN_S = (0.02, 0.1, 0.3)  # s; wait before connecting again after a server has closed a first connection
@@ -57,10 +53,7 @@ class OpcUaRig:
     ----------
     link : Link
         Open connection.
-    identity, limits : Identity, Envelope, optional
-        Replace missing or wrong values of the server.
-    reconnect_s : float
-        Time in which a lost connection is reopened.
+        Identity and limits of its file replace missing or wrong values of the server.
 
     Notes
     -----
@@ -68,15 +61,9 @@ class OpcUaRig:
     rest. A lost connection raises `ConnectionLostError` once it is reopened, `RigError` if it cannot be.
     """
 
-    def __init__(
-        self,
-        link: Link,
-        identity: Identity | None = None,
-        limits: Envelope | None = None,
-        reconnect_s: float = RECONNECT_S,
-    ) -> None:
-        self.reconnect_s = reconnect_s
+    def __init__(self, link: Link) -> None:
         self._link = link
+        identity, limits = link.file.described()
         self._finalizer = weakref.finalize(self, link.close)
         self._gone = False
         self._starting = threading.RLock()
@@ -163,12 +150,12 @@ class OpcUaRig:
         try:
             with self._starting:
                 if self._link.lost is None:
-                    self._await(self._start(node_map.Verb.STOP, {}), 0.0, node_map.Verb.STOP)
+                    self._run(node_map.Verb.STOP)
                     self._gone = False  # a stop starts with a fresh connection anyway
                     return
         except LinkError:
             pass
-        if not self._back_within(min(STOP_S, self.reconnect_s)):  # connecting stops the axis
+        if not self._back_within(min(STOP_S, self._link.file.reconnect_s)):  # connecting stops the axis
             beat = self._link.nodes.handshake.heartbeat_s
             raise RigError.of("rig.stop-lost", where=self._link.url, reason=self._link.lost, beat=beat) from None
         self._gone = False
@@ -177,24 +164,25 @@ class OpcUaRig:
         """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
-            self._await(self._start(verb, arguments or {}), expected_s, verb)
+            self._run(verb, arguments, expected_s)
 
-    def _start(self, verb: node_map.Verb, arguments: dict[str, Any]) -> int:
+    def _start(self, verb: node_map.Verb, arguments: dict[str, Any] | None) -> int:
         """Write arguments, then the id that starts the command, after the answer to a pending stop."""
         with self._starting:
             if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
                 self._link.beat()
             self._id = self._id % COUNTER + 1
-            self._link.write({**arguments, "command.verb": int(verb)})
+            self._link.write({**(arguments or {}), "command.verb": int(verb)})
             self._link.write({"command.id": self._id})
             return self._id
 
-    def _await(self, identity: int, expected_s: float, verb: node_map.Verb) -> None:
-        nodes, look = self._link.nodes, FIRST_LOOK_S
-        deadline = time.monotonic() + SLACK * expected_s + nodes.handshake.patience_s
+    def _run(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
+        """Start a command and wait for its answer."""
+        identity, look, handshake = self._start(verb, arguments), FIRST_LOOK_S, self._link.nodes.handshake
+        deadline = time.monotonic() + SLACK * expected_s + handshake.patience_s
         while not self._ended(identity):
             self._wait(look, deadline, verb)
-            look = min(2.0 * look, nodes.handshake.poll_s)
+            look = min(2.0 * look, handshake.poll_s)
         self._check_fault(verb)
 
     def _ended(self, identity: int) -> bool:
@@ -236,11 +224,12 @@ class OpcUaRig:
         most = self._link.served["step.kind"].length or nodes.handshake.steps
         moves = [step if isinstance(step, Move) else Move(0.0, 0.0) for step in steps]
         holds = [step if isinstance(step, Hold) else Hold(0.0) for step in steps]
-        is_hold = [node_map.HOLD * isinstance(step, Hold) for step in steps]
-        bits = [node_map.RELEASED * hold.released | node_map.SHUT * hold.shut for hold in holds]
         arrays = {
             "step.count": len(steps),
-            "step.kind": [hold | more for hold, more in zip(is_hold, bits, strict=True)],
+            "step.kind": [
+                node_map.HOLD * isinstance(step, Hold) | node_map.RELEASED * hold.released | node_map.SHUT * hold.shut
+                for step, hold in zip(steps, holds, strict=True)
+            ],
             "step.position": [move.to_m for move in moves],
             "step.speed": [move.speed_m_s for move in moves],
             "step.duration": [hold.duration_s for hold in holds],
@@ -272,7 +261,7 @@ class OpcUaRig:
         """Raise an error once if the connection was lost and reopened."""
         if self._gone:
             self._gone = False
-            raise _back("waiting", "the server was unreachable in between", self._link.url)
+            raise self._back("waiting", "the server was unreachable in between")
 
     @contextlib.contextmanager
     def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
@@ -293,23 +282,23 @@ class OpcUaRig:
 
         try:
             yield same
-        except LinkError as error:
-            if self._link.number == number:
-                self._reconnect(str(error))
-            self._gone = False
-            raise _back(doing, str(error), self._link.url) from None
-        except RigError as error:
-            if self._link.number == number:
+        except (LinkError, RigError) as error:
+            if self._link.number == number and isinstance(error, RigError):
                 raise
+            reason = error.what if isinstance(error, RigError) else str(error)
+            if self._link.number == number:
+                self._reconnect(reason)
             self._gone = False
-            raise _back(doing, error.what, self._link.url) from None
+            raise self._back(doing, reason) from None
+
+    def _back(self, doing: str, reason: str) -> ConnectionLostError:
+        return ConnectionLostError.of("rig.back", where=self._link.url, verb=doing, reason=reason)
 
     def _reconnect(self, reason: str) -> None:
         """Connect again within the allowed time."""
-        if self._back_within(self.reconnect_s):
-            return
-        url, beat_s = self._link.url, self._link.nodes.handshake.heartbeat_s
-        raise RigError.of("rig.lost", where=url, reason=reason, seconds=self.reconnect_s, beat=beat_s)
+        seconds, beat_s = self._link.file.reconnect_s, self._link.nodes.handshake.heartbeat_s
+        if not self._back_within(seconds):
+            raise RigError.of("rig.lost", where=self._link.url, reason=reason, seconds=seconds, beat=beat_s)
 
     def _back_within(self, limit_s: float) -> bool:
         """Connect again, with growing waits between attempts, and stop the rig; return whether this succeeded."""
@@ -329,7 +318,7 @@ class OpcUaRig:
             if self._link.lost is None:
                 return
             self._link.connect()
-            self._await(self._start(node_map.Verb.STOP, {}), 0.0, node_map.Verb.STOP)
+            self._run(node_map.Verb.STOP)
             if (name := self._told_name()) != self._told:
                 raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._link.url)
 
@@ -342,7 +331,7 @@ class OpcUaRig:
     def _halt(self) -> None:
         """Bring the axis to rest now, and keep the pressures."""
         with contextlib.suppress(LinkError, RigError):  # another error is already being raised
-            self._await(self._start(node_map.Verb.HALT, {}), 0.0, node_map.Verb.HALT)
+            self._run(node_map.Verb.HALT)
 
 
 class SimulatedOpcUaRig(OpcUaRig):
@@ -371,41 +360,37 @@ class SimulatedOpcUaRig(OpcUaRig):
     def _ask(self, verb: node_map.Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
         self._check_back()
         with self._one_connection(_words(verb)) as same:
-            self._await(self._start(verb, {"simulation.text": json.dumps(question)}), 0.0, verb)
+            self._run(verb, {"simulation.text": json.dumps(question)})
             (answer,) = self._link.read("simulation.answer")
             same()
             return parse_json(answer or "null", self._link.url, RigError)
 
 
-def open_rig(
-    url: str,
-    nodes: node_map.NodeMap | None = None,
-    access: Access | None = None,
-    identity: Identity | None = None,
-    limits: Envelope | None = None,
-    reconnect_s: float = RECONNECT_S,
-) -> OpcUaRig:
-    """Connect to a rig; its class depends on the nodes of the server.
-
-    Parameters
-    ----------
-    url : str
-    nodes : NodeMap, optional
-        Default: the node map of the package.
-    access : Access, optional
-    identity, limits, reconnect_s
-        As for `OpcUaRig`.
+def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:
+    """Connect to the rig at an address (default node map), or to the rig of a rig file.
 
     Raises
     ------
     RigError
-        The server does not exist, rejects the client, or lacks a node.
+        The file is not valid (the message gives file, line, value, rule and remedy). The server does not exist, rejects
+        the client, or lacks a node.
     """
+    if str(source).startswith(f"{SCHEME}://"):
+        return open_rig(OpcUaFile(url=str(source)))
+    file = OpcUaFile.load(source)
+    sent = file.password_env or file.password_file
+    if file.user is not None and sent is not None:
+        warn(f"the password in {sent} is sent to {urlsplit(file.url).netloc}, as {Path(source).name} states")
+    return open_rig(file)
+
+
+def open_rig(file: OpcUaFile) -> OpcUaRig:
+    """Connect to the rig of a file; its class depends on the nodes of the server. Errors as of `load_opcua`."""
     try:
-        _ = urlsplit(url).port
+        _ = urlsplit(file.url).port
     except ValueError as error:
-        raise RigError.of("rig.address", where=url, error=error) from None
-    link = Link(url, nodes or node_map.load_map(), access or Access())
+        raise RigError.of("rig.address", where=file.url, error=error) from None
+    link = Link(file, node_map.load_map(file.map and file.beside(file.map)))
     try:
         for wait_s in (*AGAIN_S, 0.0):
             try:
@@ -416,49 +401,12 @@ def open_rig(
                     raise
                 time.sleep(wait_s)
         simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
-        return (SimulatedOpcUaRig if simulated else OpcUaRig)(link, identity, limits, reconnect_s)
+        return (SimulatedOpcUaRig if simulated else OpcUaRig)(link)
     except BaseException as error:
         link.close()
         if not isinstance(error, LinkError):
             raise
-        raise RigError.of("rig.unreachable", where=url, error=error) from None
-
-
-def _address(given: object) -> str:
-    if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
-        raise WrongValueError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
-    return given
-
-
-class OpcUaFile(AccessFile):
-    """Rig file of a rig over OPC UA."""
-
-    url: Annotated[str, Reads(_address)]
-    map: str | None = None
-    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = RECONNECT_S
-
-
-def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:
-    """Connect to the rig at an address (default node map), or to the rig of a rig file.
-
-    Raises
-    ------
-    RigError
-        The file is not valid (the message gives file, line, value, rule and remedy), or as for `open_rig`.
-    """
-    if str(source).startswith(f"{SCHEME}://"):
-        return open_rig(str(source))
-    file = OpcUaFile.load(source)
-    sent = file.password_env or file.password_file
-    if file.user is not None and sent is not None:
-        warn(f"the password in {sent} is sent to {urlsplit(file.url).netloc}, as {Path(source).name} states")
-    return open_rig(
-        file.url, node_map.load_map(file.beside(file.map)), file.access, *file.described(), file.reconnect_s
-    )
-
-
-def _back(doing: str, reason: str, url: str) -> ConnectionLostError:
-    return ConnectionLostError.of("rig.back", where=url, verb=doing, reason=reason)
+        raise RigError.of("rig.unreachable", where=file.url, error=error) from None
 
 
 def _words(verb: node_map.Verb) -> str:

@@ -10,19 +10,16 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from asyncua.client.client import Client
-from asyncua.common.connection import TransportLimits
-from asyncua.common.utils import ServiceError
-from asyncua.server.internal_session import InternalSession
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua.access import Access, secure, ua
+from pneudrive.rig.opcua.access import ua
 from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine
+    from collections.abc import Callable, Coroutine
 
+    from pneudrive.rig.opcua.access import OpcUaFile
 
 Answer = TypeVar("Answer")
 COUNTER = 2**31 - 1  # counters wrap below this, which fits a signed integer of a PLC
@@ -58,6 +55,13 @@ class ServedNode:
     ids: tuple[Any, ...]
     type: Any
     length: int
+
+    def to_raw(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
+        """Return a value in SI as a variant; an array is filled up to its length."""
+        raw = self.node.from_si(value, ambient_pa)
+        if self.node.kind.array and self.length:
+            raw = [*raw, *[type(raw[0])(0) if raw else 0] * (self.length - len(raw))]
+        return ua.Variant(raw, self.type)
 
 
 class LoopThread:
@@ -99,15 +103,14 @@ class Link:
 
     Parameters
     ----------
-    url : str
-        Address such as ``opc.tcp://127.0.0.1:4840``.
+    file : OpcUaFile
+        Address and credentials.
     nodes : NodeMap
-    access : Access
     """
 
-    def __init__(self, url: str, nodes: NodeMap, access: Access) -> None:
+    def __init__(self, file: OpcUaFile, nodes: NodeMap) -> None:
         quieten()
-        self.url, self.nodes, self.access = url, nodes, access
+        self.file, self.url, self.nodes = file, file.url, nodes
         self.ambient_pa = 0.0
         self.timeout_s = max(2.0 * nodes.handshake.heartbeat_s, LEAST_TIMEOUT_S)
         self.served: dict[str, ServedNode] = {}
@@ -174,7 +177,7 @@ class Link:
         client = Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.handshake.heartbeat_s)
         client.name = client.description = "pneudrive"
         try:
-            await secure(client, self.access)
+            await self.file.secure(client)
             await client.connect()
         except ua.UaError as error:
             await _hang_up(client)
@@ -187,7 +190,7 @@ class Link:
             waited = isinstance(error, (TimeoutError, asyncio.TimeoutError))
             hung_up = not waited and not getattr(error, "errno", None)  # the server did answer
             says = " (a server is silent, or closes the connection, if server_certificate is not its certificate)"
-            hint = says if (waited or hung_up) and self.access.certificate is not None else ""
+            hint = says if (waited or hung_up) and self.file.certificate is not None else ""
             raise (HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
         return client
 
@@ -202,7 +205,7 @@ class Link:
 
     async def _find_nodes(self) -> None:
         """Read the type of each node, and the length of an array."""
-        uris = await self._request(self._client.get_namespace_array())
+        uris = await self._request(lambda client: client.get_namespace_array())
         ids = {
             name: tuple(_node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name))
             for name in self.nodes.nodes
@@ -258,35 +261,27 @@ class Link:
                 continue
             value = next(raw)
             self._good(value.StatusCode, name, served.ids[0])
-            answers.append(self._to_si(served, value.Value.Value))
+            answers.append(served.node.to_si(value.Value.Value, self.ambient_pa))
         return answers
 
     async def _values(self, ids: list[Any]) -> list[Any]:
-        return await self._request(self._connected().uaclient.read_attributes(ids, ua.AttributeIds.Value))
+        return await self._request(lambda client: client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
 
     async def _write(self, values: dict[str, Any]) -> None:
-        ids, data = [], []
-        for name, value in values.items():
-            served = self.served[name]
-            variant = ua.Variant(self._to_raw(served, value), served.type)
-            ids.append(served.ids[0])
-            data.append(ua.DataValue(variant, StatusCode=None))  # PLCs reject writing of status or time stamp
-        results = await self._request(self._connected().uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
+        served = [self.served[name] for name in values]
+        ids = [one.ids[0] for one in served]
+        raw = [one.to_raw(value, self.ambient_pa) for one, value in zip(served, values.values(), strict=True)]
+        data = [ua.DataValue(value, StatusCode=None) for value in raw]  # PLCs reject writing of status or time stamp
+        results = await self._request(lambda client: client.uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
         for name, node_id, status in zip(values, ids, results, strict=True):
             self._good(status, name, node_id)
 
-    def _connected(self) -> Any:  # noqa: ANN401 - asyncua's client
-        if self._client is None:  # another thread is connecting again
-            raise LinkError(self.lost or "the connection is closed")
-        return self._client
-
-    async def _request(self, request: Coroutine[Any, Any, Answer]) -> Answer:
+    async def _request(self, request: Callable[[Any], Coroutine[Any, Any, Answer]]) -> Answer:
         """Send a request; any loss of the connection becomes a LinkError."""
-        if self.lost is not None or self._client is None:
-            request.close()
+        if self.lost is not None or self._client is None:  # None: another thread is connecting again
             raise LinkError(self.lost or "the connection is closed")
         try:
-            return await request
+            return await request(self._client)
         except (OSError, TimeoutError, asyncio.TimeoutError, ua.UaError) as error:
             self.lost = self.lost or _reason(error)
             raise HungUpError(self.lost) from None
@@ -294,21 +289,6 @@ class Link:
     def _good(self, status: Any, name: str, node_id: Any) -> None:  # noqa: ANN401 - asyncua's types
         if status is not None and not status.is_good():
             raise RigError.of("rig.node", where=self.url, name=name, id=node_id.to_string(), status=status)
-
-    def _to_si(self, served: ServedNode, raw: Any) -> Any:  # noqa: ANN401
-        kind = served.node.kind
-        if kind.type == "Double":
-            numbers = np.asarray(raw, dtype=np.float64) if kind.array else float(raw)
-            return served.node.scale.to_si(numbers, self.ambient_pa)
-        return np.asarray(raw, dtype=np.int64) if kind.array else raw
-
-    def _to_raw(self, served: ServedNode, value: Any) -> Any:  # noqa: ANN401
-        kind = served.node.kind
-        if kind.type == "Double":
-            value = served.node.scale.from_si(np.asarray(value, dtype=np.float64), self.ambient_pa).tolist()
-        if kind.array and served.length:
-            value = [*value, *[type(value[0])(0) if value else 0] * (served.length - len(value))]
-        return value
 
 
 def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id
@@ -338,54 +318,3 @@ def _reason(error: BaseException) -> str:
     name = type(error).__name__
     text = str(error).replace(f"({name})", "").strip()
     return f"{name}: {text}" if text else name
-
-
-# --- Session of the client of a served rig: it reads all nodes and writes those of commands. Nothing else is served.
-
-CODES = ua.StatusCodes
-BUFFER = 65535  # bytes of a chunk, in both directions
-LARGEST_MESSAGE = 1 << 22  # bytes of a request or an answer
-
-
-class ServedSession(InternalSession):
-    """Session on a served rig, at most one at a time."""
-
-    def __init__(self, internal: Any, served: Any, name: Any) -> None:  # noqa: ANN401
-        super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
-        self.served = served
-
-    def activate_session(self, params: Any, peer_certificate: Any) -> Any:  # noqa: ANN401
-        """Admit the client, unless another one is served."""
-        if self.is_activated() or not self.served.is_free:
-            raise ServiceError(CODES.BadTooManySessions)
-        result = super().activate_session(params, peer_certificate)
-        self.served.enter(self)
-        return result
-
-    async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write nodes that the client of a rig may write, and no others."""
-        return [
-            await self.served.write(request.NodeId, request.Value)
-            if request.AttributeId == ua.AttributeIds.Value and self.served.session is self
-            else ua.StatusCode(CODES.BadUserAccessDenied)
-            for request in params.NodesToWrite
-        ]
-
-    async def create_subscription(self, *_: Any, **__: Any) -> Any:  # noqa: ANN401
-        """Reject subscriptions, as a session with a subscription would outlive its connection."""
-        raise ServiceError(CODES.BadServiceUnsupported)
-
-    async def close_session(self, delete_subs: bool = True) -> None:
-        """Close the session."""
-        await super().close_session(delete_subs)
-        self.served.leave(self)
-
-
-class ServerLimits(TransportLimits):
-    """Limits of messages, the same for all clients: asyncua would take those of the last one for all."""
-
-    def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
-        """Answer the hello message of a client; a client with smaller buffers is rejected."""
-        if msg.ReceiveBufferSize < BUFFER:
-            raise ua.UaStatusCodeError(CODES.BadConnectionRejected)
-        return TransportLimits(**vars(self)).create_acknowledge_and_set_limits(msg)

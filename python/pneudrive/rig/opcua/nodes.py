@@ -23,6 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, create_model
 
 from pneudrive.describe.base import Described
@@ -79,36 +80,37 @@ Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
 
 
 @dataclass(frozen=True)
-class Scale:
-    """SI value = raw * factor + offset, plus the ambient pressure where ``gauge``."""
+class Node:
+    """Node of the map: SI value = raw * factor + offset, plus the ambient pressure where ``gauge``.
 
+    ``id`` is absent for a ``constant`` (SI, pressures absolute).
+    """
+
+    kind: NodeKind
+    type: str
+    id: str | None = None
+    constant: float | None = None
     factor: float = 1.0
     offset: float = 0.0
     gauge: bool = False
 
-    def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a number or an array
-        """Convert raw numbers to SI; numbers already in SI keep their bits."""
-        if self == Scale():
-            return raw
-        return raw * self.factor + (self.offset + (ambient_pa if self.gauge else 0.0))
+    def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a value of the node's type
+        """Convert a raw value to SI; numbers already in SI keep their bits. A list becomes an array."""
+        if self.kind.array:
+            raw = np.asarray(raw, dtype=np.float64 if self.kind.type == "Double" else np.int64)
+        return raw * self.factor + self._zero(ambient_pa) if self._scaled else raw
 
     def from_si(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
-        """Convert SI values to raw numbers."""
-        if self == Scale():
-            return value
-        return (value - (self.offset + (ambient_pa if self.gauge else 0.0))) / self.factor
+        """Convert a value in SI to a raw value, as plain data."""
+        value = (np.asarray(value) - self._zero(ambient_pa)) / self.factor if self._scaled else value
+        return value.tolist() if hasattr(value, "tolist") else value
 
+    @property
+    def _scaled(self) -> bool:
+        return self.gauge or (self.factor, self.offset) != (1.0, 0.0)
 
-@dataclass(frozen=True)
-class Node:
-    """Node of the map. ``id`` is absent for a ``constant`` (SI, pressures absolute)."""
-
-    name: str
-    id: str | None
-    kind: NodeKind
-    type: str
-    scale: Scale = Scale()
-    constant: float | None = None
+    def _zero(self, ambient_pa: float) -> float:
+        return self.offset + (ambient_pa if self.gauge else 0.0)
 
 
 class Handshake(Described):
@@ -206,11 +208,11 @@ class NodeOf(Mark):
             if key not in known:
                 raise WrongValueError(f"{key} is not a known key", remedy=nearest(key, known))
         if "constant" in table:
-            return Node(name, None, kind, kind.type, constant=_constant(name, kind, table["constant"]))
+            return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
         node_type = table.get("type", kind.type)
         if node_type not in TYPES[kind.type]:
             raise WrongValueError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
-        return Node(name, _node_id(name, table["node"]), kind, node_type, _scale(kind, table))
+        return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
 
 
 @cache
@@ -245,11 +247,12 @@ def _constant(name: str, kind: NodeKind, given: object) -> float:
     return Quantity(kind.unit).read(given)
 
 
-def _scale(kind: NodeKind, table: dict[str, Any]) -> Scale:
+def _scale(kind: NodeKind, table: dict[str, Any]) -> tuple[float, float, bool]:
+    """Return factor, offset and gauge of a node."""
     sign = {"+x": 1.0, "-x": -1.0}.get(table.get("positive", "+x"))
     if sign is None or ("positive" in table and kind.unit not in ("m", "N")):
         raise WrongValueError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
     if "unit" not in table:
-        return Scale(sign)
+        return sign, 0.0, False
     unit = column_unit(table["unit"], kind.unit)
-    return Scale((1.0 if kind.unit == "Pa" else sign) * unit.factor, unit.shift, bool(unit.gauge))
+    return (1.0 if kind.unit == "Pa" else sign) * unit.factor, unit.shift, bool(unit.gauge)

@@ -7,12 +7,15 @@ import contextlib
 import gc
 import json
 import logging
-import math
 import time
 from concurrent.futures import Future
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from asyncua.common.connection import TransportLimits
+from asyncua.common.utils import ServiceError
+from asyncua.server.internal_session import InternalSession
 from asyncua.server.server import Server
 
 from pneudrive.batching import many_objects
@@ -21,11 +24,11 @@ from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, protect, ua
-from pneudrive.rig.opcua.link import BUFFER, COUNTER, LARGEST_MESSAGE, LoopThread, ServedSession, ServerLimits, quieten
+from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, NodeMap, Verb
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Coroutine
 
     from pneudrive.rig.interface import Rig
 
@@ -43,6 +46,8 @@ MOST_CONNECTIONS, SESSION_S = 64, 5.0  # connections; s in which a connection mu
 MOST_REQUESTS = 64  # of one connection, read ahead
 UNREAD = 1 << 22  # bytes of unread answers, above which a connection is closed
 LONGEST_TEXT = 1 << 15
+BUFFER = 65535  # bytes of a chunk, in both directions
+LARGEST_MESSAGE = 1 << 22  # bytes of a request or an answer
 LONGEST_STEP_S = 86400.0
 #: Verbs of simulated rigs that take an argument -> its type, and the rule in words.
 ARGUMENTS = {
@@ -54,6 +59,50 @@ ARGUMENTS = {
 
 class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
     """The running command must end now."""
+
+
+class ServedSession(InternalSession):
+    """Session on a served rig, at most one at a time: it reads all nodes and writes those of commands."""
+
+    def __init__(self, internal: Any, served: RigServer, name: Any) -> None:  # noqa: ANN401
+        super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
+        self.served = served
+
+    def activate_session(self, params: Any, peer_certificate: Any) -> Any:  # noqa: ANN401
+        """Admit the client, unless another one is served."""
+        if self.is_activated() or not self.served.is_free:
+            raise ServiceError(ua.StatusCodes.BadTooManySessions)
+        result = super().activate_session(params, peer_certificate)
+        self.served.enter(self)
+        return result
+
+    async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
+        """Write nodes that the client of a rig may write, and no others."""
+        return [
+            await self.served.write(request.NodeId, request.Value)
+            if request.AttributeId == ua.AttributeIds.Value and self.served.session is self
+            else ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
+            for request in params.NodesToWrite
+        ]
+
+    async def create_subscription(self, *_: Any, **__: Any) -> Any:  # noqa: ANN401
+        """Reject subscriptions, as a session with a subscription would outlive its connection."""
+        raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+
+    async def close_session(self, delete_subs: bool = True) -> None:
+        """Close the session."""
+        await super().close_session(delete_subs)
+        self.served.leave(self)
+
+
+class ServerLimits(TransportLimits):
+    """Limits of messages, the same for all clients: asyncua would take those of the last one for all."""
+
+    def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
+        """Answer the hello message of a client; a client with smaller buffers is rejected."""
+        if msg.ReceiveBufferSize < BUFFER:
+            raise ua.UaStatusCodeError(ua.StatusCodes.BadConnectionRejected)
+        return TransportLimits(**vars(self)).create_acknowledge_and_set_limits(msg)
 
 
 class RigServer:
@@ -180,43 +229,33 @@ class RigServer:
         space = await server.register_namespace(self.nodes.namespace) if self.nodes.namespace else 0
         folder = await server.nodes.objects.add_object(max(space, 1), "Rig")
         for name, node in self.nodes.nodes.items():
-            self._values[name] = self._initial(name)
+            self._values[name] = initial = self._initial(name)
             for text in self.nodes.node_ids(name):
                 node_id = ua.NodeId.from_string(text if text.startswith("ns=") else f"ns={space};{text}")
                 while len(await server.get_namespace_array()) <= node_id.NamespaceIndex:
                     await server.register_namespace(f"urn:pneudrive:rig:{len(await server.get_namespace_array())}")
                 kind, label = ua.VariantType[node.type], text.rpartition("=")[2]
-                await folder.add_variable(node_id, label, ua.Variant(self._initial(name), kind), kind)
+                await folder.add_variable(node_id, label, ua.Variant(initial, kind), kind)
                 self._ids.setdefault(name, []).append(node_id)
                 if node.kind.client:
                     self._writable[node_id] = name
 
     def _initial(self, name: str) -> Any:  # noqa: ANN401 - a value of the node's type
-        kind, rig = self.nodes.nodes[name].kind, self.rig
-        texts: dict[str, Callable[[], str]] = {
-            "rig.identity": lambda: json.dumps(asdict(rig.identity())),
-            "rig.limits": lambda: json.dumps(asdict(rig.limits())),
-            "simulation.abilities": lambda: " ".join(v.name.lower() for v in Verb if self._can_simulate(v)),
-        }
-        if name in texts:
-            return texts[name]()
+        if name in ("rig.identity", "rig.limits"):
+            return json.dumps(asdict(getattr(self.rig, name.removeprefix("rig."))()))
+        if name == "simulation.abilities":
+            return " ".join(verb.name.lower() for verb in Verb if self._can_simulate(verb))
+        kind, ring = self.nodes.nodes[name].kind, self.nodes.handshake
         first = {"Double": 0.0, "Boolean": False, "String": ""}.get(kind.type, 0)
-        return (
-            [first] * (self.nodes.handshake.chunk if name in IN_RING else self.nodes.handshake.steps)
-            if kind.array
-            else first
-        )
+        return [first] * (ring.chunk if name in IN_RING else ring.steps) if kind.array else first
 
     async def _show(self, values: dict[str, Any], slot: int = 0) -> None:
         """Publish values in SI."""
         for name, value in values.items():
             if name not in self._ids:
                 continue  # a constant
-            node = self.nodes.nodes[name]
-            raw = node.scale.from_si(value, self._ambient_pa) if node.kind.type == "Double" else value
-            raw = raw.tolist() if hasattr(raw, "tolist") else raw
-            node_id = self._ids[name][slot if name in IN_RING else 0]
-            data = ua.DataValue(ua.Variant(raw, ua.VariantType[node.type]))
+            node, node_id = self.nodes.nodes[name], self._ids[name][slot if name in IN_RING else 0]
+            data = ua.DataValue(ua.Variant(node.from_si(value, self._ambient_pa), ua.VariantType[node.type]))
             await self._server.iserver.write_attribute_value(node_id, data)
 
     async def write(self, node_id: Any, value: Any) -> Any:  # noqa: ANN401 - asyncua's types
@@ -227,20 +266,14 @@ class RigServer:
         node, variant = self.nodes.nodes[name], value.Value
         if variant is None:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
-        raw: Any = variant.Value
-        is_text, is_list = isinstance(raw, str), isinstance(raw, list)
-        if raw is None or variant.VariantType is not ua.VariantType[node.type] or is_list != node.kind.array:
+        raw, is_text = variant.Value, isinstance(variant.Value, str)
+        right_type = variant.VariantType is ua.VariantType[node.type] and isinstance(raw, list) == node.kind.array
+        if raw is None or not right_type:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
-        numbers: Any = raw if is_list or is_text else [raw]
-        too_long = len(numbers) > (LONGEST_TEXT if is_text else self.nodes.handshake.steps)
-        if too_long or not (is_text or all(map(math.isfinite, numbers))):
+        too_long = np.size(raw) > self.nodes.handshake.steps or (is_text and len(raw) > LONGEST_TEXT)
+        if too_long or not (is_text or np.isfinite(raw).all()):
             return ua.StatusCode(ua.StatusCodes.BadOutOfRange)
-        si = (
-            [node.scale.to_si(number, self._ambient_pa) for number in numbers]
-            if node.kind.type == "Double"
-            else numbers
-        )
-        before, self._values[name] = self._values[name], si if is_list else raw if is_text else si[0]
+        before, self._values[name] = self._values[name], node.to_si(raw, self._ambient_pa)
         await self._server.iserver.write_attribute_value(node_id, value)
         if name == "heartbeat.client" and raw != before:
             self._beat_at = time.monotonic()
@@ -424,13 +457,15 @@ class RigServer:
     def _steps(self, arguments: dict[str, Any]) -> list[Step]:
         """Read the steps from the arrays of a command, each of at most a day."""
         count = arguments["step.count"]
-        weights = arguments.get("step.weight") or [0.0] * count
-        names = ("step.kind", "step.position", "step.speed", "step.duration")
-        rows = list(zip(*(arguments[name] for name in names), weights, strict=False))
-        if not 0 <= count <= len(rows):
-            raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {len(rows)} steps")
+        columns = [arguments[f"step.{name}"] for name in ("kind", "position", "speed", "duration")]
+        most = min(map(len, columns))
+        if not 0 <= count <= most:
+            raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {most} steps")
+        weights = arguments.get("step.weight", np.zeros(count))
         steps: list[Step] = []
-        for kind, position_m, speed_m_s, duration_s, weight_n in rows[:count]:
+        for kind, position_m, speed_m_s, duration_s, weight_n in zip(
+            *(values[:count].tolist() for values in (*columns, weights)), strict=True
+        ):
             if kind & HOLD and not 0.0 <= duration_s <= LONGEST_STEP_S:
                 raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
             if not kind & HOLD and speed_m_s < self._slowest_m_s:
