@@ -20,13 +20,23 @@ from connect import served_child
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import characterise
-from pneudrive.errors import ConnectionLostError
+from pneudrive.errors import ConnectionLostError, PneudriveWarning
 from pneudrive.rig import load_rig
+from pneudrive.rig.opcua.access import add_user, make_certificate, write_secret
 from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
 
 PROTOCOL = "quick-look"
 KILLS = 10
+BENCH = """
+kind = "opc-ua"
+url = "opc.tcp://127.0.0.1:{port}"
+user = "anna"
+password_file = "password.txt"
+certificate = "client.pem"
+key = "client.key"
+server_certificate = "server.pem"
+"""
 PACE = 60.0  # a cycle takes a tenth of a second or more, so that a kill comes in the middle of it
 
 
@@ -58,16 +68,24 @@ def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
 
 
 class Server:
-    """`pneudrive rig serve` in a process of its own, killed and started again.
+    """`pneudrive rig serve` over TLS with a user in a process of its own, killed and started again.
 
     A process that has imported everything forks it, so that it is there again fast.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, folder: Path) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.options = ["default", "--port", str(self.port), "--speed", str(PACE), "--seed", str(seed)]
+        for name in ("server", "client"):
+            make_certificate(folder, name)
+        add_user(folder / "users", "anna", "correct horse")
+        files = {"--certificate": "server.pem", "--trust": "client.pem", "--user-file": "users"}
+        self.options += [text for option, name in files.items() for text in (option, str(folder / name))]
+        write_secret(folder / "password.txt", b"correct horse\n")
+        self.rig = folder / "bench.toml"
+        self.rig.write_text(BENCH.format(port=self.port))
         self.context = multiprocessing.get_context("forkserver")
         self.context.set_forkserver_preload(["connect.served_child"])
         self.kills, self.over = 0, threading.Event()
@@ -101,11 +119,12 @@ class Server:
 
 
 def test_a_server_that_is_killed_costs_at_most_the_running_cycle(direct, tmp_path):
-    server = Server(Campaign.open(direct).about["seed"])
+    server = Server(Campaign.open(direct).about["seed"], tmp_path)
     killer = threading.Thread(target=server.keep_killing, args=(tmp_path / "there", np.random.default_rng(5)))
     killer.start()
     try:
-        run_campaign(PROTOCOL, f"opc.tcp://127.0.0.1:{server.port}", tmp_path / "there")
+        with pytest.warns(PneudriveWarning, match="is sent to 127.0.0.1"):
+            run_campaign(PROTOCOL, str(server.rig), tmp_path / "there")
     finally:
         server.over.set()
         killer.join()
