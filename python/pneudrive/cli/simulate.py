@@ -296,7 +296,7 @@ def lines(
     """
     terminal.check_outputs(out, (".csv", ".parquet"), plot)
     described = cast("pn.Drive", load.load_described(drive))
-    study = tube_study.study(described, names_in(length), names_in(diameter), terminal.watch())
+    study = tube_study.lines(described, names_in(length), names_in(diameter), progress=terminal.watch().tell)
     terminal.show_view(pictures.view_of_tubes(study))
     terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.tables.starts import start_table
-from pneudrive.errors import CommandError, DescriptionError, naming, nearest
+from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.trajectory import meaning
@@ -617,18 +617,15 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
 
 def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
     try:
-        if not isinstance(given, str):
+        if not isinstance(given, str) or unit in ("", "1"):
             return float(given)
-        if unit in ("", "1"):
-            return float(given)
-        if is_pressure:
+        with naming("outputs"):
+            if not is_pressure:
+                return units.parse(given, unit)
             pressure = units.parse_pressure(given)
-            if pressure.gauge:
-                raise CommandError(f'outputs: "{given}" is gauge', rule="signals are absolute", remedy="Write abs.")
-            return pressure.value_pa
-        return units.parse(given, unit)
-    except DescriptionError as error:
-        raise CommandError(f"outputs: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        if pressure.gauge:
+            raise CommandError(f'outputs: "{given}" is gauge', rule="signals are absolute", remedy="Write abs.")
+        return pressure.value_pa
     except ValueError:
         raise CommandError(f'outputs: "{given}" is not a number') from None
 

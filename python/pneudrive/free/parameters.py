@@ -334,7 +334,7 @@ class DriveFamily:
         self._form, self._names, self.size = form, names, len(free)
         self.moving: list[Derived] = []
         for one in every:
-            if not self._has(one.path, *one.sources):
+            if not all(key in table for table, key in map(self._place, (one.path, *one.sources))):
                 continue
             if one.path not in free and {*free, *(m.path for m in self.moving)}.intersection(one.sources):
                 self.moving.append(one)
@@ -357,9 +357,6 @@ class DriveFamily:
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
         return table_of(self._form, path)
-
-    def _has(self, *paths: str) -> bool:
-        return all(key in table for table, key in map(self._place, paths))
 
     def get(self, path: str) -> float:
         """Return the number at a path."""

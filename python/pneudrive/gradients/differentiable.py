@@ -97,10 +97,8 @@ class Differentiable:
         self.names = [one.name for one in self._of.parameters]
         self.units = [one.unit for one in self._of.parameters]
         self.start = np.array([one.value for one in self._of.parameters])
-        self.output_names = [name for one in self._reductions for name in self._names(one)]
-
-    def _names(self, one: Reduction) -> list[str]:
-        return [f"{one.name}[{i}]" for i in range(len(self._times))] if one.word == "samples" else [one.name]
+        parts = {"samples": [f"[{i}]" for i in range(len(self._times))]}
+        self.output_names = [one.name + part for one in self._reductions for part in parts.get(one.word, [""])]
 
     def __call__(self, values: ArrayLike) -> Array:
         """Return the results, shape (k,), for the numbers in SI, shape (p,).

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__, units
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, naming, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.lazy_names import upper
 from pneudrive.progress import UNWATCHED, Watch
@@ -327,9 +327,8 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
         It cannot be read, or is not greater than 0.
     """
     try:
-        value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
-    except DescriptionError as error:
-        raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        with naming(what):
+            value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
     except (TypeError, ValueError):
         rule = f"a text with its unit, or a number in {si_unit}"
         raise CommandError(f"{what} = {given} is of the type {type(given).__name__}", rule=rule) from None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
 SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
-LONGEST = 64.0  # times the expected time of a stroke: a slower drive counts as not arriving
+PATIENCE = (1.0, 4.0, 16.0, 64.0)  # durations of the runs over the expected time; a slower drive does not arrive
 SETTLED_S = 5.0  # after that the flow through a line is steady
 VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
 
@@ -71,11 +71,6 @@ def lines(
     >>> round(float(study.vent_speed[0, 0]), 3)
     2.297
     """
-    return study(drive, lengths, diameters, Watch(progress, cancel))
-
-
-def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str | float], watch: Watch) -> xr.Dataset:
-    """Run the study of `lines` under a watch."""
     import numpy as np
     import xarray as xr
 
@@ -84,16 +79,15 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
         raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
     rows: list[dict[str, float]] = []
-    for diameter, length in watch.each([(d, n) for d in wide for n in long], "tubes"):
+    for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
         tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
         rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
-    table = np.array([[*row.values()] for row in rows]).reshape(len(wide), len(long), -1)
     attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, None))}
     if drive.tubing:
         attrs["as_described"] = _row(drive)
     variables = {
-        name: (("diameter", "length"), table[:, :, number], {"units": unit, "long_name": what})
-        for number, (name, (unit, what)) in enumerate(TABLE["tubes"].items())
+        name: (("diameter", "length"), np.reshape([row[name] for row in rows], (len(wide), -1)), about)
+        for name, about in ((name, {"units": unit, "long_name": text}) for name, (unit, text) in TABLE["tubes"].items())
     }
     axes = {
         "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
@@ -171,19 +165,15 @@ def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
     if direction < 0:
         start = {"position": units.UnitFloat(stroke, "m", "mm"), "pressure_a": supply}
     expected = 2.0 * stroke / speed
-    times = 1.0
-    while times <= LONGEST:
-        duration = times * expected
+    for times in PATIENCE:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PneudriveWarning)  # the study ignores cushions and impacts
-            run = simulate(drive, float(direction), duration, initial=start, sample_rate=SAMPLES / expected)
-        end = "b" if direction > 0 else "a"
-        hit = next((one for one in run.attrs["impacts"] if one["end"] == end), None)
-        if hit is not None:
-            return hit["time_s"], hit["speed_m_s"]
+            run = simulate(drive, float(direction), times * expected, initial=start, sample_rate=SAMPLES / expected)
+        for impact in run.attrs["impacts"]:
+            if impact["end"] == ("b" if direction > 0 else "a"):
+                return impact["time_s"], impact["speed_m_s"]
         x = run.position.to_numpy() if direction > 0 else stroke - run.position.to_numpy()
         there = np.flatnonzero(x >= stroke)
         if there.size:  # too slow to count as an impact
             return float(run.time[there[0]]), abs(float(run.velocity[there[0]]))
-        times *= 4.0
     return math.nan, math.nan
