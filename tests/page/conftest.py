@@ -15,6 +15,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "out" / "page"
+LOUD = ("error", "warning")
+PATIENCE = 15_000  # ms; a state of the page on a busy machine
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 DRIVE = """\
 drive = "catalogue:reference"   # made up
@@ -37,7 +39,9 @@ def chromium() -> str:
 
 @pytest.fixture(scope="package")  # its event loop would be in the way of other tests of the session
 def browser() -> Iterator[object]:
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
+
+    expect.set_options(timeout=PATIENCE)
 
     path = chromium()
     libraries = Path(path).parent / "al2023" / "lib"
@@ -140,9 +144,9 @@ def open_tab(browser: object) -> Iterator[object]:
         origin = address.partition("/#")[0]
         tab = Tab(page, origin)
         page.on("pageerror", lambda error: tab.complaints.append(str(error)))
-        page.on("console", lambda m: tab.complaints.append(m.text) if m.type in ("error", "warning") else None)
+        page.on("console", lambda m: tab.complaints.append(f"{m.text} {m.location['url']}") if m.type in LOUD else None)
         page.on("request", lambda r: None if r.url.startswith((origin, "data:")) else tab.foreign.append(r.url))
-        page.set_default_timeout(15_000)
+        page.set_default_timeout(PATIENCE)
         page.goto(address)
         return tab
 

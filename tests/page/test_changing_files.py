@@ -8,6 +8,7 @@ from itertools import count
 from urllib.parse import quote
 
 import polars as pl
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import DRIVE, Server
@@ -42,7 +43,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     page.keyboard.press("Tab")
     page.wait_for_selector(".cm-content >> text=2 kg")
     page.unroute("**/api/edit")
-    assert "20 N" in page.inner_text(".cm-content")
+    expect(page.locator(".cm-content").first).to_contain_text("20 N", use_inner_text=True)
     page.click("summary:has-text('other values')")
     page.fill("input[aria-label='valve.critical_pressure_ratio']", "0,4")
     page.keyboard.press("Tab")
@@ -117,7 +118,7 @@ def test_a_recording_that_goes_on_growing_is_drawn_and_stays_where_it_is_looked_
             arg=before.split(" of ")[1],
         )
         page.wait_for_selector(f"[role=status][data-from='{low}'][data-to='{high}']")
-        assert page.locator("[data-plots][aria-busy=false] canvas").count() == 1
+        expect(page.locator("[data-plots][aria-busy=false] canvas")).to_have_count(1)
     finally:
         is_full.set()
         growing.join()
@@ -155,13 +156,13 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     with page.expect_response("**/api/map?path=worn*"):
         held[0].continue_()
     page.wait_for_timeout(100)
-    assert page.inner_text("main") == before
+    expect(page.locator("main").first).to_have_text(before, use_inner_text=True)
     page.unroute("**/api/map?path=worn*")
     # Of fits beside a map none is said to be drawn before it is.
     pn.fit_friction(curves).to_toml(server.folder / "worn" / "other.toml")
     show("worn/map.parquet", "friction")
     choice = page.locator("label:has-text('Curves of') select")
-    assert choice.input_value() == ""
+    expect(choice).to_have_value("")
     choice.select_option("worn/other.toml")
     page.wait_for_selector("[aria-label='Behind the fit'] >> text=worn/other.toml")
     # A recording of one sample is shown, and the next one after it.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import polars as pl
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import Server
@@ -31,7 +32,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     exec(page.inner_text("[data-copy=python]"), names)
     score = names["run"].attrs["score"]
     assert float(page.get_attribute("[data-score=max_error_m]", "data-si")) == score["max_error_m"]
-    assert "--controller axis-pid.toml" in page.inner_text("[data-copy=command]")
+    expect(page.locator("[data-copy=command]").first).to_contain_text("--controller axis-pid.toml", use_inner_text=True)
     assert violations(tab) == []
     page.evaluate("() => scrollTo(0, 0)")
     tab.picture("control-run")
@@ -51,15 +52,15 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.click("text=Watch results/laws")
     page.wait_for_selector("[data-done]:not([data-done='0'])", timeout=60_000)
     page.wait_for_selector("[data-cell][data-si]")  # medians so far
-    assert "can change" in page.inner_text("[data-done]")
+    expect(page.locator("[data-done]").first).to_contain_text("can change", use_inner_text=True)
     page.wait_for_selector("figure[data-plot=Errors] canvas")  # of the runs that are done
-    assert page.locator("button:text-is('Cancel results/laws')").count() == 1  # it still runs
+    expect(page.locator("button:text-is('Cancel results/laws')")).to_have_count(1)  # it still runs
     assert violations(tab) == []
     tab.picture("control-so-far")
     page.click("text=Cancel results/laws")
     page.wait_for_selector("[data-state=cancelled]", timeout=60_000)
     page.wait_for_selector("button:text-is('Resume')")
-    assert "Not finished" in page.inner_text("main")
+    expect(page.locator("main").first).to_contain_text("Not finished", use_inner_text=True)
     page.close()
 
     drive = pn.Drive.load(server.folder / "axis.toml")  # a comparison of fewer seeds, which the page takes up
@@ -77,7 +78,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
             own = table.filter((pl.col("law") == law) & (pl.col("reference") == made.references[name]))
             shown = float(page.get_attribute(f"[data-cell='{law}/{name}']", "data-si"))
             assert shown == pytest.approx(own["max_error_m"].median(), rel=1e-15)
-    assert "★" in page.inner_text("[data-cell='inversion/R1']")
+    expect(page.locator("[data-cell='inversion/R1']").first).to_contain_text("★", use_inner_text=True)
     page.focus("th button:text-is('R6')")
     page.keyboard.press("Enter")
     page.wait_for_selector("h2:has-text('Along R6')")

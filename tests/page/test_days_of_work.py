@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+from playwright.sync_api import expect
+
 from page.conftest import DRIVE, Server
 from page.test_journeys import Open
 from page.test_nothing_lost import EDITOR, go, type_at_end
@@ -40,10 +42,10 @@ def test_the_sliders_are_those_of_the_law_that_is_chosen(server: Server, open_ta
     answer(1)  # of the law before
     page.wait_for_timeout(200)
     assert page.locator(".slider").count() == 0
-    assert page.inner_text(".controls > [role=status]") == "Running."
+    expect(page.locator(".controls > [role=status]").first).to_have_text("Running.", use_inner_text=True)
     answer(2)
     page.wait_for_selector("label:has-text('integral_time')")
-    assert "Simulated in" in page.inner_text(".controls > [role=status]")
+    expect(page.locator(".controls > [role=status]").first).to_contain_text("Simulated in", use_inner_text=True)
     tab.check()
 
 
@@ -112,7 +114,7 @@ def test_a_resume_that_is_refused_says_so_as_long_as_it_is(server: Server, open_
     with page.expect_response("**/api/comparison?*"):
         pass
     page.wait_for_timeout(100)
-    assert page.locator(".problem >> text=2 jobs are running").count() == 1
+    expect(page.locator(".problem >> text=2 jobs are running")).to_have_count(1)
 
 
 def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -> None:
@@ -142,7 +144,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
         assert (page.locator("[role=status] >> text=is there already").count() == 1) == (not name)
     page.wait_for_selector("h2:text-is('mine.toml')")
     page.wait_for_timeout(200)
-    assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1
+    expect(page.locator("[role=status] >> text=Saved mine.toml.")).to_have_count(1)
     page.click("text=A new task, and all sizings")
     page.wait_for_load_state("networkidle")  # the list comes anew, and takes the focus with it
     page.press("a[title='results/push']", "Enter")
@@ -187,5 +189,5 @@ def test_a_name_that_is_refused_is_forgotten_with_the_next(server: Server, open_
     page.click("text=Save as a new file")
     page.wait_for_selector("h2:text-is('mine.toml')")
     page.wait_for_timeout(200)
-    assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1
+    expect(page.locator("[role=status] >> text=Saved mine.toml.")).to_have_count(1)
     assert page.evaluate("() => location.hash") == "#/drive/mine.toml"

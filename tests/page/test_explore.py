@@ -9,6 +9,7 @@ from pathlib import Path
 
 import anywidget
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import PICTURES, ROOT
@@ -49,7 +50,7 @@ def test_sliders_in_a_notebook_give_the_run_of_python(browser: object, drive: pn
     page.expose_function("answer", answer)
     page.goto("http://notebook/")
     page.wait_for_selector("figure.plot canvas")
-    assert page.locator("figure.plot").count() == 4
+    expect(page.locator("figure.plot")).to_have_count(4)
 
     slider = page.locator("input[aria-label='friction.coulomb']")
     box = slider.bounding_box()

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
@@ -87,7 +88,7 @@ def test_first_minute(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     assert "friction.coulomb" in code
     assert at_end(tab, "position_m") == names["run"].position[-1]
     assert at_end(tab, "pressure_a_pa") == names["run"].pressure_a[-1]
-    assert page.locator("figure.plot").count() == 4
+    expect(page.locator("figure.plot")).to_have_count(4)
     tab.picture("first-minute")
     tab.check()
 
@@ -102,14 +103,14 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     page.fill("input[aria-label='friction.coulomb']", "31 N")
     page.keyboard.press("Tab")
     page.wait_for_selector(".cm-content >> text=31 N")
-    assert "# measured" in page.inner_text(".cm-content")
+    expect(page.locator(".cm-content").first).to_contain_text("# measured", use_inner_text=True)
 
     page.click(".cm-line >> nth=4")
     page.keyboard.press("End")
     page.keyboard.type("\nbreakaway = 3")
     page.wait_for_selector(".problem >> text=has no unit")
-    assert page.inner_text(".problem button") == "line 6"
-    assert page.locator(".cm-lint-marker-error").count() == 1
+    expect(page.locator(".problem button").first).to_have_text("line 6", use_inner_text=True)
+    expect(page.locator(".cm-lint-marker-error")).to_have_count(1)
     tab.picture("drive-problem")
     for _ in range(len("\nbreakaway = 3")):
         page.keyboard.press("Backspace")
@@ -264,7 +265,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert "over=speed" in page.url
     assert violations(tab) == []
     page.select_option("label:has-text('Compare with') select", "")
-    assert "breakaway" in page.inner_text("main")
+    expect(page.locator("main").first).to_contain_text("breakaway", use_inner_text=True)
     assert violations(tab) == []
     tab.picture("friction")
     page.click("summary:text-is('Fit another law')")
@@ -287,7 +288,9 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.click("[aria-label='Points of the map'] a >> nth=0")
     page.wait_for_selector("text=darker: towards +x")
     page.click("section[aria-label=Friction] >> text=Copy as command or Python")
-    assert "pneudrive characterise O-ring_" in page.inner_text("[data-copy=command]")
+    expect(page.locator("[data-copy=command]").first).to_contain_text(
+        "pneudrive characterise O-ring_", use_inner_text=True
+    )
     page.click("section[aria-label=Friction] button:text-is('All 2')")
     page.wait_for_function("document.querySelectorAll('section[aria-label=Friction] input:checked').length === 2")
     assert violations(tab) == []
@@ -301,10 +304,14 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
     page.select_option("label:has-text('Protocol') select", "stops-pressure")
     page.click("text=Plan and check")
     page.wait_for_selector("[data-plan]")
-    assert "pre-flight: passed (speed 100 of 500 mm/s" in page.inner_text("[data-plan] pre >> nth=0")
+    expect(page.locator("[data-plan] pre >> nth=0")).to_contain_text(
+        "pre-flight: passed (speed 100 of 500 mm/s", use_inner_text=True
+    )
     rig, asked = load_rig("default"), read_protocol("stops-pressure")
     assert float(page.get_attribute("[data-plan]", "data-si")) == lay_out(asked, rig.identity(), rig.limits()).time_s
-    assert page.inner_text("[data-copy=command]") == "pneudrive campaign plan stops-pressure --rig default"
+    expect(page.locator("[data-copy=command]").first).to_have_text(
+        "pneudrive campaign plan stops-pressure --rig default", use_inner_text=True
+    )
     tab.picture("campaign-plan")
     page.select_option("label:has-text('Protocol') select", "quick-look")
     page.fill("input[placeholder=fastest]", "40")
@@ -317,8 +324,8 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
     page.wait_for_selector("figure[data-figure='Friction so far']")  # the map grows
     page.click("text=Pause after the cycle")
     page.wait_for_selector("[data-state=paused]")
-    assert "Not an emergency stop." in page.inner_text("[aria-label=Requests]")
-    assert "from the page" in page.inner_text(".journal")
+    expect(page.locator("[aria-label=Requests]").first).to_contain_text("Not an emergency stop.", use_inner_text=True)
+    expect(page.locator(".journal").first).to_contain_text("from the page", use_inner_text=True)
     assert violations(tab) == []
     tab.picture("campaign-paused")
     folder = own_server.folder / "campaigns" / "first"
@@ -415,7 +422,7 @@ def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open
     os.kill(own_server.process.pid, signal.SIGKILL)
     drag(tab, "friction.coulomb", 0.44)
     page.wait_for_selector("[data-connection=lost]")
-    assert "does not answer" in page.inner_text("[data-connection]")
+    expect(page.locator("[data-connection]").first).to_contain_text("does not answer", use_inner_text=True)
     kept = page.input_value("input[aria-label='friction.coulomb, N']")
     tab.picture("server-gone")
 
@@ -424,7 +431,7 @@ def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open
         open_tab(again.address).page.wait_for_selector("text=axis.toml")
         page.wait_for_selector("[data-connection=open]", state="attached")
         settled(tab)
-        assert page.input_value("input[aria-label='friction.coulomb, N']") == kept
+        expect(page.locator("input[aria-label='friction.coulomb, N']")).to_have_value(kept)
         drive = pn.Drive.load(own_server.folder / "axis.toml").replace({"friction.coulomb": f"{kept} N"})
         expected = pn.simulate(drive, "0 s: 1, 1 s: -1", "2 s")
         assert at_end(tab, "pressure_a_pa") == expected.pressure_a[-1]
@@ -442,7 +449,7 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     page.click("text=evil.toml")
     page.click("summary:has-text('Circuit, as it moves')")
     page.wait_for_selector("svg.circuit")
-    assert page.inner_text("h2 >> nth=0") == hostile
+    expect(page.locator("h2 >> nth=0")).to_have_text(hostile, use_inner_text=True)
     assert page.locator("img").count() == 0
     assert page.title() == "evil.toml · Simulate · pneudrive"
     tab.check()
@@ -499,8 +506,10 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
 
     fmu = server.folder / "results" / "axis.fmu"
     assert page.get_attribute("[data-sha256]", "data-sha256") == hashlib.sha256(fmu.read_bytes()).hexdigest()
-    assert "28" in page.inner_text("tr:has(th:text-is('friction.coulomb')) td >> nth=1")
-    assert page.inner_text("tr:has(th:text-is('pressure_a')) td >> nth=0") == "Pa"
+    expect(page.locator("tr:has(th:text-is('friction.coulomb')) td >> nth=1")).to_contain_text(
+        "28", use_inner_text=True
+    )
+    expect(page.locator("tr:has(th:text-is('pressure_a')) td >> nth=0")).to_have_text("Pa", use_inner_text=True)
     lines = page.inner_text("[data-copy=fmpy]")
     assert len([line for line in lines.splitlines() if line]) == 3
     monkeypatch.chdir(server.folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import Server, Tab
@@ -139,8 +140,8 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     hand.type("label:has-text('Samples of each') input", "8")
     hand.press("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
-    assert "Not ready to order" in page.inner_text(".answer-card h2")
-    assert "hangs at pressure loss" in page.inner_text(".findings")
+    expect(page.locator(".answer-card h2").first).to_contain_text("Not ready to order", use_inner_text=True)
+    expect(page.locator(".findings").first).to_contain_text("hangs at pressure loss", use_inner_text=True)
 
     hand.press("button:text-is('Set held_by = machine')")
     page.wait_for_selector(".cm-content >> text=held_by")
@@ -186,7 +187,7 @@ def test_hard_impacts_have_remedies_on_one_screen(server: Server, open_tab: Open
     settled(tab)
     pane = page.locator("[data-steps=Command]").bounding_box()
     assert pane["y"] + pane["height"] <= 900  # piston, four panes and the command
-    assert page.locator("[data-piston-at]").count() == 1
+    expect(page.locator("[data-piston-at]")).to_have_count(1)
     before = float(page.inner_text(hardest).split()[0])
     page.click("button:text-is('Brake the command')")
     settled(tab)

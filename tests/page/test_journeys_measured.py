@@ -7,6 +7,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from oracle.drive_records import drive, record
@@ -94,7 +95,7 @@ def test_recordings_to_a_comparison_of_two_seals(
     folder = own_server.folder / "results" / "friction"
     compared = pn.compare_results(folder / "fit-NAPN.toml", folder / "fit-PK.toml", ("NAPN", "PK"))
     assert page.inner_text(".answer") == compared.sentence
-    assert "differs" in page.inner_text("[data-differs=coulomb_b]")
+    expect(page.locator("[data-differs=coulomb_b]").first).to_contain_text("differs", use_inner_text=True)
     assert violations(tab) == []
     tab.picture(f"journey-seals-{by}")
     assert hand.clicks <= MOST_CLICKS, hand.clicks
@@ -137,7 +138,7 @@ def test_a_recording_to_a_drive_that_holds_on_held_out_data(server: Server, open
     page.wait_for_selector("label:has-text('friday.parquet') >> text=held out")
     page.wait_for_selector("label:has-text('friday.parquet') input:checked")
     assert not page.is_checked("label:has-text('monday.parquet') input")
-    assert page.input_value("label:has-text('Into results/') input") == "validation-2"
+    expect(page.locator("label:has-text('Into results/') input")).to_have_value("validation-2")
     assert violations(tab) == []
     hand.press("button:text-is('Validate')")
     page.wait_for_selector("[data-leading=position].good", timeout=LONG)

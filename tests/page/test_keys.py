@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from playwright.sync_api import expect
 
 from page.conftest import Server, Tab
 from page.test_journeys import Open, at_end, settled, violations
@@ -30,7 +31,7 @@ def test_files_values_and_actions_are_found_by_keyboard(server: Server, open_tab
     find("other")
     page.wait_for_selector(f"{FOUND}[aria-selected=true] >> text=drives/other.toml")
     assert violations(tab) == []
-    assert page.get_attribute(".palette input", "aria-activedescendant") == "found-0"
+    expect(page.locator(".palette input").first).to_have_attribute("aria-activedescendant", "found-0")
     page.keyboard.press("Enter")
     page.wait_for_selector(".palette", state="detached")
     page.wait_for_selector("[data-end=position_m]")
@@ -84,10 +85,10 @@ def test_sliders_choices_and_values_are_undone(server: Server, open_tab: Open) -
     page.wait_for_selector(f"{AT_END}[data-si='{ends[1]!r}']")
     undone(tab, "Control+Z")
     page.wait_for_selector(f"{AT_END}[data-si='{ends[0]!r}']")
-    assert page.input_value(field) == "28"
+    expect(page.locator(field)).to_have_value("28")
     undone(tab, "Control+Shift+Z")
     page.wait_for_selector(f"{AT_END}[data-si='{ends[1]!r}']")
-    assert page.input_value(field) == "5"
+    expect(page.locator(field)).to_have_value("5")
     # Values of the text too, by the same keys, and in the order in which they were set.
     go(page, "drive", "axis.toml")
     for key, text in (("friction.coulomb", "31 N"), ("load.mass", "2 kg")):
@@ -103,7 +104,7 @@ def test_sliders_choices_and_values_are_undone(server: Server, open_tab: Open) -
     page.focus("input[aria-label='friction.coulomb']")
     page.keyboard.type("9")
     page.keyboard.press("Control+Z")
-    assert "28 N" in page.inner_text(".cm-content")
+    expect(page.locator(".cm-content").first).to_contain_text("28 N", use_inner_text=True)
     tab.check()
 
 
@@ -129,7 +130,7 @@ def test_a_choice_that_the_address_keeps_is_undone_and_not_on_another_object(ser
     address = page.url
     page.keyboard.press("Control+Z")
     page.wait_for_function("(address) => location.href !== address", arg=address)
-    assert choice.input_value() == first
+    expect(choice).to_have_value(first)
     page.keyboard.press("Control+Y")
     page.wait_for_function("(address) => location.href === address", arg=address)
     go(page, "drive", "axis.toml")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import PICTURES, ROOT, Server, Tab
@@ -66,7 +67,9 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     for channel, one in found.records[0].channels.items():
         assert number(tab, f"[data-fit={channel}]") == one.free.fit_percent
     assert page.locator("[data-cause]").count() == len(found.diagnosis().culprits) == 1
-    assert "less conductance C of the valve" in page.inner_text("[data-cause=conductance]")
+    expect(page.locator("[data-cause=conductance]").first).to_contain_text(
+        "less conductance C of the valve", use_inner_text=True
+    )
     page.click("summary:text-is('Where each value comes from')")
     origin = page.inner_text("[data-origin='friction.coulomb']")
     assert "identified" in origin
@@ -105,7 +108,9 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     differ = [one.get_attribute("data-differs") for one in page.locator("[data-differs]").all()]
     assert set(differ) == {"valve.conductance", "valve.nominal_flow"}  # the one takes the other's place
     page.click("summary:text-is('Lines that differ')")
-    assert "+conductance" in page.inner_text("pre[aria-label='Lines that differ']")
+    expect(page.locator("pre[aria-label='Lines that differ']").first).to_contain_text(
+        "+conductance", use_inner_text=True
+    )
     assert violations(tab) == []
     page.locator("section[aria-label='Differences']").scroll_into_view_if_needed()
     tab.picture("validation-identified")
@@ -123,7 +128,9 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     for name in ("axis.toml", "axis-identified.toml"):
         page.check(f"input[aria-label='Compare {name}']")
     page.wait_for_selector("[data-differs='valve.conductance']")
-    assert page.inner_text("[data-copy=command]") == "pneudrive compare axis.toml axis-identified.toml"
+    expect(page.locator("[data-copy=command]").first).to_have_text(
+        "pneudrive compare axis.toml axis-identified.toml", use_inner_text=True
+    )
     assert violations(tab) == []
     tab.picture("studies")
 
@@ -132,7 +139,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("a[title='results/validation/validation.toml']")
     page.click(".tree >> text=Validations")
     page.wait_for_selector("label:has-text('Into results/') input")
-    assert page.input_value("label:has-text('Into results/') input") == "validation-2"
+    expect(page.locator("label:has-text('Into results/') input")).to_have_value("validation-2")
     tab.check()
 
 
@@ -149,7 +156,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
         page.keyboard.press("Backspace")
     page.keyboard.type('bar"')
     page.wait_for_selector(".problem >> text=is a pressure")
-    assert page.inner_text(".problem button") == "line 3"
+    expect(page.locator(".problem button").first).to_have_text("line 3", use_inner_text=True)
     tab.picture("sizing-problem")
 
     (server.folder / "lift.toml").write_text(LIFT)
@@ -161,8 +168,8 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    assert "Take Parker Origa OSP-P" in page.inner_text(".answer-card h2")
-    assert page.get_attribute(".answer-card", "data-state") == "good"
+    expect(page.locator(".answer-card h2").first).to_contain_text("Take Parker Origa OSP-P", use_inner_text=True)
+    expect(page.locator(".answer-card").first).to_have_attribute("data-state", "good")
     page.click("text=Copy as command or Python")
     names: dict = {}
     monkeypatch.chdir(server.folder)
@@ -177,7 +184,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
         assert f"limit {limit:.3g}" in words or unit == "Pa"
         assert f"{value:.3g}" in page.inner_text(f"tr[data-limit='{name}'] td >> nth=0") or unit == "Pa"
     assert page.locator(".range.missed").count() == 0
-    assert "6 bar gauge" in page.inner_text("[data-order]")
+    expect(page.locator("[data-order]").first).to_contain_text("6 bar gauge", use_inner_text=True)
     assert page.get_by_text("Every simulated choice:").inner_text().endswith(str(len(found.simulated)))
     page.click("summary:has-text('Every simulated choice')")
     row = f"[data-candidate='{best.name}']"
@@ -240,7 +247,9 @@ def test_from_a_task_to_its_data_sheet_in_four_clicks(server: Server, open_tab: 
     page.click("a[title='push.toml']")
     page.click("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    assert "Not ready to order: one check of the best choice is open." in page.inner_text(".answer-card h2")
+    expect(page.locator(".answer-card h2").first).to_contain_text(
+        "Not ready to order: one check of the best choice is open.", use_inner_text=True
+    )
     check = page.inner_text(".findings li.open:has-text('side load')")
     assert "not decided" in check
     assert 'guide = "ball"' in check
@@ -318,7 +327,7 @@ def test_a_validation_in_the_dark(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("[data-leading=position].good")
     settled(tab)
     page.wait_for_selector("text=Synthetic")
-    assert "The balances close" in page.inner_text("main")
+    expect(page.locator("main").first).to_contain_text("The balances close", use_inner_text=True)
     assert violations(tab) == []
     tab.picture("validation-dark")
     shutil.rmtree(folder)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
+from playwright.sync_api import expect
 
 from page.conftest import DRIVE, ROOT, Server
 from page.test_journeys import Open, at_end, settled
@@ -45,7 +46,7 @@ def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_
         page.keyboard.type(text or " ")
         page.keyboard.press("Tab")
         page.wait_for_selector(".slider [role=alert] >> text=with a point before decimals")
-        assert field.input_value() == "28"
+        expect(field).to_have_value("28")
     settled(tab)
     assert at_end(tab, "position_m") == before
     field.fill("12.5")
@@ -57,7 +58,7 @@ def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_
     width.fill("91")
     width.press("Tab")
     page.wait_for_selector("[role=alert] >> text=from 0.1 up to 90")
-    assert width.input_value() == "10"
+    expect(width).to_have_value("10")
     # A slider's number is not that of another unit: an absolute pressure is no gauge pressure.
     page.locator("input[aria-label='supply.pressure, bar abs']").fill("5")
     page.keyboard.press("Enter")
@@ -67,8 +68,8 @@ def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_
     page.wait_for_selector(".cm-content >> text=6 bar gauge")
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("input[aria-label='supply.pressure, bar gauge']")
-    assert page.input_value("input[aria-label='supply.pressure, bar gauge']") == "6"
-    assert field.input_value() == "12.5"
+    expect(page.locator("input[aria-label='supply.pressure, bar gauge']")).to_have_value("6")
+    expect(field).to_have_value("12.5")
     tab.check()
 
 
@@ -130,11 +131,11 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
     with page.expect_response("**/api/file?path=axis.toml"):
         held[0].continue_()
     page.wait_for_timeout(200)
-    assert page.inner_text("section[aria-label=Text] h2") == "other.toml"
+    expect(page.locator("section[aria-label=Text] h2").first).to_have_text("other.toml", use_inner_text=True)
     go(page, "drive", "axis.toml")
     page.wait_for_selector(f"{EDITOR} >> text=# mine")
-    assert "28 N" in page.inner_text(EDITOR)
-    assert page.get_attribute("button:text-is('Save')", "aria-disabled") == "true"
+    expect(page.locator(EDITOR).first).to_contain_text("28 N", use_inner_text=True)
+    expect(page.locator("button:text-is('Save')").first).to_have_attribute("aria-disabled", "true")
     assert (server.folder / "axis.toml").read_text().endswith("# mine")
     tab.check()
 
@@ -148,7 +149,7 @@ def test_the_editor_of_a_task_outlives_its_text(server: Server, open_tab: Open) 
     page.keyboard.press("Delete")
     page.wait_for_selector("section[aria-label=Task] .problem")
     page.keyboard.type("name = 1")
-    assert page.inner_text(EDITOR) == "name = 1"
+    expect(page.locator(EDITOR).first).to_have_text("name = 1", use_inner_text=True)
 
 
 def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Open) -> None:
@@ -186,7 +187,7 @@ def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Op
     go(page, "recording", "log.csv")
     page.click("text=Accept: write layout.toml")
     page.wait_for_selector("section[aria-label=Layout] .problem >> text=layout.toml, line 1")
-    assert page.input_value("textarea.text") == "nonsense ="
+    expect(page.locator("textarea.text")).to_have_value("nonsense =")
     assert not (server.folder / "layout.toml").exists()
     tab.complaints.clear()  # what was refused
     tab.check()
@@ -244,7 +245,7 @@ def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(server: Server, op
     page.wait_for_timeout(100)
     assert page.evaluate("document.activeElement.id") == "main"
     assert page.url.endswith("#/simulate/axis.toml")
-    assert page.locator("[data-end=position_m]").count() == 1
+    expect(page.locator("[data-end=position_m]")).to_have_count(1)
     tab.check()
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import Server
@@ -43,7 +44,9 @@ def test_a_platform_is_moved_and_turned(server: Server, open_tab: Open, look: st
     page.set_viewport_size({"width": 1440, "height": 900})
     go(page, "simulate", "tripod.toml")
     page.wait_for_selector(".turned svg", timeout=60_000)  # the server imports what draws
-    assert "3 of 3 legs reach an end" in page.inner_text(".platform .answer-card h2")
+    expect(page.locator(".platform .answer-card h2").first).to_contain_text(
+        "3 of 3 legs reach an end", use_inner_text=True
+    )
     assert 1 <= page.locator(".platform [data-leading]").count() <= 5
     assert page.locator(".turned svg").bounding_box()["y"] < 600
     assert page.locator(".motion button:text-is('Play')").count() == 0  # reduced motion: only the slider moves it
@@ -150,7 +153,7 @@ def test_a_view_of_a_new_class_is_shown(tmp_path: Path, open_tab: Open) -> None:
         page = tab.page
         go(page, "result", "cheap.toml")
         page.wait_for_selector("td[data-value=reach][data-si='0.25']")
-        assert page.inner_text("td[data-value=reach]") == "250 ± 10"
+        expect(page.locator("td[data-value=reach]").first).to_have_text("250 ± 10", use_inner_text=True)
         page.wait_for_selector("figure[data-figure='friction over speed'][data-points='3'] .panel-drawing")
         page.wait_for_selector("text=noted by the toy")
         assert violations(tab) == []

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import Server
@@ -37,7 +38,7 @@ def test_four_ways_to_begin_in_an_empty_folder(empty: Server, open_tab: Open) ->
     tab = open_tab(empty.address)
     page = tab.page
     page.wait_for_selector("text=This folder is empty")
-    assert page.locator(".starts article").count() == 4
+    expect(page.locator(".starts article")).to_have_count(4)
     assert violations(tab) == []
     tab.picture("begin")
     page.click("a:text-is('Open an example drive')")
@@ -62,7 +63,7 @@ def test_a_drive_is_taken_along_from_view_to_view(server: Server, open_tab: Open
     page = tab.page
     page.wait_for_selector(".tree .files a")
     page.fill("input[aria-label='Search files']", "other")
-    assert page.locator(".tree .files a").count() == 1
+    expect(page.locator(".tree .files a")).to_have_count(1)
     page.fill("input[aria-label='Search files']", "axis")
     page.click(".tree >> text=axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -79,11 +80,11 @@ def test_a_drive_is_taken_along_from_view_to_view(server: Server, open_tab: Open
     page.go_forward()
     page.wait_for_selector("text=Does my model hold?")
     go(page, "drive", "drives/other.toml")
-    assert page.locator(".tabs li").count() == 2
+    expect(page.locator(".tabs li")).to_have_count(2)
     page.click("button[aria-label='Close drives/other.toml']")
     page.wait_for_selector("text=Does my model hold?")  # the other tab, where it was left
     page.reload()
-    assert page.locator(".tabs li").count() == 1
+    expect(page.locator(".tabs li")).to_have_count(1)
     page.click(".home")
     page.click("button[aria-label='Rename drives/other.toml']")
     for name, said in (("drives/other.txt", "has another ending"), ("axis.toml", "already exists")):
@@ -123,8 +124,8 @@ def test_two_seals_are_apart_and_each_point_has_a_marker(server: Server, open_ta
     go(page, "friction", "map.parquet")
     figure = "figure[data-figure='Friction over speed']"
     page.wait_for_selector(f"{figure}[data-points='{both.sizes['row']}']")  # a panel for each seal
-    assert page.locator(f"{figure} .panel-drawing").count() == 2
-    assert page.is_checked("label:has-text('logarithmic') input")
+    expect(page.locator(f"{figure} .panel-drawing")).to_have_count(2)
+    expect(page.locator("label:has-text('logarithmic') input")).to_be_checked()
     page.select_option("label:has-text('Seal or mounting') select", "Kidney")
     page.wait_for_selector(f"{figure}[data-points='{maps[1].sizes['row']}']")
     assert "seal=Kidney" in page.url
@@ -145,10 +146,10 @@ def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> 
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
     page.mouse.up()
-    assert page.locator("text=Reset zoom").count() == 4  # of each plot: all show that part
+    expect(page.locator("text=Reset zoom")).to_have_count(4)  # of each plot: all show that part
     page.locator("text=Reset zoom").first.click()
     assert page.locator("text=Reset zoom").count() == 0
-    assert page.inner_text("figure[data-plot=Position] figcaption .value >> nth=1") == ""
+    expect(page.locator("figure[data-plot=Position] figcaption .value >> nth=1")).to_have_text("", use_inner_text=True)
     page.hover("figure[data-plot=Position] .u-over")
     assert float(page.inner_text("figure[data-plot=Position] figcaption .value >> nth=1"))
     page.click("figure[data-plot=Position] summary")
@@ -176,7 +177,7 @@ def test_a_recording_of_another_rig_gets_its_own_layout(server: Server, open_tab
     page = tab.page
     go(page, "recording", "other.csv.xz")
     page.wait_for_selector("text=The layout in this folder belongs to other files")
-    assert page.locator(".problem").count() == 1
+    expect(page.locator(".problem")).to_have_count(1)
     assert page.locator("button:text-is('Characterise')").count() == 0
     page.click("button:text-is('Propose a layout for this file')")
     page.fill("textarea.text", text.replace('pattern = "{seal}_{pressure}bar"', ""))

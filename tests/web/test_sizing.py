@@ -175,6 +175,9 @@ def test_a_wrong_request_starts_nothing(served: Served, change: dict) -> None:
 
 def test_a_folder_that_holds_no_sizing_is_answered_in_words(served: Served) -> None:
     (served.folder / "x").mkdir()
+    begun = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
+    assert begun.json() == {"waits": True}  # a search makes the folder first
+    (served.folder / "x" / "notes.txt").write_text("of another kind")
     answered = served.client.get("/api/sizing", params={"path": "x"}, headers=served.headers)
     assert answered.status_code == 400
     assert "holds no sizing" in answered.json()["problems"][0]["what"]

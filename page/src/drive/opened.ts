@@ -240,8 +240,10 @@ export const wasSaved = (path: string): string => `Saved ${path}.`;
 
 /** Save the text. A file that changed on disk since then is not overwritten. */
 export async function save(path: string): Promise<void> {
+  const before = opened.value?.path;
+  await edits; // values that are on their way into the text belong to it
   const now = opened.value;
-  if (!now) return;
+  if (!now || now.path !== before) return;
   try {
     const { sha256 } = await write(path, now.text, path === now.path ? now.sha256 : "");
     if (opened.value?.path !== now.path) return leave(now, { saved: now.text, sha256 });

@@ -53,7 +53,7 @@ def checked_or_first(text: str | None = None) -> dict[str, Any]:
 def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     """Return a search from its folder: its task, the simulated candidates, and the ranking once it exists.
 
-    If the folder does not exist yet because the search has just started, the answer is ``{"waits": True}``.
+    If nothing is in the folder yet because the search has just started, the answer is ``{"waits": True}``.
 
     Raises
     ------
@@ -61,7 +61,8 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
         The folder does not contain a sizing.
     """
     folder = workspace.folder(path)
-    if not folder.exists():
+    begins = not folder.exists() or not any(one.name != LOCK for one in folder.iterdir())
+    if begins or (is_held(folder / LOCK) and not (folder / ABOUT).is_file()):
         return {"waits": True}
     about, early = _json(folder / ABOUT, path, "task", "draws"), folder / PROVISIONAL
     done = SizingResult.load(folder) if (folder / SUMMARY).is_file() else None
