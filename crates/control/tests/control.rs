@@ -413,3 +413,27 @@ fn a_spool_without_a_lag_does_not_go_by_the_rounding_of_times() {
         spool.command(t + delay, f64::from(k) / 2048.0);
     }
 }
+
+/// Holding survives an error of 2 bands and ends at 3 bands, whereas it begins only within one band.
+#[test]
+fn holding_has_a_hysteresis_of_the_error() {
+    let model = drive();
+    let reference = Reference::Moves { start: MIDDLE, moves: vec![] };
+    for (key, pressed) in LAWS.iter().flat_map(|key| [(key, 1.0), (key, -1.0)]) {
+        let mut law = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
+        (law.adaptation, law.supervisor) = (None, None);
+        let band = law.hold.as_ref().expect("it holds by default").band;
+        let mut tick = 0;
+        let mut holds = |error: f64| {
+            let last = (0..100).map(|_| {
+                tick += 1;
+                let time = f64::from(tick) * PERIOD;
+                let position = MIDDLE + pressed * error * band;
+                law.step(&Sample { time, position, pressures: Some([PRESSURE; 2]) }, &reference).holds
+            });
+            last.last().expect("samples")
+        };
+        let course = [2.0, 0.5, 2.0, 3.0, 2.0, 0.5].map(&mut holds);
+        assert_eq!(course, [false, true, true, false, false, true], "{key} {pressed}");
+    }
+}

@@ -5,6 +5,9 @@ use math::{Over, Real, power};
 /// than 1e-6 for exponents from 0.5.
 const SMALLEST_RATIO: f64 = 1e-12;
 
+/// Upper limit of |v/vs|^n: exp(-746) is 0. Without the limit, an infinite power would have the derivative 0 * inf.
+const LARGEST_POWER: f64 = 746.0;
+
 /// Fall of the excess of breakaway over Coulomb force with the velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
@@ -29,7 +32,10 @@ pub fn weight<P: Real, S: Over<P>>(v: S, vs: P, exponent: P, shape: Shape) -> S 
     let ratio = v * S::from(P::one() / vs);
     match shape {
         Shape::Gaussian => (-(ratio * ratio)).exp(),
-        Shape::Power => (-power(ratio.abs().max(S::c(SMALLEST_RATIO)), S::from(exponent))).exp(),
+        Shape::Power => {
+            let size = power(ratio.abs().max(S::c(SMALLEST_RATIO)), S::from(exponent));
+            (-size.min(S::c(LARGEST_POWER))).exp()
+        }
         Shape::Lorentzian => S::one() / ratio.fma(ratio, S::one()),
     }
 }

@@ -3,8 +3,8 @@
 //! direction of motion, a complete entry in the registry.
 
 use crate::support::*;
-use math::{Gather, Lanes};
-use physics::friction::{At, Composition, Contact, Direction, LAWS, MOST_INNER};
+use math::{Dual, Gather, Lanes};
+use physics::friction::{At, Composition, Contact, Direction, LAWS, MOST_INNER, Shape, weight};
 
 #[test]
 fn finite_everywhere() {
@@ -19,6 +19,25 @@ fn finite_everywhere() {
             }
         }
     }
+}
+
+/// A search may try exponents for which the power of the velocity is infinite.
+#[test]
+fn a_stribeck_curve_with_a_steep_exponent_has_finite_slopes() {
+    type D = Dual<f64, 2>;
+    let of = |value: f64, direction: usize| D {
+        re: value,
+        eps: [0, 1].map(|i| f64::from(u8::from(i == direction))),
+    };
+    for v in [0.003, 0.02, 0.021, 0.4] {
+        let slopes = weight(D::from(v), of(0.02, 0), of(4e5, 1), Shape::Power);
+        assert_eq!(
+            (slopes.re, slopes.eps.map(f64::is_finite)),
+            (weight(v, 0.02, 4e5, Shape::Power), [true; 2]),
+            "{v}"
+        );
+    }
+    assert_eq!(weight(0.021, 0.02, 4e5, Shape::Power), 0.0);
 }
 
 #[test]
