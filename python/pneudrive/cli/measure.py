@@ -34,7 +34,7 @@ with used_later(__name__):
     from pneudrive.signals import proposal as proposals
     from pneudrive.simulation import trajectory
     from pneudrive.studies import bracha
-    from pneudrive.studies.bracha import pages, reproduction
+    from pneudrive.studies.bracha import reproduction
     from pneudrive.validate import motion
 
 if TYPE_CHECKING:
@@ -279,4 +279,4 @@ def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
     for claim in made.claims:
         typer.echo(f'{claim.place}: "{claim.said}"')
         typer.echo(f"    {claim.verdict}: {claim.found}")
-    typer.echo(f"\nOf the paper, {pages.count_verdicts(made.claims)}.\n{page}")
+    typer.echo(f"\nOf the paper, {reproduction.count_verdicts(made.claims)}.\n{page}")
