@@ -115,6 +115,18 @@ pub trait Described: Sized {
     }
 }
 
+/// Laws without choices.
+macro_rules! without_choices {
+    ($($law:ident),*) => {$(
+        impl Described for $law<f64> {
+            fn build(values: &[f64], _choices: &Choices) -> Self {
+                $law::from_values(values)
+            }
+        }
+    )*};
+}
+without_choices!(Armstrong, BoucWen, Coulomb, Dahl);
+
 /// A friction law.
 pub trait Law<P: Real> {
     /// Its name in a description.
@@ -211,8 +223,10 @@ pub trait Law<P: Real> {
         }
     }
 
-    /// Returns steady sliding at velocity `v` (after any transient), N.
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S;
+    /// Returns steady sliding at velocity `v` (after any transient), N: by default on the curve of [`Law::prepare`].
+    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
+        sliding(v, levels.at(self.prepare(v)), levels.viscous)
+    }
 
     /// Returns the same for a law that also depends on position or pressures directly.
     fn steady_at<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>) -> S {

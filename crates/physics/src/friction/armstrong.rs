@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense, Shape, dry, sliding, weight};
+use super::{At, Claims, InnerState, Law, Levels, Sense, Shape, dry, sliding, weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -49,12 +49,6 @@ const Z: usize = 0;
 const U: usize = 1;
 const T: usize = 2;
 const L: usize = 3;
-
-impl Described for Armstrong<f64> {
-    fn build(values: &[f64], _choices: &Choices) -> Self {
-        Armstrong::from_values(values)
-    }
-}
 
 impl<P: Real> Armstrong<P> {
     /// Returns E/(Fs - Fc): the present fraction of static friction.

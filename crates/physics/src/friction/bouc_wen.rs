@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels, sliding};
+use super::{At, Claims, InnerState, Law, Levels};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -33,12 +33,6 @@ crate::parameters! {
     }
 }
 
-impl Described for BoucWen<f64> {
-    fn build(values: &[f64], _choices: &Choices) -> Self {
-        BoucWen::from_values(values)
-    }
-}
-
 impl<P: Real> Law<P> for BoucWen<P> {
     const KEY: &'static str = "bouc-wen";
     const TITLE: &'static str = "Bouc-Wen: a hysteresis loop of free shape, independent of the rate";
@@ -64,9 +58,5 @@ impl<P: Real> Law<P> for BoucWen<P> {
         let bend = size.max(S::c(SMALLEST_BASE)).pow(S::from(self.bouc_wen_exponent - P::one()));
         dz[0] = v - (shape * v.abs() * deflected + (S::one() - shape) * v * size) * bend;
         levels.viscous.fma(v, elastic)
-    }
-
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.coulomb, levels.viscous)
     }
 }

@@ -1,4 +1,4 @@
-use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
+use super::{At, Claims, Law, Levels, dry};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -15,12 +15,6 @@ crate::parameters! {
         coulomb: "N", above(0.0);
         /// Viscous coefficient Fv
         viscous: "N s/m", at_least(0.0), default 0.0;
-    }
-}
-
-impl Described for Coulomb<f64> {
-    fn build(values: &[f64], _choices: &Choices) -> Self {
-        Coulomb::from_values(values)
     }
 }
 
@@ -47,9 +41,5 @@ impl<P: Real> Law<P> for Coulomb<P> {
 
     fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, _z: &mut [P]) -> P {
         dry::next_mode(mode, at.applied, levels.coulomb)
-    }
-
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.coulomb, levels.viscous)
     }
 }

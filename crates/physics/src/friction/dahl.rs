@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels, sliding};
+use super::{At, Claims, InnerState, Law, Levels};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -29,12 +29,6 @@ crate::parameters! {
     }
 }
 
-impl Described for Dahl<f64> {
-    fn build(values: &[f64], _choices: &Choices) -> Self {
-        Dahl::from_values(values)
-    }
-}
-
 impl<P: Real> Law<P> for Dahl<P> {
     const KEY: &'static str = "dahl";
     const TITLE: &'static str = "Dahl: presliding, independent of the rate";
@@ -60,9 +54,5 @@ impl<P: Real> Law<P> for Dahl<P> {
         let bend = left.abs().max(S::c(SMALLEST_BASE)).pow(S::from(self.dahl_exponent - P::one()));
         dz[0] = v * left * bend;
         levels.viscous.fma(v, elastic)
-    }
-
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.coulomb, levels.viscous)
     }
 }

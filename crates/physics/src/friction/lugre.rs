@@ -1,5 +1,5 @@
 use super::bristles::{DEFLECTION, bristle_parameters};
-use super::{At, InnerState, Law, Levels, sliding};
+use super::{At, InnerState, Law, Levels};
 use math::{Over, Real};
 
 bristle_parameters! {
@@ -48,9 +48,5 @@ impl<P: Real> Law<P> for LuGre<P> {
         let rate = v - v.abs() * elastic / levels.at(at.prepared);
         dz[0] = rate;
         self.force_of(v, levels.viscous, elastic, rate)
-    }
-
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.at(self.weight(v)), levels.viscous)
     }
 }

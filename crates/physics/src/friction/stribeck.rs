@@ -1,4 +1,4 @@
-use super::{At, Choices, Claims, Described, Law, Levels, dry, sliding};
+use super::{At, Choices, Claims, Described, Law, Levels, dry};
 use math::{Over, Real, power};
 
 /// Lower limit of |v/vs| for a general exponent, whose slope at zero would be infinite. It changes the weight by less
@@ -123,9 +123,5 @@ impl<P: Real> Law<P> for Stribeck<P> {
 
     fn next_mode(&self, mode: P, at: &At<P>, levels: &Levels<P>, _z: &mut [P]) -> P {
         dry::next_mode(mode, at.applied, levels.breakaway)
-    }
-
-    fn steady<S: Over<P>>(&self, v: S, levels: &Levels<S>) -> S {
-        sliding(v, levels.at(self.weight(v)), levels.viscous)
     }
 }
