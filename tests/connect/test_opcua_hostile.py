@@ -20,9 +20,9 @@ from pneudrive.errors import RigError
 from pneudrive.rig import Move, Sampling, load_rig
 from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
+from waiting import until
 
 SENSOR_PA = 1000.0  # error of the rig's pressure transducer
-PATIENCE_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +49,6 @@ def attacked(processes, name: str, url: str):
     finally:
         process.kill()
         process.join()
-
-
-def until(true) -> None:
-    """Wait until something is true."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < deadline, "it never became true"
-        time.sleep(0.005)
 
 
 def in_background(work) -> tuple[threading.Thread, list]:

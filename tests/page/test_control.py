@@ -9,6 +9,7 @@ from playwright.sync_api import expect
 import pneudrive as pn
 from page.conftest import Server
 from page.test_journeys import Open, drag, settled, violations
+from waiting import until
 
 
 def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,7 +33,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     exec(page.inner_text("[data-copy=python]"), names)
     score = names["run"].attrs["score"]
     assert float(page.get_attribute("[data-score=max_error_m]", "data-si")) == score["max_error_m"]
-    expect(page.locator("[data-copy=command]").first).to_contain_text("--controller axis-pid.toml", use_inner_text=True)
+    expect(page.locator("[data-copy=command]").first).to_contain_text("--controller axis-pid.toml")
     assert violations(tab) == []
     page.evaluate("() => scrollTo(0, 0)")
     tab.picture("control-run")
@@ -45,14 +46,11 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.click("button:text-is('Compare')")
     page.wait_for_selector("progress[aria-label='Progress of results/laws']", state="attached", timeout=60_000)
     about = server.folder / "results" / "laws" / "comparison.json"
-    for _ in range(400):
-        if about.is_file():
-            break
-        page.wait_for_timeout(50)
+    until(about.is_file)
     page.click("text=Watch results/laws")
     page.wait_for_selector("[data-done]:not([data-done='0'])", timeout=60_000)
     page.wait_for_selector("[data-cell][data-si]")  # medians so far
-    expect(page.locator("[data-done]").first).to_contain_text("can change", use_inner_text=True)
+    expect(page.locator("[data-done]").first).to_contain_text("can change")
     page.wait_for_selector("figure[data-plot=Errors] canvas")  # of the runs that are done
     expect(page.locator("button:text-is('Cancel results/laws')")).to_have_count(1)  # it still runs
     assert violations(tab) == []
@@ -60,7 +58,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     page.click("text=Cancel results/laws")
     page.wait_for_selector("[data-state=cancelled]", timeout=60_000)
     page.wait_for_selector("button:text-is('Resume')")
-    expect(page.locator("main").first).to_contain_text("Not finished", use_inner_text=True)
+    expect(page.locator("main").first).to_contain_text("Not finished")
     page.close()
 
     drive = pn.Drive.load(server.folder / "axis.toml")  # a comparison of fewer seeds, which the page takes up
@@ -78,7 +76,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
             own = table.filter((pl.col("law") == law) & (pl.col("reference") == made.references[name]))
             shown = float(page.get_attribute(f"[data-cell='{law}/{name}']", "data-si"))
             assert shown == pytest.approx(own["max_error_m"].median(), rel=1e-15)
-    expect(page.locator("[data-cell='inversion/R1']").first).to_contain_text("★", use_inner_text=True)
+    expect(page.locator("[data-cell='inversion/R1']").first).to_contain_text("★")
     page.focus("th button:text-is('R6')")
     page.keyboard.press("Enter")
     page.wait_for_selector("h2:has-text('Along R6')")

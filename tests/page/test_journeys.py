@@ -103,7 +103,7 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     page.fill("input[aria-label='friction.coulomb']", "31 N")
     page.keyboard.press("Tab")
     page.wait_for_selector(".cm-content >> text=31 N")
-    expect(page.locator(".cm-content").first).to_contain_text("# measured", use_inner_text=True)
+    expect(page.locator(".cm-content").first).to_contain_text("# measured")
 
     page.click(".cm-line >> nth=4")
     page.keyboard.press("End")
@@ -265,7 +265,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert "over=speed" in page.url
     assert violations(tab) == []
     page.select_option("label:has-text('Compare with') select", "")
-    expect(page.locator("main").first).to_contain_text("breakaway", use_inner_text=True)
+    expect(page.locator("main").first).to_contain_text("breakaway")
     assert violations(tab) == []
     tab.picture("friction")
     page.click("summary:text-is('Fit another law')")
@@ -288,9 +288,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.click("[aria-label='Points of the map'] a >> nth=0")
     page.wait_for_selector("text=darker: towards +x")
     page.click("section[aria-label=Friction] >> text=Copy as command or Python")
-    expect(page.locator("[data-copy=command]").first).to_contain_text(
-        "pneudrive characterise O-ring_", use_inner_text=True
-    )
+    expect(page.locator("[data-copy=command]").first).to_contain_text("pneudrive characterise O-ring_")
     page.click("section[aria-label=Friction] button:text-is('All 2')")
     page.wait_for_function("document.querySelectorAll('section[aria-label=Friction] input:checked').length === 2")
     assert violations(tab) == []
@@ -324,8 +322,8 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
     page.wait_for_selector("figure[data-figure='Friction so far']")  # the map grows
     page.click("text=Pause after the cycle")
     page.wait_for_selector("[data-state=paused]")
-    expect(page.locator("[aria-label=Requests]").first).to_contain_text("Not an emergency stop.", use_inner_text=True)
-    expect(page.locator(".journal").first).to_contain_text("from the page", use_inner_text=True)
+    expect(page.locator("[aria-label=Requests]").first).to_contain_text("Not an emergency stop.")
+    expect(page.locator(".journal").first).to_contain_text("from the page")
     assert violations(tab) == []
     tab.picture("campaign-paused")
     folder = own_server.folder / "campaigns" / "first"
@@ -422,7 +420,7 @@ def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open
     os.kill(own_server.process.pid, signal.SIGKILL)
     drag(tab, "friction.coulomb", 0.44)
     page.wait_for_selector("[data-connection=lost]")
-    expect(page.locator("[data-connection]").first).to_contain_text("does not answer", use_inner_text=True)
+    expect(page.locator("[data-connection]").first).to_contain_text("does not answer")
     kept = page.input_value("input[aria-label='friction.coulomb, N']")
     tab.picture("server-gone")
 
@@ -506,9 +504,7 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
 
     fmu = server.folder / "results" / "axis.fmu"
     assert page.get_attribute("[data-sha256]", "data-sha256") == hashlib.sha256(fmu.read_bytes()).hexdigest()
-    expect(page.locator("tr:has(th:text-is('friction.coulomb')) td >> nth=1")).to_contain_text(
-        "28", use_inner_text=True
-    )
+    expect(page.locator("tr:has(th:text-is('friction.coulomb')) td >> nth=1")).to_contain_text("28")
     expect(page.locator("tr:has(th:text-is('pressure_a')) td >> nth=0")).to_have_text("Pa", use_inner_text=True)
     lines = page.inner_text("[data-copy=fmpy]")
     assert len([line for line in lines.splitlines() if line]) == 3

@@ -140,8 +140,8 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     hand.type("label:has-text('Samples of each') input", "8")
     hand.press("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
-    expect(page.locator(".answer-card h2").first).to_contain_text("Not ready to order", use_inner_text=True)
-    expect(page.locator(".findings").first).to_contain_text("hangs at pressure loss", use_inner_text=True)
+    expect(page.locator(".answer-card h2").first).to_contain_text("Not ready to order")
+    expect(page.locator(".findings").first).to_contain_text("hangs at pressure loss")
 
     hand.press("button:text-is('Set held_by = machine')")
     page.wait_for_selector(".cm-content >> text=held_by")

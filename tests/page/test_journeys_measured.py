@@ -95,7 +95,7 @@ def test_recordings_to_a_comparison_of_two_seals(
     folder = own_server.folder / "results" / "friction"
     compared = pn.compare_results(folder / "fit-NAPN.toml", folder / "fit-PK.toml", ("NAPN", "PK"))
     assert page.inner_text(".answer") == compared.sentence
-    expect(page.locator("[data-differs=coulomb_b]").first).to_contain_text("differs", use_inner_text=True)
+    expect(page.locator("[data-differs=coulomb_b]").first).to_contain_text("differs")
     assert violations(tab) == []
     tab.picture(f"journey-seals-{by}")
     assert hand.clicks <= MOST_CLICKS, hand.clicks

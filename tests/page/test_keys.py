@@ -104,7 +104,7 @@ def test_sliders_choices_and_values_are_undone(server: Server, open_tab: Open) -
     page.focus("input[aria-label='friction.coulomb']")
     page.keyboard.type("9")
     page.keyboard.press("Control+Z")
-    expect(page.locator(".cm-content").first).to_contain_text("28 N", use_inner_text=True)
+    expect(page.locator(".cm-content").first).to_contain_text("28 N")
     tab.check()
 
 

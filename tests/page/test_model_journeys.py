@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from page.conftest import PICTURES, ROOT, Server, Tab
 from page.test_journeys import Open, settled, violations
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.simulation.trajectory import save_columns
+from waiting import until
 from web.test_sizing import TASK
 
 STEPS = "0 s: 0.3, 0.7 s: -0.3, 1.4 s: 0.2, 2.2 s: -0.25"
@@ -67,9 +67,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     for channel, one in found.records[0].channels.items():
         assert number(tab, f"[data-fit={channel}]") == one.free.fit_percent
     assert page.locator("[data-cause]").count() == len(found.diagnosis().culprits) == 1
-    expect(page.locator("[data-cause=conductance]").first).to_contain_text(
-        "less conductance C of the valve", use_inner_text=True
-    )
+    expect(page.locator("[data-cause=conductance]").first).to_contain_text("less conductance C of the valve")
     page.click("summary:text-is('Where each value comes from')")
     origin = page.inner_text("[data-origin='friction.coulomb']")
     assert "identified" in origin
@@ -108,9 +106,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     differ = [one.get_attribute("data-differs") for one in page.locator("[data-differs]").all()]
     assert set(differ) == {"valve.conductance", "valve.nominal_flow"}  # the one takes the other's place
     page.click("summary:text-is('Lines that differ')")
-    expect(page.locator("pre[aria-label='Lines that differ']").first).to_contain_text(
-        "+conductance", use_inner_text=True
-    )
+    expect(page.locator("pre[aria-label='Lines that differ']").first).to_contain_text("+conductance")
     assert violations(tab) == []
     page.locator("section[aria-label='Differences']").scroll_into_view_if_needed()
     tab.picture("validation-identified")
@@ -168,7 +164,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    expect(page.locator(".answer-card h2").first).to_contain_text("Take Parker Origa OSP-P", use_inner_text=True)
+    expect(page.locator(".answer-card h2").first).to_contain_text("Take Parker Origa OSP-P")
     expect(page.locator(".answer-card").first).to_have_attribute("data-state", "good")
     page.click("text=Copy as command or Python")
     names: dict = {}
@@ -184,7 +180,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
         assert f"limit {limit:.3g}" in words or unit == "Pa"
         assert f"{value:.3g}" in page.inner_text(f"tr[data-limit='{name}'] td >> nth=0") or unit == "Pa"
     assert page.locator(".range.missed").count() == 0
-    expect(page.locator("[data-order]").first).to_contain_text("6 bar gauge", use_inner_text=True)
+    expect(page.locator("[data-order]").first).to_contain_text("6 bar gauge")
     assert page.get_by_text("Every simulated choice:").inner_text().endswith(str(len(found.simulated)))
     page.click("summary:has-text('Every simulated choice')")
     row = f"[data-candidate='{best.name}']"
@@ -248,7 +244,7 @@ def test_from_a_task_to_its_data_sheet_in_four_clicks(server: Server, open_tab: 
     page.click("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
     expect(page.locator(".answer-card h2").first).to_contain_text(
-        "Not ready to order: one check of the best choice is open.", use_inner_text=True
+        "Not ready to order: one check of the best choice is open."
     )
     check = page.inner_text(".findings li.open:has-text('side load')")
     assert "not decided" in check
@@ -272,19 +268,13 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
     page.click("button:text-is('Size')")
     page.wait_for_selector("progress[aria-label='Progress of the search'][max]", timeout=LONG)
     lines = server.folder / "results" / "lift" / "choices.jsonl"
-    for _ in range(2400):
-        if lines.is_file() and len(lines.read_text().splitlines()) > 3:
-            break
-        time.sleep(0.05)
+    until(lambda: lines.is_file() and len(lines.read_text().splitlines()) > 3)
     page.click("text=Cancel the search")
     page.wait_for_selector("[data-state=stopped][data-simulated]", timeout=LONG)
     kept = lines.read_text().splitlines()
     tab.picture("sizing-stopped")
     page.click("button:text-is('Resume')")
-    for _ in range(600):
-        if len(lines.read_text().splitlines()) > len(kept):
-            break
-        time.sleep(0.05)
+    until(lambda: len(lines.read_text().splitlines()) > len(kept))
     assert lines.read_text().splitlines()[: len(kept)] == kept
     page.wait_for_selector("[data-state=running][data-simulated]")
     page.click("text=Cancel the search")
@@ -327,7 +317,7 @@ def test_a_validation_in_the_dark(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("[data-leading=position].good")
     settled(tab)
     page.wait_for_selector("text=Synthetic")
-    expect(page.locator("main").first).to_contain_text("The balances close", use_inner_text=True)
+    expect(page.locator("main").first).to_contain_text("The balances close")
     assert violations(tab) == []
     tab.picture("validation-dark")
     shutil.rmtree(folder)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from playwright.sync_api import expect
 
 from page.conftest import DRIVE, ROOT, Server
 from page.test_journeys import Open, at_end, settled
+from waiting import until
 from web.test_sizing import TASK
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
     expect(page.locator("section[aria-label=Text] h2").first).to_have_text("other.toml", use_inner_text=True)
     go(page, "drive", "axis.toml")
     page.wait_for_selector(f"{EDITOR} >> text=# mine")
-    expect(page.locator(EDITOR).first).to_contain_text("28 N", use_inner_text=True)
+    expect(page.locator(EDITOR).first).to_contain_text("28 N")
     expect(page.locator("button:text-is('Save')").first).to_have_attribute("aria-disabled", "true")
     assert (server.folder / "axis.toml").read_text().endswith("# mine")
     tab.check()
@@ -316,7 +316,7 @@ def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, 
     try:
         tab = open_tab(server.address)
         page = tab.page
-        until_there(out / "comparison.json")
+        until((out / "comparison.json").is_file)
         go(page, "control", "results/laws")
         page.wait_for_selector("[data-done]")
         assert running.wait(60) == 0
@@ -325,14 +325,6 @@ def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, 
     finally:
         running.kill()
         running.wait()
-
-
-def until_there(path: Path) -> None:
-    for _ in range(600):
-        if path.is_file():
-            return
-        time.sleep(0.05)
-    raise AssertionError(path)
 
 
 def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open) -> None:
@@ -346,22 +338,15 @@ def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open)
         own.on_message(there.send)
         there.on_message(lambda message: held.append((own, message)))
 
-    def until_held(count: int) -> None:
-        for _ in range(300):
-            if len(held) >= count:
-                return
-            page.wait_for_timeout(50)
-        raise AssertionError(len(held))
-
     page.route_web_socket("**/api/live", through)
     go(page, "control")
-    until_held(1)
+    until(lambda: len(held) >= 1, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
     with page.expect_response("**/api/control?path=other.toml"):
         page.select_option("label.choice:has-text('Drive') >> nth=0 >> select", "other.toml")
     page.wait_for_timeout(200)
     own, message = held[0]
     own.send(message)
-    until_held(2)
+    until(lambda: len(held) >= 2, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
     assert page.locator("[data-score]").count() == 0
     own, message = held[1]
     own.send(message)

@@ -44,9 +44,7 @@ def test_a_platform_is_moved_and_turned(server: Server, open_tab: Open, look: st
     page.set_viewport_size({"width": 1440, "height": 900})
     go(page, "simulate", "tripod.toml")
     page.wait_for_selector(".turned svg", timeout=60_000)  # the server imports what draws
-    expect(page.locator(".platform .answer-card h2").first).to_contain_text(
-        "3 of 3 legs reach an end", use_inner_text=True
-    )
+    expect(page.locator(".platform .answer-card h2").first).to_contain_text("3 of 3 legs reach an end")
     assert 1 <= page.locator(".platform [data-leading]").count() <= 5
     assert page.locator(".turned svg").bounding_box()["y"] < 600
     assert page.locator(".motion button:text-is('Play')").count() == 0  # reduced motion: only the slider moves it

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from pneudrive.control.scores import written
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
 from pneudrive.web.workspace import Workspace
+from waiting import until
 from web.conftest import DRIVE, Served
 from web.frames import unpack
 from web.test_views import post
@@ -139,12 +139,8 @@ def test_what_is_no_run_is_answered_in_words(served: Served, changes: dict, monk
 
 
 def finish(served: Served) -> dict:
-    for _ in range(600):
-        job = served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]
-        if job["state"] != "running":
-            return job
-        time.sleep(0.05)
-    raise AssertionError(job)
+    until(lambda: served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]["state"] != "running")
+    return served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]
 
 
 def card_of(served: Served, measure: str = "max_error_m") -> dict:
@@ -158,8 +154,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     begun = {"drive": "axis.toml", "laws": ["inversion", "pid"], "references": [STEP, SLOW], "count": 3, "name": "laws"}
     post(served, "/api/comparisons", begun | {"mismatch": "mass+30"})
     runs = served.folder / "results" / "laws" / "runs"
-    while not list(runs.glob("[!.]*.parquet")):
-        time.sleep(0.01)
+    until(lambda: list(runs.glob("[!.]*.parquet")))
     number = served.jobs[0].number
     post(served, "/api/cancel", {"number": number})
     job = finish(served)

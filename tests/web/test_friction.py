@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
 from pneudrive.identify.static.result import FrictionFit
+from waiting import until
 from web.conftest import Served
 from web.test_recordings import MEASURED, get
 
@@ -35,12 +35,8 @@ def measured(served: Served) -> Served:
 
 
 def finished(served: Served) -> dict:
-    for _ in range(600):
-        job = get(served, "/api/jobs")["jobs"][0]
-        if job["state"] != "running":
-            return job
-        time.sleep(0.1)
-    raise AssertionError(job)
+    until(lambda: get(served, "/api/jobs")["jobs"][0]["state"] != "running")
+    return get(served, "/api/jobs")["jobs"][0]
 
 
 def test_command_and_python_give_the_same_map(measured: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,6 @@ import hashlib
 import json
 import shlex
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.simulation.trajectory import save_columns
 from pneudrive.web.app import make_app
 from pneudrive.web.workspace import Workspace
+from waiting import until
 from web.conftest import PORT, TOKEN, Served
 from web.maps import coulomb, friction_map
 from web.test_friction import post
@@ -268,13 +268,12 @@ NAME = "campaigns/first"
 PROTOCOL = (Path(__file__).parents[1] / "data/three_speeds_protocol.toml").read_text("utf-8")
 
 
-def until(served: Served, done: int) -> dict:
-    for _ in range(300):
-        answered = served.client.get("/api/campaign", params={"path": NAME}, headers=served.headers)
-        if answered.status_code == 200 and answered.json()["done"] >= done:
-            return answered.json()
-        time.sleep(0.05)
-    raise AssertionError(answered.text)
+def campaign(served: Served, done: int) -> dict:
+    def answer() -> dict:
+        return served.client.get("/api/campaign", params={"path": NAME}, headers=served.headers).json()
+
+    until(lambda: answer().get("done", -1) >= done)
+    return answer()
 
 
 def bits(folder: Path) -> dict[str, np.ndarray]:
@@ -286,7 +285,7 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 1})
     line = "pneudrive campaign run speeds.toml --rig default --out campaigns/first --yes --speed 1"
     assert job["command"].splitlines()[-1] == line
-    seen = until(served, 1)
+    seen = campaign(served, 1)
     assert seen["synthetic"]
     assert seen["state"] in ("running", "starting")
     assert seen["planned"] > seen["done"]
@@ -294,7 +293,7 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     process.kill()
     process.wait()
     post(served, "/api/campaigns", {"resume": NAME})
-    seen = until(served, seen["planned"])
+    seen = campaign(served, seen["planned"])
     assert [len(group["points"]) for group in seen["groups"]] == [3]
     assert any("finished" in line for line in seen["log"])
     assert {one["kind"] for one in get(served, "/api/studies")["files"] if one["path"] == NAME} == {"campaign"}
@@ -318,11 +317,7 @@ def test_a_campaign_that_was_begun_anew_in_its_folder_shows_its_own_points(serve
         PROTOCOL.replace('from = "100', 'from = "150').replace("= 3\ns", "= 2\ns")
     )
     run_campaign(served.folder / "speeds.toml", "default", served.folder / NAME)
-    for _ in range(100):
-        if len(seen := speeds()) == 2:
-            break
-        time.sleep(0.05)
-    assert seen == [0.15, 0.3]
+    until(lambda: speeds() == [0.15, 0.3])
 
 
 def test_the_plan_on_the_page_is_that_of_command_and_python(served: Served, capsys: pytest.CaptureFixture) -> None:

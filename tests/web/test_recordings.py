@@ -6,7 +6,6 @@ import re
 import shlex
 import shutil
 import threading
-import time
 import traceback
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from pneudrive.cli.main import run as run_command
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import find_strokes
 from pneudrive.web.measured import recordings
+from waiting import until
 from web.conftest import Served
 from web.frames import unpack
 
@@ -40,12 +40,8 @@ def window(served: Served, given: dict) -> bytes:
 
 
 def read(served: Served, name: str) -> dict:
-    for _ in range(100):
-        found = get(served, "/api/recording", path=name)
-        if "share" not in found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(found)
+    until(lambda: "share" not in get(served, "/api/recording", path=name))
+    return get(served, "/api/recording", path=name)
 
 
 def rows_of(first: int, last: int) -> str:

@@ -7,9 +7,8 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
 from collections import namedtuple
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from concurrent.futures import Future
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,6 +26,7 @@ from pneudrive.web import drop
 from pneudrive.web import serve as served
 from pneudrive.web.guard import MOST_BODY, BuiltPage, Guard, Opening
 from pneudrive.web.workspace import Workspace, built_page
+from waiting import until
 from web.conftest import Served
 
 #: Gives the modules that are loaded when the address is there, then answers its first request.
@@ -132,20 +132,13 @@ def test_the_token_is_no_argument_of_the_browser(tmp_path: Path, monkeypatch: py
         seen.append((address, path, path.stat().st_mode & 0o077, path.read_text()))
 
     monkeypatch.setattr("webbrowser.open", browse)
-    monkeypatch.setattr(served, "serve", lambda folder, port, tell, **_: [tell(opened), wait_until(lambda: bool(seen))])
+    monkeypatch.setattr(served, "serve", lambda folder, port, tell, **_: [tell(opened), until(lambda: bool(seen))])
     assert run(["web", str(tmp_path)]) == 0
     ((address, path, of_others, text),) = seen
     assert "secret" not in address
     assert f'content="0;url={opened}"' in text
     assert not of_others
     assert not path.exists()  # it goes with the server
-
-
-def wait_until(is_true: Callable[[], bool]) -> None:
-    for _ in range(200):
-        if is_true():
-            return
-        time.sleep(0.02)
 
 
 # --- A file that is dropped onto the page: whole or not at all, of any length, never over one that is there.

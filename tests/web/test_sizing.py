@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.sizing import FIRST
 from pneudrive.web.messages import plain
+from waiting import until
 from web.conftest import Served
 from web.test_friction import finished, post
 from web.test_recordings import get
@@ -92,10 +92,7 @@ def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
     (served.folder / "push.toml").write_text(TASK)
     post(served, "/api/jobs", ASKED)
     lines = served.folder / "results" / "push" / "choices.jsonl"
-    for _ in range(600):
-        if lines.is_file():
-            break
-        time.sleep(0.05)
+    until(lines.is_file)
     number = served.jobs[0].number
     post(served, "/api/cancel", {"number": number})
     assert finished(served)["state"] == "cancelled"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from pneudrive.simulation.trajectory import save_columns
 from pneudrive.web.measured.recordings import OpenRecording, Recordings
 from pneudrive.web.measured.tiles import BLOCK, Pyramid
 from pneudrive.web.workspace import Workspace
+from waiting import until
 
 RATE = 1000.0
 COUNT = 1_000_003
@@ -39,11 +39,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[OpenRecording, d
 
 def opened(folder: Path, name: str) -> OpenRecording:
     recordings = Recordings(Workspace.at(folder))
-    for _ in range(100):
-        reading = recordings.opened(name)
-        if reading.done or reading.error:
-            break
-        time.sleep(0.05)
+    until(lambda: (reading := recordings.opened(name)).done or reading.error)
     return recordings.need(name)
 
 

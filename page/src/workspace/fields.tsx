@@ -106,10 +106,25 @@ export function Range({ label, name, id, value, ends: [low, high], words, put, s
   );
 }
 
+export type Option = string | [key: string, text: string];
+
+export const Options = ({ of }: { of: Option[] }) => (
+  <>
+    {of.map((option) => {
+      const [key, text] = Array.isArray(option) ? option : [option, option];
+      return (
+        <option key={key} value={key}>
+          {text}
+        </option>
+      );
+    })}
+  </>
+);
+
 interface PickProps {
   label: ComponentChildren;
   hint: string; // shown in place of a value
-  options: (string | [string, string])[];
+  options: Option[];
   put: (value: string) => void;
   disabled?: boolean;
   class?: string;
@@ -127,14 +142,7 @@ export const Pick = ({ label, hint, options, put, disabled, class: look }: PickP
         menu.value = "";
       }}>
       <option value="">{hint}</option>
-      {options.map((option) => {
-        const [key, text] = Array.isArray(option) ? option : [option, option];
-        return (
-          <option key={key} value={key}>
-            {text}
-          </option>
-        );
-      })}
+      <Options of={options} />
     </select>
   </label>
 );

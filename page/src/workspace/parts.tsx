@@ -7,7 +7,7 @@ import { link } from "../routes";
 import type { SentValue } from "../server/generated";
 import { ask, type attempting, connection, type Listed, type Problem, read } from "../server/server";
 import { useAnswer } from "./answers";
-import { Button, Range } from "./fields";
+import { Button, type Option, Options, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -337,25 +337,13 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
 }
 
 /** A choice with its label; an option is a value, or a value with its text. */
-export function Select(props: {
-  label: string;
-  value: string;
-  options: (string | [string, string])[];
-  put: (value: string) => void;
-}) {
+export function Select(props: { label: string; value: string; options: Option[]; put: (value: string) => void }) {
   const { label, value, options, put } = props;
   return (
     <label class="choice">
       {label}{" "}
       <select value={value} onChange={(event) => put(event.currentTarget.value)}>
-        {options.map((option) => {
-          const [key, text] = Array.isArray(option) ? option : [option, option];
-          return (
-            <option key={key} value={key}>
-              {text}
-            </option>
-          );
-        })}
+        <Options of={options} />
       </select>
     </label>
   );

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import uuid
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -145,8 +146,7 @@ class FmuPlan:
         law = [] if self.law is None else [self.law]
         law += [] if self.code is None else [self.code.files]
         text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator, *law], sort_keys=True)
-        found = hashlib.sha256(text.encode()).hexdigest()
-        return "{" + "-".join((found[:8], found[8:12], found[12:16], found[16:20], found[20:32])) + "}"
+        return f"{{{uuid.UUID(hashlib.sha256(text.encode()).hexdigest()[:32])}}}"
 
 
 def plan_of(

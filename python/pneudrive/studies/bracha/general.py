@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 import pneudrive as pn
 from pneudrive.errors import PneudriveWarning
@@ -118,7 +119,7 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
     assert c.heat_transfer_w_m2_k is not None  # the drives of the study state it
     heat = c.heat_transfer_w_m2_k * math.pi * (c.bore_m * x + faces) * (wall - t)
     power = k / (k - 1) * r * np.where(flow > 0.0, inlet, t) * flow - p * c.area_a_m2 * v + heat
-    got = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.time.to_numpy()))])
+    got = cumulative_trapezoid(power, run.time.to_numpy(), initial=0.0)
     held = p * (c.dead_volume_m3.a + c.area_a_m2 * x) / (k - 1)
     return float(np.abs(held - held[0] - got).max())
 

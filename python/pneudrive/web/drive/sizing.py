@@ -61,8 +61,8 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
         The folder does not contain a sizing.
     """
     folder = workspace.folder(path)
-    begins = not folder.exists() or not any(one.name != LOCK for one in folder.iterdir())
-    if begins or (is_held(folder / LOCK) and not (folder / ABOUT).is_file()):
+    is_empty = all(one.name == LOCK for one in folder.glob("*"))
+    if is_empty or (is_held(folder / LOCK) and not (folder / ABOUT).is_file()):
         return {"waits": True}
     about, early = _json(folder / ABOUT, path, "task", "draws"), folder / PROVISIONAL
     done = SizingResult.load(folder) if (folder / SUMMARY).is_file() else None
