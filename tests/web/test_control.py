@@ -20,6 +20,7 @@ from pneudrive.web.workspace import Workspace
 from waiting import until
 from web.conftest import DRIVE, Served
 from web.frames import unpack
+from web.test_friction import finished
 from web.test_views import post
 
 STEP = "250 mm; 0.1 s: 280 mm in 0.2 s"
@@ -138,11 +139,6 @@ def test_what_is_no_run_is_answered_in_words(served: Served, changes: dict, monk
     assert not arrays
 
 
-def finish(served: Served) -> dict:
-    until(lambda: served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]["state"] != "running")
-    return served.client.get("/api/jobs", headers=served.headers).json()["jobs"][0]
-
-
 def card_of(served: Served, measure: str = "max_error_m") -> dict:
     given = {"path": "results/laws", "measure": measure}
     answered = served.client.get("/api/comparison", params=given, headers=served.headers)
@@ -157,7 +153,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     until(lambda: list(runs.glob("[!.]*.parquet")))
     number = served.jobs[0].number
     post(served, "/api/cancel", {"number": number})
-    job = finish(served)
+    job = finished(served)
     assert job["state"] == "cancelled"
     assert 0 <= job["progress"]["done"] < job["progress"]["total"] == 12
     before = {path: path.stat().st_mtime_ns for path in runs.glob("[!.]*.parquet")}
@@ -169,7 +165,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     assert len(so_far) == card["done"] <= len(before) <= len(so_far) + 2  # two that were being told
 
     post(served, "/api/comparisons", {"resume": "results/laws"})
-    job = finish(served)
+    job = finished(served)
     assert job["state"] == "done", job["tail"]
     assert job["progress"] == {"done": 12, "total": 12, "task": "runs"}
     assert "{" not in job["tail"]

@@ -33,22 +33,14 @@ from pneudrive.web.signatures import SIGNATURES
 from pneudrive.web.workspace import ChangedError, Workspace
 from web.conftest import DRIVE, Served
 from web.frames import unpack
+from web.test_recordings import read
 
 INPUTS = Path(__file__).parent / "inputs"
 CSV = "time,force\n" + "".join(f"{at * 0.01:.2f},{at % 7}\n" for at in range(3000))
 
 
-def opened(served: Served, name: str) -> dict:
-    for _ in range(200):
-        found = served.client.get("/api/recording", params={"path": name}, headers=served.headers).json()
-        if "share" not in found:
-            return found
-        time.sleep(0.05)
-    pytest.fail("the recording was not read")
-
-
 def force_of(served: Served, name: str) -> list[float]:
-    key = opened(served, name)["key"]
+    key = read(served, name)["key"]
     ask = {"what": "window", "path": name, "key": key, "from": 0, "to": 1, "pixels": 800, "columns": "force"}
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         socket.send_json(ask)
@@ -81,13 +73,13 @@ def test_a_file_that_changes_in_its_middle_is_read_again(served: Served, cache: 
     place = served.folder / "a.csv"
     text = "time,force\n" + "".join(f"{at * 0.01:.2f},{at % 7}\n" for at in range(40_000))
     place.write_text(text)
-    before, known = opened(served, "a.csv")["key"], place.stat()
+    before, known = read(served, "a.csv")["key"], place.stat()
     middle = len(text) // 2
     at = text.index("\n", middle) - 1
     place.write_text(text[:at] + "9" + text[at + 1 :])
     os.utime(place, ns=(known.st_atime_ns, known.st_mtime_ns))
     assert place.stat().st_size == known.st_size
-    assert opened(served, "a.csv")["key"] != before
+    assert read(served, "a.csv")["key"] != before
 
 
 def test_writers_replace_a_link_and_never_follow_it(tmp_path: Path) -> None:

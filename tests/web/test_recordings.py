@@ -40,8 +40,7 @@ def window(served: Served, given: dict) -> bytes:
 
 
 def read(served: Served, name: str) -> dict:
-    until(lambda: "share" not in get(served, "/api/recording", path=name))
-    return get(served, "/api/recording", path=name)
+    return until(lambda: None if "share" in (found := get(served, "/api/recording", path=name)) else found)
 
 
 def rows_of(first: int, last: int) -> str:

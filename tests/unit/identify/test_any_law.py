@@ -228,3 +228,13 @@ def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mi
         read_fit(tmp_path / "fit.toml").apply()
     with pytest.warns(PneudriveWarning, match="combined with values outside the fit: run `pneudrive validate`"):
         read_fit(tmp_path / "fit.toml").apply(start.replace({"load.mass": "4 kg"}))
+
+
+def test_a_search_that_tries_steep_stribeck_exponents_ends(make_map):
+    speed = np.geomspace(0.003, 0.4, 15)
+    exact = 30.0 + 15.0 * np.exp(-((speed / 0.02) ** 2)) + 40.0 * speed
+    friction = pn.Drive.load("catalogue:reference").friction
+    for draw in (0, 3, 4):
+        noise = 0.5 * np.random.default_rng(draw).standard_normal(15)
+        fit = fit_any_law(make_map(speed, exact + noise, 0.5), friction)
+        np.testing.assert_allclose(fit.predict(speed), exact, atol=1.5)
