@@ -59,7 +59,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     assert len({saved, unsaved, with_20}) == 3
     page.click("text=Copy as command or Python")
     page.wait_for_selector(".problem >> text=unsaved changes")
-    assert page.locator("[data-copy=python]").count() == 0
+    expect(page.locator("[data-copy=python]")).to_have_count(0)
     # Another file in between, and the file on disk another one by now: what was not saved is there again, and is told.
     go("other.toml")
     (server.folder / "axis.toml").write_text(DRIVE.replace("28 N", "44 N"))
@@ -78,7 +78,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     page.click(".home")
     page.click("ul.files >> text=other.toml")
     page.wait_for_selector(".problem")
-    assert page.locator("[data-end=position_m]").count() == 0
+    expect(page.locator("[data-end=position_m]")).to_have_count(0)
     tab.complaints.clear()  # the refused copy
     tab.check()
 
@@ -183,7 +183,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     page.click("text=Whole recording")
     pl.DataFrame({"time": span, "level": span}).write_csv(server.folder / "log.csv")
     page.wait_for_selector("[role=status][data-to='2.999'] >> text=3,000 of 3,000 samples")
-    assert page.locator(".problem").count() == 0
+    expect(page.locator(".problem")).to_have_count(0)
     # Two files that are compared are those of the folder as it is.
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
     page.click(".home")

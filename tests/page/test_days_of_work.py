@@ -41,7 +41,7 @@ def test_the_sliders_are_those_of_the_law_that_is_chosen(server: Server, open_ta
     page.select_option("label:has-text('Law') select", "pid")
     answer(1)  # of the law before
     page.wait_for_timeout(200)
-    assert page.locator(".slider").count() == 0
+    expect(page.locator(".slider")).to_have_count(0)
     expect(page.locator(".controls > [role=status]").first).to_have_text("Running.", use_inner_text=True)
     answer(2)
     page.wait_for_selector("label:has-text('integral_time')")
@@ -150,7 +150,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.press("a[title='results/push']", "Enter")
     page.wait_for_selector("button:text-is('Resume')")
     assert page.evaluate("() => document.activeElement.id") == "main"  # the link is gone, and nothing is lost
-    assert page.locator("label:has-text('Samples of each')").count() == 0  # they are those that it began with
+    expect(page.locator("label:has-text('Samples of each')")).to_have_count(0)  # they are those that it began with
     (server.folder / "PUSH.TOML").write_text(TASK.replace("2 kg", "3 kg"))
     page.reload()
     page.wait_for_selector("text=results/push/sizing.json has the values")

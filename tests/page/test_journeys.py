@@ -129,7 +129,7 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     page.focus("g[data-key=cylinder]")
     page.keyboard.press("Enter")
     page.wait_for_selector("text=Values of cylinder.")
-    assert page.locator("input[aria-label='valve.kind']").count() == 0
+    expect(page.locator("input[aria-label='valve.kind']")).to_have_count(0)
     page.click("button:text-is('Save')")
     page.wait_for_selector("text=Saved axis.toml.")
     assert (server.folder / "axis.toml").read_text() == DRIVE.replace("28 N", "31 N")
@@ -343,7 +343,7 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
         page.click("text=Resume on the simulated rig")
         page.wait_for_selector("[data-state=none][data-done='17']", timeout=30_000)
         assert status_of(folder).to_do == 0
-        assert page.locator("text=Pause after the cycle").count() == 0  # this server only watches
+        expect(page.locator("text=Pause after the cycle")).to_have_count(0)  # this server only watches
         tab.picture("campaign")
         tab.check()
     finally:
@@ -448,7 +448,7 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     page.click("summary:has-text('Circuit, as it moves')")
     page.wait_for_selector("svg.circuit")
     expect(page.locator("h2 >> nth=0")).to_have_text(hostile, use_inner_text=True)
-    assert page.locator("img").count() == 0
+    expect(page.locator("img")).to_have_count(0)
     assert page.title() == "evil.toml · Simulate · pneudrive"
     tab.check()
 

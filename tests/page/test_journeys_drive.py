@@ -149,7 +149,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     hand.press("button:text-is('Size'):enabled")  # the next free name stands in the field
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
     assert page.inner_text(".answer-card h2").removeprefix("in order").strip().startswith("Take ")
-    assert page.locator(".findings li").count() == 0
+    expect(page.locator(".findings li")).to_have_count(0)
     assert violations(tab) == []
     with page.expect_download() as saved:
         hand.press("a:text-is('Save the sheet')")

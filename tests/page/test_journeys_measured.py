@@ -127,7 +127,7 @@ def test_a_recording_to_a_drive_that_holds_on_held_out_data(server: Server, open
     hand.press(".verbs a:text-is('Validate')")
     hand.choose("label:has-text('Drive or fit') select", "axis.toml")
     page.wait_for_selector("text=Not offered: 1 recordings")
-    assert page.locator("label:has-text('O-ring_1bar') input").count() == 0
+    expect(page.locator("label:has-text('O-ring_1bar') input")).to_have_count(0)
     hand.press("button:text-is('Validate')")
     page.wait_for_selector("[data-leading=position].bad", timeout=LONG)
     page.wait_for_selector("[data-cause=conductance]")

@@ -179,7 +179,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
         words = page.inner_text(f"tr[data-limit='{name}']")
         assert f"limit {limit:.3g}" in words or unit == "Pa"
         assert f"{value:.3g}" in page.inner_text(f"tr[data-limit='{name}'] td >> nth=0") or unit == "Pa"
-    assert page.locator(".range.missed").count() == 0
+    expect(page.locator(".range.missed")).to_have_count(0)
     expect(page.locator("[data-order]").first).to_contain_text("6 bar gauge")
     assert page.get_by_text("Every simulated choice:").inner_text().endswith(str(len(found.simulated)))
     page.click("summary:has-text('Every simulated choice')")

@@ -84,7 +84,7 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, 
     page.wait_for_selector(".top .banner >> text=belong to the last run")
     page.keyboard.press("Home")
     page.wait_for_selector(".top .problem:not(.severe)", state="detached")
-    assert page.locator(".top .banner").count() == 0
+    expect(page.locator(".top .banner")).to_have_count(0)
     tab.check()
 
 
@@ -182,7 +182,7 @@ def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Op
     assert (server.folder / "push.toml").read_text().endswith("# theirs")
     go(page, "sizing", "none.toml")
     page.wait_for_selector(".problem >> text=there is no such file")
-    assert page.locator(EDITOR).count() == 0  # the text of another task stands under no other name
+    expect(page.locator(EDITOR)).to_have_count(0)  # the text of another task stands under no other name
     # A layout that cannot be read is not written: it would hide the recordings beside it.
     go(page, "recording", "log.csv")
     page.click("text=Accept: write layout.toml")
@@ -213,7 +213,7 @@ def test_what_is_typed_while_the_server_is_away_comes_into_the_text(own_server: 
         page.wait_for_selector(f"{EDITOR} >> text=31 N")
         page.wait_for_selector("[data-connection=open]", state="attached")
         watching.wait_for_selector("ul.files >> text=axis.toml")
-        assert page.locator(".problem").count() == 0
+        expect(page.locator(".problem")).to_have_count(0)
         page.click("button:text-is('Save')")
         page.wait_for_selector("text=Saved axis.toml.")
         assert "31 N" in (folder / "axis.toml").read_text()
@@ -298,7 +298,7 @@ def test_another_recording_is_not_shown_with_the_spectrum_of_the_last_one(server
     page.route("**/api/spectrum*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
     with page.expect_request("**/api/spectrum?path=two*"):
         go(page, "recording", "two.parquet")
-    assert page.locator("figure[data-plot^=Spectrum]").count() == 0
+    expect(page.locator("figure[data-plot^=Spectrum]")).to_have_count(0)
     held[-1].continue_()
     page.wait_for_selector("figure[data-plot^=Spectrum]")
     tab.check()
@@ -321,7 +321,7 @@ def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, 
         page.wait_for_selector("[data-done]")
         assert running.wait(60) == 0
         page.wait_for_selector("[data-done]", state="detached")
-        assert page.locator("text=Resume").count() == 0
+        expect(page.locator("text=Resume")).to_have_count(0)
     finally:
         running.kill()
         running.wait()
@@ -347,7 +347,7 @@ def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open)
     own, message = held[0]
     own.send(message)
     until(lambda: len(held) >= 2, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
-    assert page.locator("[data-score]").count() == 0
+    expect(page.locator("[data-score]")).to_have_count(0)
     own, message = held[1]
     own.send(message)
     page.wait_for_selector("summary:has-text('for the other, every')")

@@ -47,7 +47,7 @@ def test_a_platform_is_moved_and_turned(server: Server, open_tab: Open, look: st
     expect(page.locator(".platform .answer-card h2").first).to_contain_text("3 of 3 legs reach an end")
     assert 1 <= page.locator(".platform [data-leading]").count() <= 5
     assert page.locator(".turned svg").bounding_box()["y"] < 600
-    assert page.locator(".motion button:text-is('Play')").count() == 0  # reduced motion: only the slider moves it
+    expect(page.locator(".motion button:text-is('Play')")).to_have_count(0)  # reduced motion: only the slider moves it
     circuit = pn.Circuit.load(TRIPOD)
     run = pn.platform(circuit).outputs(circuit.simulate(COMMANDS, DURATION))
     samples = np.linspace(0, run.sizes["time"] - 1, 400).round().astype(int)

@@ -148,7 +148,7 @@ def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> 
     page.mouse.up()
     expect(page.locator("text=Reset zoom")).to_have_count(4)  # of each plot: all show that part
     page.locator("text=Reset zoom").first.click()
-    assert page.locator("text=Reset zoom").count() == 0
+    expect(page.locator("text=Reset zoom")).to_have_count(0)
     expect(page.locator("figure[data-plot=Position] figcaption .value >> nth=1")).to_have_text("", use_inner_text=True)
     page.hover("figure[data-plot=Position] .u-over")
     assert float(page.inner_text("figure[data-plot=Position] figcaption .value >> nth=1"))
@@ -178,7 +178,7 @@ def test_a_recording_of_another_rig_gets_its_own_layout(server: Server, open_tab
     go(page, "recording", "other.csv.xz")
     page.wait_for_selector("text=The layout in this folder belongs to other files")
     expect(page.locator(".problem")).to_have_count(1)
-    assert page.locator("button:text-is('Characterise')").count() == 0
+    expect(page.locator("button:text-is('Characterise')")).to_have_count(0)
     page.click("button:text-is('Propose a layout for this file')")
     page.fill("textarea.text", text.replace('pattern = "{seal}_{pressure}bar"', ""))
     assert violations(tab) == []
