@@ -29,7 +29,7 @@ export function Tick({ label, name, value, put, class: look }: TickProps) {
   );
 }
 
-/** Boxes to tick below a legend. What is chosen is in the order of choosing. */
+/** Boxes to tick below a legend. The chosen values keep the order of choosing. */
 export const Ticks = (props: {
   legend: string;
   options: [key: string, label: string][];
