@@ -1,14 +1,12 @@
 """Sliding friction laws as functions of their parameters, for least squares.
 
-The core evaluates the law (``pneudrive._core.steady_friction``). Every sliding law of this module is linear in its
-forces at a given Stribeck velocity and exponent,
+The core evaluates a law and its derivatives (``pneudrive._core.steady_friction_sensitivity``). `AnyLaw` has any law of
+the core, or a custom law. The laws of `FrictionModel` are linear in their forces at a given Stribeck velocity and
+exponent,
 
-    F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv b_v(|v|),
+    F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv |v|,
 
-so that differences of values of the core at unit forces give the three columns b exactly.
-Only the derivative by the Stribeck velocity and exponent is written here (a test compares it with the core).
-
-`FrictionModel` has laws that are linear in their forces; `AnyLaw` has any law of the core, or a custom law.
+with forces that depend on the chambers' pressures. The columns b are the core's derivatives by the forces.
 """
 
 from __future__ import annotations
@@ -35,6 +33,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
 
 
+#: Forces that may depend on pressure.
+FORCES = ("coulomb", "breakaway")
 #: Slopes over the gauge pressures of the chambers, in the order of a fit.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
 #: Terms of the gauge pressures g of the chambers: only the slopes; also a square of each; g/(1 + |g|/knee) in place
@@ -49,7 +49,7 @@ UNITS = {
     "stribeck_exponent": "1",
     "viscous": "N s/m",
     **dict.fromkeys(PRESSURE_NAMES, "N/Pa"),
-    **{f"{force}_{term}": "N/Pa2" for force in ("coulomb", "breakaway") for term in ("curve_a", "curve_b", "product")},
+    **{f"{force}_{term}": "N/Pa2" for force in FORCES for term in ("curve_a", "curve_b", "product")},
 }
 #: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].
 EXPONENT_BOUNDS = (0.3, 4.0)
@@ -134,13 +134,18 @@ class StaticLaw:
         """Return start coordinates, best first."""
         raise NotImplementedError
 
+    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
+        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
+        raise NotImplementedError
+
     def value(self, q: Array, data: Observations) -> Array:
         """Return the friction at the rows of `data`, shape (n,), N."""
-        return self.value_and_jacobian(q, data)[0]
+        return self.force_and_slopes(self.natural(q), data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
-        raise NotImplementedError
+        force, slopes = self.force_and_slopes(self.natural(q), data)
+        return force, slopes @ self.natural_jacobian(q)
 
 
 @dataclass(frozen=True)
@@ -274,60 +279,53 @@ class FrictionModel(StaticLaw):
 
     # -- values and derivatives -------------------------------------------------------------------------------
 
-    def shape(self, speed: Array, q: Array) -> tuple[Array, Array, Array]:
-        """Return the columns b_c, b_s, b_v of the law at speeds, from the core."""
-        velocity, exponent = 1.0, self.exponent or 2.0
-        if self.stribeck:
-            velocity = float(np.exp(q[2]))
-            if self.exponent is None:
-                exponent = float(np.exp(q[3]))
-        return columns(self.law, speed, velocity, exponent, "lorentzian" if self.lorentzian else "free")
+    def _curve(self, speed: Array, velocity: float, exponent: float | None) -> dict[str, Array]:
+        """Return the core's derivatives by the forces and the free shape of the law, for an excess Fs - Fc of 1 N."""
+        from pneudrive import _core
 
-    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
-        b_c, b_s, b_v = self.shape(data.speed_m_s, q)
-        theta = dict(zip(self.names, self.natural(q), strict=True))
-        gauges = self._pressures(data)
-        fc = theta["coulomb"] + sum(theta[f"coulomb_{c}"] * g for c, g in gauges.items())
-        force = fc * b_c + theta.get("viscous", 0.0) * b_v
-        jac = np.zeros((len(data), len(self.names)))
-        column = {name: jac[:, k] for k, name in enumerate(self.names)}
-        column["coulomb"][:] = b_c + b_s
-        for c, g in gauges.items():
-            column[f"coulomb_{c}"][:] = b_c * g
-        if "viscous" in column:
-            column["viscous"][:] = b_v
+        values, choices = {"coulomb": 1.0, "viscous": 0.0}, None
         if self.stribeck:
-            fs = theta["breakaway"] + sum(theta[f"breakaway_{c}"] * g for c, g in gauges.items())
-            force = force + fs * b_s
-            column["breakaway"][:] = np.exp(q[1]) * b_s
-            for c, g in gauges.items():
-                column[f"breakaway_{c}"][:] = b_s * g
-            exponent = 2.0 if self.lorentzian else theta.get("stribeck_exponent", self.exponent)
-            ratio = (data.speed_m_s / theta["stribeck_velocity"]) ** exponent
-            # b_s = exp(-ratio), or 1/(1 + ratio), and b_c = 1 - b_s, so both move together with -d ratio
-            decay = (fs - fc) * b_s * ratio * (b_s if self.lorentzian else 1.0)
-            column["stribeck_velocity"][:] = decay * exponent
-            if "stribeck_exponent" in column:
-                column["stribeck_exponent"][:] = -decay * np.log(np.maximum(ratio, 1e-300))
-        return force, jac
+            values |= {"breakaway": 2.0, "stribeck_velocity": velocity}
+            values |= {} if self.lorentzian else {"stribeck_exponent": exponent or 2.0}
+            choices = {"stribeck_shape": "lorentzian" if self.lorentzian else "free"}
+        names, zero = [name for name in values if name in self.names and name != "viscous"], np.zeros(speed.size)
+        paths = [f"friction.parameters.{name}" for name in names]
+        _, slopes = _core.steady_friction_sensitivity(self.law, values, paths, speed, zero, zero, zero, choices)
+        if self.stribeck:  # as exact as a difference of frictions: what is below their rounding error has no effect
+            slopes[:, 1] = (1.0 + slopes[:, 1]) - 1.0
+            slopes[slopes[:, 1] == 0.0, 2:] = 0.0
+        return dict(zip(names, slopes.T, strict=True))
+
+    def _by_force(self, curve: dict[str, Array], data: Observations) -> dict[str, Array]:
+        """Return the derivatives by the forces, their pressure terms and the viscous coefficient, shape (..., n)."""
+        pressures = self._pressures(data).items()
+        out = {f"{force}{term}": curve[force] * x for force in FORCES if force in curve for term, x in pressures}
+        out["viscous"] = np.broadcast_to(data.speed_m_s, curve["coulomb"].shape)
+        return {name: out[name] for name in self.names if name in out}
+
+    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
+        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
+        value = dict(zip(self.names, theta.tolist(), strict=True))
+        velocity, exponent = value.get("stribeck_velocity", 1.0), value.get("stribeck_exponent", self.exponent)
+        curve = self._curve(np.ascontiguousarray(data.speed_m_s), velocity, exponent)
+        columns = self._by_force(curve, data)
+        force = np.sum([value[name] * column for name, column in columns.items()], axis=0)
+        if self.stribeck:
+            pressures = self._pressures(data).items()
+            excess = np.sum([(value[f"breakaway{t}"] - value[f"coulomb{t}"]) * x for t, x in pressures], axis=0)
+            columns |= {name: excess * curve[name] for name in self.names if name.startswith("stribeck_")}
+        return force, np.column_stack([columns[name] for name in self.names])
 
     def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
         """Return the columns of the natural force parameters at Stribeck velocities (g,), shape (g, n, p).
 
         The Stribeck curve depends only on v / vs, so that one call of the core covers all velocities.
         """
-        speed, count = data.speed_m_s, log_velocities.size
-        exponent = self.exponent or float(np.exp(np.log(2.0) if log_exponent is None else log_exponent))
-        shape = "lorentzian" if self.lorentzian else "free"
-        relative = (speed / np.exp(log_velocities)[:, None]).ravel() if self.stribeck else np.tile(speed, count)
-        b_c, b_s, _ = (b.reshape(count, -1) for b in columns(self.law, relative, 1.0, exponent, shape))
-        b_v = np.broadcast_to(columns(self.law, speed, 1.0, exponent, shape)[2], b_c.shape)
-        pressures = self._pressures(data)
-        columns_of = {"coulomb": b_c, "breakaway": b_s, "viscous": b_v}
-        columns_of |= {f"coulomb_{c}": b_c * g for c, g in pressures.items()}
-        columns_of |= {f"breakaway_{c}": b_s * g for c, g in pressures.items()}
-        return np.stack([columns_of[n] for n in self.names if not n.startswith("stribeck_")], axis=-1)
+        exponent = self.exponent or (None if log_exponent is None else float(np.exp(log_exponent)))
+        relative = (data.speed_m_s / np.exp(log_velocities)[:, None]).ravel()
+        curve = self._curve(relative, 1.0, exponent).items()
+        columns = self._by_force({name: column.reshape(log_velocities.size, -1) for name, column in curve}, data)
+        return np.stack([*columns.values()], axis=-1)
 
     def starting_points(self, data: Observations) -> list[Array]:
         """Return start coordinates, best first.
@@ -383,59 +381,14 @@ class FrictionModel(StaticLaw):
         return float(np.sum(np.abs(residual))), q
 
     def _pressures(self, data: Observations) -> dict[str, Array]:
+        """Return the factors of a force and of its pressure terms, by what follows the name of the force."""
         a, b = data.gauge_a_pa, data.gauge_b_pa
         of = {"a": a, "b": b}
         if self.knee_pa is not None:
             of = {c: g / (1.0 + np.abs(g) / self.knee_pa) for c, g in of.items()}
         of |= {"curve_a": a**2, "curve_b": b**2, "product": a * b}
         of |= {"ab": of["a"] + of["b"], "curve_ab": of["curve_a"] + of["curve_b"]}
-        return {term: of[term] for term in self.terms}
-
-
-def columns(
-    law: str, speed: Array, stribeck_velocity: float, stribeck_exponent: float, shape: str = "free"
-) -> tuple[Array, Array, Array]:
-    """Return the columns (b_c, b_s, b_v) of a sliding law that is linear in its forces, from core values.
-
-    Parameters
-    ----------
-    law : str
-        Name in the core's registry; ``coulomb`` has b_s = 0.
-    speed : ndarray, shape (n,)
-        Speed in m/s, > 0.
-    stribeck_velocity, stribeck_exponent : float
-        m/s and 1; without effect for a law without a Stribeck curve.
-    shape : str
-        ``free`` (by the exponent) or ``lorentzian``.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,)
-        Friction per unit of Coulomb force, of breakaway force and of the viscous coefficient.
-    """
-    from pneudrive import _core
-
-    speed = np.ascontiguousarray(speed, dtype=np.float64)
-
-    choices = {"stribeck_shape": shape} if law != "coulomb" else None
-
-    def friction(coulomb: float, breakaway: float, viscous: float) -> Array:
-        values = {"coulomb": coulomb, "viscous": viscous}
-        if law != "coulomb":
-            values |= {
-                "breakaway": breakaway,
-                "stribeck_velocity": stribeck_velocity,
-            }
-            if shape == "free":
-                values["stribeck_exponent"] = stribeck_exponent
-        return np.asarray(_core.steady_friction(law, values, speed, 0.0, 0.0, None, choices))
-
-    base = friction(1.0, 1.0, 0.0)
-    b_v = friction(1.0, 1.0, 1.0) - base
-    if law == "coulomb":
-        return base, np.zeros_like(base), b_v
-    b_s = friction(1.0, 2.0, 0.0) - base
-    return base - b_s, b_s, b_v
+        return {"": np.ones(len(data))} | {f"_{term}": of[term] for term in self.terms}
 
 
 #: Number of starts of a search, the given values included, and factor about these values.
@@ -522,19 +475,15 @@ class AnyLaw(StaticLaw):
         names, others = tuple(self.names[k] for k in keep), tuple(float(start[k]) for k in keep)
         return replace(self, names=names, start=others, held=self.held | {name: value})
 
-    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the coordinates, shapes (n,) and (n, p)."""
+    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
+        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
         from pneudrive import _core
 
         law, values, tables = self._core
-        theta = self.natural(q)
         at = values | dict(zip(self.names, theta.tolist(), strict=True))
-        names = [f"friction.parameters.{n}" for n in self.names]
-        zero = np.zeros(len(data))
-        force, slopes = _core.steady_friction_sensitivity(
-            law, at, names, data.speed_m_s, data.gauge_a_pa, data.gauge_b_pa, zero, tables
-        )
-        return force, slopes @ self.natural_jacobian(q)
+        names, zero = [f"friction.parameters.{n}" for n in self.names], np.zeros(len(data))
+        gauges = data.gauge_a_pa, data.gauge_b_pa
+        return _core.steady_friction_sensitivity(law, at, names, data.speed_m_s, *gauges, zero, tables)
 
     def starting_points(self, data: Observations) -> list[Array]:
         """Return start points: the given values and points near them."""

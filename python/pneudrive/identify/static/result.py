@@ -44,17 +44,22 @@ class SlidingFit(Fit):
         return self.values
 
     @property
+    def estimates(self) -> Array:
+        """Values of the free parameters, shape (p,)."""
+        values = self.free_values()
+        return np.array([values[n] for n in self.free])
+
+    @property
     def coordinates(self) -> Array:
         """Internal coordinates of the model at the estimates, shape (p,)."""
-        values = self.free_values()
-        return self.model.internal(np.array([values[n] for n in self.free]))
+        return self.model.internal(self.estimates)
 
     def compared(self) -> dict[str, identified.FittedData]:
         """Return the fitted values and those of the law. Empty if the fit was read from a file."""
         data = self.observations
         if data is None:
             return {}
-        model = self.model.value(self.coordinates, data)
+        model, _ = self.model.force_and_slopes(self.estimates, data)
         return {"friction": identified.FittedData("speed_m_s", "friction_n", data.speed_m_s, data.friction_n, model)}
 
 
@@ -181,11 +186,9 @@ class FrictionFit(SlidingFit):
         flat = np.abs(speed).ravel()
         if not np.isfinite(flat).all() or (flat <= 0.0).any():
             raise FitError.of("identify.standing", speed=np.asarray(speed_m_s))
-        q = self.coordinates
-        value, jac = self.model.value_and_jacobian(q, sliding.at_conditions(flat, a.ravel(), b.ravel()))
-        # derivatives by the natural parameters of the covariance
-        natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
-        variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
+        at = sliding.at_conditions(flat, a.ravel(), b.ravel())
+        value, slopes = self.model.force_and_slopes(self.estimates, at)
+        variance = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes)
         if stderr_n is not None:
             new = np.broadcast_to(stderr_n, speed.shape).ravel() ** 2 + self.statistics["scatter_n"] ** 2
             variance = variance + self.statistics["variance"] * new
@@ -376,9 +379,7 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
     gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
     at = sliding.at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
-    q = fit.coordinates
-    to_natural = fit.model.natural_jacobian(q)
-    gradient = np.linalg.solve(to_natural.T, fit.model.value_and_jacobian(q, at)[1].T).T
+    _, gradient = fit.model.force_and_slopes(fit.estimates, at)
     noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2
     carried = gradient @ fit.covariance  # (c, p)
     added = 1.0 / (noise + np.einsum("cp,cp->c", gradient, carried))
@@ -442,9 +443,8 @@ class LawFit(SlidingFit):
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
         """Return the friction at speeds and gauge pressures, N."""
         speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        return self.model.value(self.coordinates, sliding.at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(
-            speed.shape
-        )
+        at = sliding.at_conditions(speed.ravel(), a.ravel(), b.ravel())
+        return self.model.force_and_slopes(self.estimates, at)[0].reshape(speed.shape)
 
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with this law, each determined value with its interval and its recordings.
