@@ -429,34 +429,22 @@ def _mixed(scores: Array, by: Array) -> Array:
 
 
 def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
-    if first == 0 and size <= BLOCK:
-        return _few_sobol(size, d, seed)[:last]
-    key, own = getattr(_last, "sequence", ((0, 0), None))
-    if own is None or key != (d, seed) or own.num_generated > first:
-        own = qmc.Sobol(d, scramble=True, rng=seed)
-    if first > own.num_generated:
-        own.fast_forward(first - own.num_generated)
-    points = _next(own, last - first)
-    _last.sequence = ((d, seed), own)
-    return points
+    del size
+    sequence = _sequence(d, seed, threading.get_ident())
+    if sequence.num_generated > first:
+        sequence.reset()
+    if sequence.num_generated < first:
+        sequence.fast_forward(first - sequence.num_generated)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # SciPy warns if a chunk is not a power of 2
+        return sequence.random(last - first) + HALF_CELL
 
 
 @lru_cache(maxsize=4)
-def _few_sobol(size: int, d: int, seed: int) -> Array:
-    """Return all points of a few members in one call, because a slider requests them again and again."""
-    points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
-    points.setflags(write=False)
-    return points
-
-
-def _next(own: qmc.Sobol, count: int) -> Array:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # SciPy warns if a chunk is not a power of 2
-        return own.random(count) + HALF_CELL
-
-
-#: Chunks mostly come in order: the sequence goes on from the last one, in each thread its own.
-_last = threading.local()
+def _sequence(d: int, seed: int, thread: int) -> qmc.Sobol:
+    """Return the sequence of a thread. Chunks mostly come in order, and it goes on from the last one."""
+    del thread
+    return qmc.Sobol(d, scramble=True, rng=seed)
 
 
 @lru_cache(maxsize=2)

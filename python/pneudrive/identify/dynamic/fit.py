@@ -24,6 +24,7 @@ from pneudrive.identify.follow.fit import identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
+from pneudrive.signals.motion import turning_points
 from pneudrive.simulation.bench_circuit import Dragged
 
 if TYPE_CHECKING:
@@ -586,7 +587,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
 def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[Array]:
     """Return displacement, increase of friction and speed after each turn, in the new direction, shape (3, n) each."""
     out = []
-    for begin, end in pairwise(_turning_points(position, max(5.0 * step, 1e-9))):
+    for begin, end in pairwise(turning_points(position, max(5.0 * step, 1e-9)).tolist()):
         part, sign = slice(begin, end + 1), np.sign(position[end] - position[begin])
         if end - begin >= LEAST_SAMPLES:
             x, f = position[part] - position[begin], friction[part] - friction[begin]
@@ -597,24 +598,6 @@ def _reversals(time: Array, position: Array, friction: Array, step: float) -> li
 def _swing(reversal: Array) -> float:
     """Return the change of friction between both directions: the median over the last quarter."""
     return float(np.median(reversal[1, reversal.shape[1] * 3 // 4 :]))
-
-
-def _turning_points(position: Array, threshold: float) -> list[int]:
-    """Return the samples at which the position turns back by more than a threshold."""
-    turns, low, high, rising = [], 0, 0, 0
-    for i, x in enumerate(position):
-        if x > position[high]:
-            high = i
-        if x < position[low]:
-            low = i
-        if rising >= 0 and position[high] - x > threshold:
-            turns.append(high)
-            rising, low = -1, i
-        elif rising <= 0 and x - position[low] > threshold:
-            turns.append(low)
-            rising, high = 1, i
-    turns.append(high if rising > 0 else low)
-    return sorted(set(turns))
 
 
 def _slope(reversal: Array, step: float) -> tuple[float, float] | None:
