@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -112,8 +111,8 @@ class Variation:
     @cached_property
     def family(self) -> DriveFamily:
         """Drives for any values of the numbers, without those of the start state."""
-        known = free.numbers_of(self.drive)
-        return free.family_of(self.drive, [known[name] for name in self.names if not name.startswith(free.INITIAL)])
+        names = [name for name in self.names if not name.startswith(free.INITIAL)]
+        return free.family_of(self.drive, free.find(self.drive, names))
 
     @property
     def names(self) -> list[str]:
@@ -209,9 +208,7 @@ class Variation:
         if not moved:
             return state
         if not self.drive.is_plain:
-            each = [drive.core_initial(initial) for drive, initial in map(self.single, rows)]
-            state |= {name: np.array([start[name] for start in each]) for name in state if name != "contact_age_s"}
-            return state
+            return state | self._each_start(rows)
         nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
         state |= start_state(self.initial or Initial(), *by)
@@ -220,6 +217,11 @@ class Variation:
                 key = name.removeprefix(free.INITIAL)
                 state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
         return state
+
+    def _each_start(self, rows: Array) -> dict[str, float | Array]:
+        """Return the start values of all members, read one by one."""
+        each = [described.core_initial(initial) for described, initial in map(self.single, rows)]
+        return {name: np.array([start[name] for start in each]) for name in each[0] if name != "contact_age_s"}
 
 
 class CircuitVariation(Variation):
@@ -248,60 +250,39 @@ class CircuitVariation(Variation):
                 if name.endswith(f".{low}") and other in self.names:
                     yield name, other
 
-    def _leaves(self, circuit: Circuit, start: Any) -> dict[str, float]:  # noqa: ANN401
-        """Return the numbers of a member in the core's form by path, and its start values as ``initial.NAME``."""
-        starts = {f"{free.INITIAL}{name}": value for name, value in circuit.core_initial(start).items()}
-        return dict(free.core_numbers(json.loads(circuit.core_json()))) | starts
-
     @cached_property
-    def _moved(self) -> tuple[list[str], bool]:
-        """Return the paths that the numbers change, own ones first, and whether each changes only its own path."""
-        paths = [
-            free.INITIAL + self.drive.start_names[name.removeprefix(free.INITIAL)]
-            if name.startswith(free.INITIAL)
-            else free.core_path(name)
-            for name in self.names
-        ]
-        leaves = self._leaves(self.drive, self.initial)
-        nominal, alone = np.array([leaves[path] for path in paths]), True
-        base = self._leaves(*self.single(nominal))
-        for place in range(len(self.numbers)):
+    def _start_columns(self) -> dict[str, str] | None:
+        """Return the start values that vary, by their names; None if others follow from a number."""
+        known, state = free.numbers_of(self.drive), self.drive.core_initial(self.initial)
+        starts = {
+            name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
+        }
+        nominal = np.array([state[starts[name]] if name in starts else known[name].value for name in self.names])
+        base = self._each_start(nominal[None])
+        for place, name in enumerate(self.names):
             nudged = self._nudged(nominal, place)
-            alone = alone and nudged is not None  # numbers at a bound are set member by member
-            paths += [path for path, value in (nudged or {}).items() if path not in paths and value != base[path]]
-        return paths, alone and len(paths) == len(self.numbers)
+            own = starts.get(name)
+            if nudged is None or any(nudged[key] != value for key, value in base.items() if key != own):
+                return None  # also where a number is at a bound
+        return starts
 
-    def _nudged(self, nominal: Array, place: int) -> dict[str, float] | None:
+    def _nudged(self, nominal: Array, place: int) -> dict[str, float | Array] | None:
         for sign in (1.0, -1.0):
             row = nominal.copy()
             row[place] += sign * NUDGE * (abs(row[place]) or 1.0)
             try:
-                return self._leaves(*self.single(row))
+                return self._each_start(row[None])
             except DescriptionError:
                 continue
         return None
 
-    def members(self, rows: Array) -> CoreMembers:
-        """Return members for the core: column by column, or one by one if other numbers follow from them.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n, names)
-            SI.
-        """
-        paths, alone = self._moved
-        if alone:
-            columns = dict(zip(paths, rows.T, strict=True))
-        else:
-            each = [self._leaves(*self.single(row)) for row in rows]
-            columns = {path: np.array([leaves[path] for leaves in each], dtype=np.float64) for path in paths}
-        starts: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
-        starts |= {
-            path.removeprefix(free.INITIAL): column for path, column in columns.items() if path.startswith(free.INITIAL)
-        }
-        varied = [path for path in paths if not path.startswith(free.INITIAL)]
-        values = np.array([columns[path] for path in varied]).reshape(len(varied), len(rows)).T.copy()
-        return CoreMembers(varied, values, starts)
+    def _starts(self, rows: Array) -> dict[str, float | Array]:
+        """Return the start values: column by column, or one by one if others follow from the numbers."""
+        starts = self._start_columns
+        if starts is None:
+            return self._each_start(rows)
+        columns = dict(zip(self.names, rows.T, strict=True))
+        return self.drive.core_initial(self.initial) | {column: columns[name] for name, column in starts.items()}
 
 
 class QuantityReader:

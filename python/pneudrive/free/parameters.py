@@ -20,9 +20,9 @@ from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.derived import derived
+from pneudrive.describe.tables.derived import derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
-from pneudrive.errors import CommandError, DescriptionError, FitError, SimulationError, nearest
+from pneudrive.errors import CommandError, FitError, SimulationError, nearest
 from pneudrive.progress import UNWATCHED
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.start import ready
@@ -79,7 +79,7 @@ def table_of(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
     component = next((one for one in form["components"] if one["name"] == own), None)
     if component is None:
         return form[own], key
-    if not path.startswith(CYLINDER_FRICTION):
+    if not key.startswith("friction."):
         return component["numbers"], key
     *tables, key = key.split(".")
     for table in tables:
@@ -197,8 +197,11 @@ def mark_unit(mark: Quantity | StatedPressure) -> str:
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
-def numbers_of(drive: Drive) -> dict[str, Parameter]:
-    """Return every number of a drive that can be free, by its name in the drive file."""
+def numbers_of(described: Drive | Circuit) -> dict[str, Parameter]:
+    """Return every number of a drive or a circuit that can be free, by its name in the file."""
+    if described.system.names is None:
+        return _numbers_of_circuit(described.circuit)
+    drive = cast("Drive", described)
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
     form = json.loads(drive.core_json())
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
@@ -215,18 +218,19 @@ def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
     return drive.replace({name: VALVE_SHAPE[name] for name in lacking}) if lacking else drive
 
 
-def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
-    """Find numbers of a drive by their names in the drive file.
+def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
+    """Find numbers of a drive or a circuit by their names in the file.
 
     Raises
     ------
     CommandError
         A name is unknown or repeated, or runs have no derivative by its number.
     """
-    known = numbers_of(drive)
+    known = numbers_of(described)
     for name in names:
         if name not in known:
-            raise CommandError.of("free.unknown", name=name, nearest=nearest(name, known))
+            kind = described.file_kind
+            raise CommandError.of("free.unknown", name=name, kind=kind, nearest=nearest(name, known))
         if known[name].discrete:
             raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):
@@ -425,10 +429,11 @@ class DriveFamily:
         return out
 
 
-def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
-    """Return the family of a drive for some free parameters."""
-    free = [p.core for p in parameters]
-    return DriveFamily(json.loads(drive.core_json()), free, derived(drive), drive.system.names)
+def family_of(described: Drive | Circuit, parameters: Sequence[Parameter]) -> DriveFamily:
+    """Return the family of a drive or a circuit for some free parameters."""
+    free, (form, names) = [p.core for p in parameters], described.system
+    every = derived_in_circuit(described.circuit) if names is None else derived(cast("Drive", described))
+    return DriveFamily(json.loads(form), free, every, names)
 
 
 # --- Numbers of a circuit by name, and circuits for any values of some of them.
@@ -437,8 +442,6 @@ def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
 LAW = "friction.parameters."
 #: Names in a design -> keys of the circuit file.
 AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
-#: Relative step of the differences that give what follows from a number.
-CIRCUIT_STEP = 1e-5
 
 
 def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
@@ -463,93 +466,15 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
     return {name: Varied(name, mark_unit(mark), mark) for name, mark in found.items()}
 
 
-class CircuitFamily:
-    """Circuits for any values of some numbers, with the numbers that follow from them.
-
-    Parameters
-    ----------
-    circuit : Circuit
-    names : sequence of str
-        See `circuit_numbers`, without the start state.
-
-    Attributes
-    ----------
-    parameters : list of Parameter
-    paths : list of str
-        Numbers of the core's form: the named ones, then those that follow from them.
-
-    Raises
-    ------
-    CommandError
-        A name is unknown or repeated.
-    """
-
-    def __init__(self, circuit: Circuit, names: Sequence[str]) -> None:
-        self.circuit = circuit
-        known = {name: one for name, one in circuit_numbers(circuit).items() if not name.startswith(INITIAL)}
-        for name in names:
-            if name not in known:
-                raise CommandError(f"{name} is not a number of this circuit", remedy=nearest(name, known))
-        if len(set(names)) < len(names):
-            raise CommandError("a parameter is given twice", value=", ".join(names))
-        self.numbers = [known[name] for name in names]
-        values = self._at(circuit)
-        self.parameters = [
-            Parameter(number.name, path, number.unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
-            for number in self.numbers
-            if (path := core_path(number.name))
-        ]
-        self.paths = [parameter.core for parameter in self.parameters]
-        start = np.array([parameter.value for parameter in self.parameters])
-        for place in range(len(start)):
-            low, high = self._ends(start, place)
-            self.paths += [path for path, value in high.items() if value != low[path] and path not in self.paths]
-
-    @staticmethod
-    def _at(circuit: Circuit) -> dict[str, float]:
-        return dict(core_numbers(json.loads(circuit.core_json())))
-
-    def _with(self, values: Array) -> Circuit:
-        changes = {
-            one.name if one.name in AMBIENT else f"components.{one.name}": one.written(float(value))
-            for one, begun, value in zip(self.numbers, self.parameters, values, strict=True)
-            if value != begun.value
-        }
-        return self.circuit.replace(changes) if changes else self.circuit
-
-    def _ends(self, values: Array, place: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the numbers of the core's form a step below and a step above a value, or at it where it is a bound."""
-        step = np.zeros_like(values)
-        step[place] = CIRCUIT_STEP * self.parameters[place].size
-
-        def end(sign: float) -> dict[str, float]:
-            try:
-                return self._at(self._with(values + sign * step))
-            except DescriptionError:
-                return self._at(self._with(values))
-
-        return end(-1.0), end(1.0)
-
-    def core(self, values: Array) -> CoreCircuit:
-        """Return the core's circuit with these values.
-
-        Raises
-        ------
-        DescriptionError
-            The values are not valid.
-        """
-        return compiled(self._with(values).core_json())
-
-    def by_free(self, values: Array) -> Array:
-        """Return the derivatives of the numbers at `paths` by the named numbers, shape (paths, names)."""
-        count = len(self.parameters)
-        out = np.zeros((len(self.paths), count))
-        out[:count] = np.eye(count)
-        for place in range(count) if len(self.paths) > count else ():
-            low, high = self._ends(values, place)
-            width = high[self.paths[place]] - low[self.paths[place]]
-            out[count:, place] = [(high[path] - low[path]) / width for path in self.paths[count:]]
-        return out
+def _numbers_of_circuit(circuit: Circuit) -> dict[str, Parameter]:
+    """Return every number of a circuit that can be free, by name; see `circuit_numbers`."""
+    values = dict(core_numbers(json.loads(circuit.core_json())))
+    paths = {name: (core_path(name), number.unit) for name, number in circuit_numbers(circuit).items()}
+    return {
+        name: Parameter(name, path, unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
+        for name, (path, unit) in paths.items()
+        if path in values
+    }
 
 
 def core_path(name: str) -> str:
@@ -629,13 +554,8 @@ class Differentiator:
         if callable(command):
             raise CommandError.of("free.command-in-advance")
         names = [names] if isinstance(names, str) else names
-        self._family: DriveFamily | CircuitFamily
-        if drive.system.names is None:
-            self._family = CircuitFamily(drive.circuit, names)
-            self.parameters = self._family.parameters
-        else:
-            self.parameters = find(cast("Drive", drive), names)
-            self._family = family_of(cast("Drive", drive), self.parameters)
+        self.parameters = find(drive, names)
+        self._family = family_of(drive, self.parameters)
         self._commands = commands.inputs(command, drive.commandable)
         core, start = ready(drive, initial)
         if not self._commands:  # a run has one command

@@ -6,14 +6,18 @@ A caller that changes a value (a search, the application of a fit) must update t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
+from pneudrive import units
+from pneudrive.describe.kinds import FLOW, flow_keys
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import ASSUMED_DIGITS, assumed_from
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
 
@@ -78,3 +82,16 @@ def _derived(drive: Drive) -> Iterator[Derived]:
             sources,
             lambda b, m: valve_flow.conductance_from_nominal_flow(given, b, m),
         )
+
+
+def derived_in_circuit(circuit: Circuit) -> Iterator[Derived]:
+    """Yield the numbers of a circuit that follow from others: gauge pressures, and conductances by another size."""
+    for name, one in circuit.components.items():
+        for key in (parameter["key"] for parameter in one.entry["parameters"]):
+            value, *sizes = (getattr(one, one.fields[size]) for size in flow_keys(one.entry, key))
+            if isinstance(value, units.Pressure) and value.gauge:
+                yield Derived(f"{name}.{key}", f"{name}.{key}", ("ambient.pressure_pa",), value.absolute_pa)
+            elif any(sizes):
+                sources = tuple(f"{name}.{source}" for source in FLOW)
+                conductance = partial(valve_flow.conductance_of, [None, *sizes])
+                yield Derived(f"{name}.{key}", f"{name}.{key}", sources, conductance)
