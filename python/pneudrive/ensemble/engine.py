@@ -97,8 +97,6 @@ def run(
             found |= dict(zip(asked, outcome["outputs"], strict=True))
         parts.append((places, Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])))
         done += len(places)
-    if len(parts) == 1:
-        return parts[0][1]
     status, reasons = np.zeros(n, np.uint8), {}
     values = [np.empty((n, *value.shape[1:])) for value in parts[0][1].values]
     for places, own in parts:

@@ -183,10 +183,7 @@ def select_friction_law(
     for name in laws:
         if name not in CANDIDATES:
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, CANDIDATES))
-    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, needed=True)
-    data, _ = sliding.observations(
-        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
-    )
+    data, *_ = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
     wanted = [(name, form) for name in laws for form in forms]

@@ -497,6 +497,8 @@ def _notes(tank: Tank, attempt: search.Attempt, tau: float) -> list[str]:
 # conductance and leak act only through T, so such recordings do not determine them.
 
 REGULATOR_UNITS = {"gain_pa": "Pa", "offset_pa": "Pa", "filling_s": "s", "venting_s": "s"}
+#: Coordinates of a search: gain and offset in bar, logarithms of both lags.
+REGULATOR_SCALES = Transforms([-np.inf, -np.inf, 0.0, 0.0], size=[1e5, 1e5, 1.0, 1.0])
 
 BLOCK_S = 1.0  # blocks of time for the covariance
 TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
@@ -542,7 +544,7 @@ class Regulator(Described):
         table = self.regulator
         full = table.full_pressure.absolute_pa(ambient_pa)
         zero = ambient_pa if table.zero_pressure is None else table.zero_pressure.absolute_pa(ambient_pa)
-        return np.array([(full - zero) / 1e5, zero / 1e5, np.log(table.lag_s), np.log(table.lag_s)])
+        return REGULATOR_SCALES.internal([full - zero, zero, table.lag_s, table.lag_s])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -583,8 +585,7 @@ class RegulatorFit(Fit):
 
     def simulate(self, record: VolumeRecording) -> Array:
         """Return the pressure of a recording from its command and its first pressure, absolute, Pa."""
-        values = [self.values[name] for name in REGULATOR_UNITS]
-        return 1e5 * _simulate(np.r_[np.array(values[:2]) / 1e5, np.log(values[2:])], record, 0.0)
+        return 1e5 * _simulate(REGULATOR_SCALES.internal([*self.values.values()]), record, 0.0)
 
     def _title(self) -> str:
         return f"{self.name}: {len(self.runs)} runs"
@@ -699,12 +700,8 @@ def identify_regulator(
     )
 
 
-def _values(point: Array) -> Array:
-    return np.r_[1e5 * point[:2], np.exp(point[2:4])]
-
-
 def _named(point: Array) -> dict[str, float]:
-    return {str(name): float(value) for name, value in zip(REGULATOR_UNITS, _values(point), strict=True)}
+    return dict(zip(REGULATOR_UNITS, REGULATOR_SCALES.natural(point).tolist(), strict=True))
 
 
 def _fit(records: Sequence[VolumeRecording], start: Array) -> Array:
@@ -748,7 +745,7 @@ def _intervals(
     if len(own) > 1:
         between = np.std([p[:4] for p in own.values()], axis=0, ddof=1) / np.sqrt(len(own))
         deviation = np.maximum(deviation, student_t.ppf(0.975, len(own) - 1) * between)
-    low, high = _values(point - deviation), _values(point + deviation)
+    low, high = (REGULATOR_SCALES.natural(point + sign * deviation) for sign in (-1.0, 1.0))
     ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
 

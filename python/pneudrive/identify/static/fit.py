@@ -20,8 +20,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import LOSSES, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.profile import intervals, profile_interval
-from pneudrive.files.inputs import INPUTS, stored_input
-from pneudrive.friction.friction_map import ALL_RECORDINGS, FILE, group_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
@@ -129,24 +128,15 @@ def fit_friction(
     if law == "coulomb" and stribeck_shape is not None:
         raise FitError.of("identify.no_curve", shape=stribeck_shape)
     fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
-    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, pressure_dependence)
-    data, notes = sliding.observations(
-        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
+    data, notes, provenance = sliding.selected(
+        friction_map, direction, ambient_pressure_pa, exclude_flags, needs_ambient=pressure_dependence
     )
-    notes = [*notes, *sliding.simulated(friction_map)]
+    notes += sliding.simulated(friction_map)
     form = pressure if pressure_dependence else None
     lorentzian = stribeck_shape == "lorentzian"
     is_open = stribeck_shape is None if any_shape is None else any_shape
     wanted = sliding.FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
-    options = {
-        "direction": "both" if direction is None else f"{direction:+d}",
-        "robust": robust,
-        "pressure_dependence": pressure_dependence,
-        "ambient_pressure_pa": ambient,
-        "exclude_flags": sorted(exclude_flags),
-        "recordings": sliding.recordings_of(friction_map),
-        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), sliding.fingerprint(data))],
-    }
+    options = {"robust": robust, "pressure_dependence": pressure_dependence} | provenance
     used = loss if robust else "linear"
     return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
 
@@ -309,10 +299,7 @@ def fit_any_law(
     -------
     LawFit
     """
-    ambient = sliding.ambient_of(friction_map, ambient_pressure_pa, needed=True)
-    data, _ = sliding.observations(
-        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
-    )
+    data, _, provenance = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
     known = tuple(friction.parameters)
     unknown = [n for n in free or () if n not in known]
     if unknown:
@@ -329,16 +316,6 @@ def fit_any_law(
     reach = student(found.dof) * np.sqrt(np.diag(matrix))
     low, high = intervals(theta, reach, model.transforms.lower)
     lost = weak_coordinates(found.jacobian) | found.active
-    origin = {
-        "version": __version__,
-        "map_sha256": sliding.fingerprint(data),
-        "loss": loss,
-        "seed": seed,
-        "direction": "both" if direction is None else f"{direction:+d}",
-        "ambient_pressure_pa": ambient,
-        "recordings": sliding.recordings_of(friction_map),
-        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), sliding.fingerprint(data))],
-    }
     return LawFit(
         model=model,
         values=dict(zip(model.names, theta.tolist(), strict=True)),
@@ -351,7 +328,8 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(sliding.simulated(friction_map)),
         statistics=found.statistics(),
-        provenance=origin,
+        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": loss, "seed": seed}
+        | provenance,
         observations=data,
         profiler=partial(_profile, found),
     )

@@ -21,6 +21,8 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
+from pneudrive.files.inputs import INPUTS, stored_input
+from pneudrive.friction.friction_map import FILE
 from pneudrive.identify.base import SIMULATED
 
 if TYPE_CHECKING:
@@ -283,12 +285,16 @@ class FrictionModel(StaticLaw):
         """Return the core's derivatives by the forces and the free shape of the law, for an excess Fs - Fc of 1 N."""
         from pneudrive import _core
 
-        values, choices = {"coulomb": 1.0, "viscous": 0.0}, None
+        values, choices, names = {"coulomb": 1.0, "viscous": 0.0}, None, ["coulomb"]
         if self.stribeck:
             values |= {"breakaway": 2.0, "stribeck_velocity": velocity}
-            values |= {} if self.lorentzian else {"stribeck_exponent": exponent or 2.0}
+            names += ["breakaway", "stribeck_velocity"]
             choices = {"stribeck_shape": "lorentzian" if self.lorentzian else "free"}
-        names, zero = [name for name in values if name in self.names and name != "viscous"], np.zeros(speed.size)
+        if self.stribeck and not self.lorentzian:
+            values["stribeck_exponent"] = exponent or 2.0
+        if self.exponent is None:
+            names.append("stribeck_exponent")
+        zero = np.zeros(speed.size)
         paths = [f"friction.parameters.{name}" for name in names]
         _, slopes = _core.steady_friction_sensitivity(self.law, values, paths, speed, zero, zero, zero, choices)
         if self.stribeck:  # as exact as a difference of frictions: what is below their rounding error has no effect
@@ -298,9 +304,10 @@ class FrictionModel(StaticLaw):
 
     def _by_force(self, curve: dict[str, Array], data: Observations) -> dict[str, Array]:
         """Return the derivatives by the forces, their pressure terms and the viscous coefficient, shape (..., n)."""
-        pressures = self._pressures(data).items()
-        out = {f"{force}{term}": curve[force] * x for force in FORCES if force in curve for term, x in pressures}
-        out["viscous"] = np.broadcast_to(data.speed_m_s, curve["coulomb"].shape)
+        out = {"viscous": np.broadcast_to(data.speed_m_s, curve["coulomb"].shape)}
+        for term, pressure in self._pressures(data).items():
+            for force in FORCES[: 1 + self.stribeck]:
+                out[f"{force}{term}"] = curve[force] * pressure
         return {name: out[name] for name in self.names if name in out}
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
@@ -311,9 +318,12 @@ class FrictionModel(StaticLaw):
         columns = self._by_force(curve, data)
         force = np.sum([value[name] * column for name, column in columns.items()], axis=0)
         if self.stribeck:
-            pressures = self._pressures(data).items()
-            excess = np.sum([(value[f"breakaway{t}"] - value[f"coulomb{t}"]) * x for t, x in pressures], axis=0)
-            columns |= {name: excess * curve[name] for name in self.names if name.startswith("stribeck_")}
+            excess = np.zeros(len(data))
+            for term, pressure in self._pressures(data).items():
+                excess += (value[f"breakaway{term}"] - value[f"coulomb{term}"]) * pressure
+            for name in self.names:
+                if name.startswith("stribeck_"):
+                    columns[name] = excess * curve[name]
         return force, np.column_stack([columns[name] for name in self.names])
 
     def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
@@ -657,6 +667,29 @@ def _standard_errors(column: dict[str, NDArray], pairs: Ints, friction: Array, s
         notes.append(f"{np.sum(~known)} rows have no standard error: the median of the others is used")
     dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
     return np.sqrt(moderate(stated**2, dof, speed)), notes
+
+
+def selected(
+    friction_map: xr.Dataset,
+    direction: int | None,
+    ambient_pressure_pa: float | None,
+    exclude_flags: Collection[str],
+    *,
+    needs_ambient: bool = True,
+) -> tuple[Observations, list[str], dict[str, Any]]:
+    """Return the values of a map for a fit, notes, and their provenance; see `observations`."""
+    ambient = ambient_of(friction_map, ambient_pressure_pa, needs_ambient)
+    data, notes = observations(
+        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
+    )
+    provenance = {
+        "direction": "both" if direction is None else f"{direction:+d}",
+        "ambient_pressure_pa": ambient,
+        "exclude_flags": sorted(exclude_flags),
+        "recordings": recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
+    }
+    return data, notes, provenance
 
 
 #: Largest number of listed recordings; more are given by their number, the first and the last one.

@@ -29,7 +29,7 @@ from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import FrictionModel, ambient_of, at_conditions, observations, recordings_of
+from pneudrive.identify.static.model import FrictionModel, at_conditions, selected
 from pneudrive.identify.static.result import Prediction
 from pneudrive.repr_tables import Shown
 
@@ -397,9 +397,8 @@ def survey(
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
-    selected = {"direction": direction, "ambient_pressure_pa": ambient, "exclude_flags": exclude_flags}
-    return survey_values(*grouped(friction_map, seals, runs, selected), law)
+    options = {"direction": direction, "ambient_pressure_pa": ambient_pressure_pa, "exclude_flags": exclude_flags}
+    return survey_values(*grouped(friction_map, seals, runs, options), law)
 
 
 def pressure_levels(data: Observations) -> Ints:
@@ -416,26 +415,23 @@ def pressure_levels(data: Observations) -> Ints:
 
 
 def grouped(
-    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, selected: Mapping[str, Any]
+    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Mapping[str, Any]
 ) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
-    """Return values, runs, and provenance of each seal; `selected` are the options of `observations`."""
+    """Return values, runs, and provenance of each seal; `options` are those of `selected`."""
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
-    options: dict[str, dict[str, object]] = {}
-    direction = selected["direction"]
-    said = {"direction": "both" if direction is None else f"{direction:+d}"}
-    said |= {"ambient_pressure_pa": selected["ambient_pressure_pa"]}
+    origins: dict[str, dict[str, object]] = {}
     for seal in dict.fromkeys(seal_of.tolist()):
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
-        groups[seal], _ = observations(part, **selected)
+        groups[seal], _, provenance = selected(part, **options)
         recording = part["recording"].to_numpy().astype(str)
         run = dict(zip(recording.tolist(), run_of[rows].tolist(), strict=True))
         names = np.unique(recording)
         of_run[seal] = [run[names[g]] for g in groups[seal].group]
-        options[seal] = {**said, "recordings": recordings_of(part)}
-    return groups, of_run, options
+        origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
+    return groups, of_run, origins
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
