@@ -222,6 +222,16 @@ _MISSING = object()
 
 
 SCHEMA = 1
+#: Keys of a value -> their tables in older files, and statistics that these files have in percent.
+OLDER = {
+    "unit": "units",
+    "interval": "intervals",
+    "model_interval": "model_intervals",
+    "spread": "spreads",
+    "parts": "parts",
+    "run_to_run": "spread",
+}
+SHARES = ("rms", "held", "predicted")
 #: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
 HASH_DIGITS = 16
 
@@ -272,6 +282,8 @@ class Fit(Viewed):
     TITLE: ClassVar[str]
     GROUPS: ClassVar[tuple[str, ...]] = ("values",)
     HEAD: ClassVar[str]
+    #: Units of the values in older files without units.
+    OLDER_UNITS: ClassVar[dict[str, str]] = {}
     #: Shown details of a value -> words. A number is a fraction, several are values.
     DETAILS: ClassVar[dict[str, str]] = {}
 
@@ -602,16 +614,19 @@ class Fit(Viewed):
 
     @classmethod
     def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the tables of a file in the present form, also those of an older version."""
-        return content
-
-    @staticmethod
-    def _joined(content: dict[str, Any], tables: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-        """Return the entries of the values of an older file: key -> its table, which has it for each value."""
-        return {
-            name: {"value": value} | {key: content[t][name] for key, t in tables.items() if name in content.get(t, ())}
+        """Return the tables of a file. Older ones of motions and regulators have one for each property of a value."""
+        if "provenance" in content or "intervals" not in content:
+            return content
+        content = {"units": cls.OLDER_UNITS} | content
+        values = {
+            name: {"value": value} | {key: content[t][name] for key, t in OLDER.items() if name in content.get(t, ())}
             for name, value in content["values"].items()
         }
+        statistics = {key: content[f"{key}_percent"] / 100.0 for key in SHARES if f"{key}_percent" in content}
+        statistics |= {key: content[key] for key in ("correlation",) if key in content}
+        hashes = [{"name": name, "sha256": digest} for name, digest in content.get("sha256", {}).items()]
+        recordings = content.get("recordings") or hashes or list(content["runs"])
+        return content | {"values": values, "statistics": statistics, "provenance": {"recordings": recordings}}
 
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:

@@ -575,6 +575,7 @@ class RegulatorFit(Fit):
     TITLE: ClassVar[str] = "fit of a regulator"
     HEAD: ClassVar[str] = "# Identified pressure regulator. SI units, pressures absolute; intervals are 95 %."
     DETAILS: ClassVar[dict[str, str]] = {"run_to_run": "run to run"}
+    OLDER_UNITS: ClassVar[dict[str, str]] = REGULATOR_UNITS
 
     name: str
     runs: dict[str, dict[str, float]]
@@ -600,26 +601,6 @@ class RegulatorFit(Fit):
 
     def _last(self) -> dict[str, Any]:
         return {"runs": self.runs}
-
-    @classmethod
-    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the tables of a file; an older one has a table for each property of the values."""
-        if "provenance" in content:
-            return content
-        tables = {"unit": "units", "interval": "intervals", "run_to_run": "spread"}
-        values = cls._joined({"units": REGULATOR_UNITS, **content}, tables)
-        statistics = {
-            key: content[f"{key}_percent"] / 100.0
-            for key in ("rms", "held", "predicted")
-            if f"{key}_percent" in content
-        }
-        statistics |= {"correlation": content.get("correlation", np.nan)}
-        recordings = [{"name": name, "sha256": digest} for name, digest in content.get("sha256", {}).items()]
-        return content | {
-            "values": values,
-            "statistics": statistics,
-            "provenance": {"recordings": recordings or list(content["runs"])},
-        }
 
     @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:

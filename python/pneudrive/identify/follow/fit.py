@@ -313,15 +313,6 @@ class FollowFit(Fit):
         return {"rivals": {rival.name: vars(rival) for rival in self.rivals}} if self.rivals else {}
 
     @classmethod
-    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the tables of a file; an older one has a table for each property of the values."""
-        if "units" not in content:
-            return content
-        tables = {"unit": "units", "interval": "intervals", "model_interval": "model_intervals"}
-        values = cls._joined(content, tables | {"spread": "spreads", "parts": "parts"})
-        return content | {"values": values, "statistics": {}, "provenance": {"recordings": content["recordings"]}}
-
-    @classmethod
     def _fields(cls, file: FitFile) -> dict[str, Any]:
         content = file.content
         return super()._fields(file) | {
