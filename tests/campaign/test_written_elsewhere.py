@@ -40,7 +40,7 @@ def test_the_example_of_the_page_is_a_campaign(folder):
         assert np.isnan(samples.temperature_k).all()
         assert set(samples.pressure_b_pa) == {150900.0}
         assert np.mean(samples.step == np.repeat([0, 1], 2000)) > 0.99
-        friction = preliminary_friction(samples, file.head.cycle, campaign.identity)
+        friction = preliminary_friction(file, samples, campaign.identity)
         assert friction == pytest.approx(18.0 + 40.0 * speed, abs=0.05)
     assert status_of(folder).planned is None
 

@@ -9,18 +9,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.control import Holder, holder
-from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples
+from pneudrive.campaign.storage.folder import (
+    CYCLES,
+    Campaign,
+    Problem,
+    plan_of,
+    read_samples,
+    recording_of,
+    steps_of,
+)
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import SHARED, Hold
+from pneudrive.rig.interface import Hold
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from pneudrive.arrays import Ints
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.rig.interface import Identity, Samples
+    from pneudrive.signals.recording import Recording
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,51 +118,31 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
     for file, samples in zip(wanted, read_samples(wanted), strict=True):
         if isinstance(samples, CampaignError):
             raise samples
-        frictions[file.path] = preliminary_friction(samples, file.head.cycle, identity)
+        frictions[file.path] = preliminary_friction(file, samples, identity)
     return [frictions.get(file.path, float("nan")) for file in files]
 
 
-def preliminary_friction(samples: Samples, cycle: Cycle, identity: Identity) -> float:
+def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) -> float:
     """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
     from pneudrive.friction.level import extract
     from pneudrive.friction.strokes import Settled
 
+    cycle = file.head.cycle
     try:
-        recording = _recording(samples, cycle, identity)
+        recording, _ = recording_of(file, identity, samples)
         if cycle.kind == "stop":
-            return _after_stop(samples, cycle, identity)
+            return _after_stop(recording, steps_of(recording, samples), cycle)
         levels = extract(recording, Settled()).levels
     except RecordingError:
         return float("nan")
     return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
 
 
-def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN202 - see Recording
-    from pneudrive.signals.recording import Recording
-
-    with np.errstate(invalid="ignore"):
-        time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)
-        good = (time >= np.maximum.accumulate(time)) & np.isfinite(time)
-    channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
-    return Recording(
-        name=cycle.key,
-        **{name: getattr(samples, name)[good] for name in channels},
-        **{name: getattr(identity, name) for name in SHARED},
-    )
-
-
-def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> float:
+def _after_stop(recording: Recording, steps: Ints, cycle: Cycle) -> float:
     """Return the largest force against the motion in the move after the longest hold."""
     holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
-    number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
-    part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
+    part = np.flatnonzero(steps == (max(holds)[1] + 1 if holds else len(cycle.steps) - 2))
     if part.size < 2:
         return float("nan")
-    ambient = identity.ambient_pressure_pa
-    force = (
-        samples.force_n[part]
-        + (samples.pressure_a_pa[part] - ambient) * identity.area_a_m2
-        - (samples.pressure_b_pa[part] - ambient) * identity.area_b_m2
-    )
-    way = samples.position_m[part[-1]] - samples.position_m[part[0]]
-    return float(np.max(np.sign(way) * force))
+    way = recording.position_m[part[-1]] - recording.position_m[part[0]]
+    return float(np.max(np.sign(way) * recording.balance_n()[part]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -297,14 +298,15 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
         half_width = _smoothing(time_s, position_m, mean)
         velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
-    weights = _spacing(time_s)
+    weights = np.gradient(time_s)  # duration that each sample represents
     total = weights.sum()
     stuck, slipping = speed < STUCK_SHARE * mean, speed > SLIP_SHARE * mean
     stuck_share = float(weights[stuck].sum() / total) if mean > 0 else 0.0
     ripple = float(np.sqrt((weights * (speed - mean) ** 2).sum() / total) / mean) if mean > 0 else 0.0
     travel = float((np.abs(speed) * weights).sum())
     slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
-    onsets, peaks = _slips(speed, stuck, slipping) if mean > 0 else ([], [])
+    onsets = slip_onsets(stuck, slipping) if mean > 0 else []
+    peaks = [float(speed[a:b].max()) for a, b in pairwise([*onsets, speed.size])]
     periods = max(len(onsets) - 1, 0)
     moments = time_s[onsets] if onsets else np.array([])
     places = position_m[onsets] if onsets else np.array([])
@@ -338,27 +340,11 @@ def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
     return max(time_s.size // 20, 1)
 
 
-def _spacing(time_s: Array) -> Array:
-    """Return the duration that each sample represents: half the time between its neighbours."""
-    if time_s.size < 2:
-        return np.ones(time_s.size)
-    spacing = np.empty_like(time_s)
-    spacing[0], spacing[-1] = time_s[1] - time_s[0], time_s[-1] - time_s[-2]
-    spacing[1:-1] = (time_s[2:] - time_s[:-2]) / 2.0
-    return spacing
-
-
-def _slips(speed: Array, stuck: Bools, slipping: Bools) -> tuple[list[int], list[float]]:
-    """Return the first sample of each slip that follows a stick, and each slip's peak speed."""
-    if not stuck.any() or not slipping.any():
-        return [], []
-    # Samples between the two thresholds decide nothing.
+def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
+    """Return the first sample of each slip that follows a stick. Samples that are neither decide nothing."""
     decided = np.flatnonzero(stuck | slipping)
     slips = slipping[decided]
-    turns = np.flatnonzero(slips[1:] & ~slips[:-1]) + 1
-    onsets = [int(decided[i]) for i in turns]
-    ends = [*onsets, speed.size][1:]
-    return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]
+    return decided[1:][slips[1:] & ~slips[:-1]].tolist()
 
 
 def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip, StickSlip | None] | None:

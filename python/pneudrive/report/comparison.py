@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
-from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
+from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
 from pneudrive.report.page import MM, Topic, cell, chance, plural, sentence, spread_evenly, view_report
@@ -115,7 +115,7 @@ def _curves(c: Comparison, curves: CurveComparison) -> Section:
     first, second = (int(common["count"][common["campaign"] == k].sum()) for k in (0, 1))
     rows = (
         (
-            _gauge((point["gauge_a_pa"], point["gauge_b_pa"]), point["title"]),
+            Condition(point["gauge_a_pa"], point["gauge_b_pa"], point["title"]).label(0.0),
             MM * point["speed_m_s"],
             point["first_n"],
             point["second_n"],
@@ -136,12 +136,6 @@ def _mean(curves: CurveComparison, point: int) -> float:
     return float(curves.friction_n[:, point].mean())
 
 
-def _gauge(pair: tuple[float, float], levels: str) -> str:
-    a, b = (round(float(v) / PA_PER_BAR, 3) + 0.0 for v in pair)
-    text = f"{a:.3g} bar in both" if a == b else f"a {a:.3g} bar, b {b:.3g} bar"
-    return f"{text}, {levels}" if levels else text
-
-
 def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
     gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
@@ -151,7 +145,7 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     above, below = [], []
     for at in spread_evenly(list(groups), MOST_PANELS):
         chosen = sorted(groups[at], key=lambda i: speed[i])
-        above.append(Panel(_both(c, curves, chosen), _gauge(*at), y="friction / N"))
+        above.append(Panel(_both(c, curves, chosen), Condition(*at[0], at[1]).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
     shared = {"share_x": "col", "share_y": "row", "heights": (3, 2)}
     return Figure([*above, *below], SPEED, columns=len(above), row_in=2.2, rest_in=0.0, **shared)

@@ -236,10 +236,10 @@ class LiveFiles(Display):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / FOLDER
-        self._lock, self._end = threading.Lock(), threading.Event()
+        self._end = threading.Event()
         self._thread = threading.Thread(target=self._write_on, daemon=True)
         self._points = np.zeros((0, len(COLUMNS)), dtype=np.float32)
-        self._is_new = False
+        self._written: dict[str, Any] = {}
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Begin to write."""
@@ -248,27 +248,17 @@ class LiveFiles(Display):
 
     def cycle(self, cycle: Cycle) -> None:
         """Write that a cycle begins."""
-        with self._lock:
-            super().cycle(cycle)
-            self._points, self._is_new = self._points[:0], True
+        super().cycle(cycle)
+        self._points = self._points[:0]
 
     def part(self, samples: Samples) -> None:
         """Add samples that arrived. Samples of another attempt at the cycle replace the earlier ones."""
         rows = np.column_stack([getattr(samples, name) for name in COLUMNS]).astype(np.float32)
-        with self._lock:
-            if len(self._points) and len(rows) and rows[0, 0] < self._points[-1, 0]:
-                self._points, self.samples = self._points[:0], 0
-            self._points = np.concatenate([self._points, rows])
-            super().part(samples)
-            if len(self._points) > 2 * SHOWN:
-                self._points = thinned(self._points, SHOWN)
-            self._is_new = True
-
-    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
-        """Count a cycle as done."""
-        with self._lock:
-            super().finished(cycle, flags)
-            self._is_new = True
+        if len(self._points) and len(rows) and rows[0, 0] < self._points[-1, 0]:
+            self._points, self.samples = self._points[:0], 0
+        points = np.concatenate([self._points, rows])
+        self._points = thinned(points, SHOWN) if len(points) > 2 * SHOWN else points
+        super().part(samples)
 
     def ended(self) -> None:
         """End, and remove the files."""
@@ -285,15 +275,13 @@ class LiveFiles(Display):
                 self._write()
 
     def _write(self) -> None:
-        with self._lock:
-            if not (self._is_new and self.key):
-                return
-            self._is_new = False
-            data, progress = thinned(self._points, SHOWN).astype("<f4").tobytes(), self.progress
-            about = {"cycle": self.key, "planned": progress.total, "done": progress.count, "left": progress.left}
-            about |= {"samples": self.samples, "columns": COLUMNS, "crc32": crc32(data)}
-        write_whole(self._folder / LIVE_POINTS, data, flush=False)
-        write_whole(self._folder / LIVE, json.dumps(about).encode(), flush=False)
+        data, progress = thinned(self._points, SHOWN).astype("<f4").tobytes(), self.progress
+        about = {"cycle": self.key, "planned": progress.total, "done": progress.count, "samples": self.samples}
+        about |= {"columns": COLUMNS, "crc32": crc32(data)}
+        if self.key and about != self._written:
+            self._written = about
+            write_whole(self._folder / LIVE_POINTS, data, flush=False)
+            write_whole(self._folder / LIVE, json.dumps(about | {"left": progress.left}).encode(), flush=False)
 
 
 def thinned(points: Points, most: int) -> Points:

@@ -26,13 +26,14 @@ from pneudrive.campaign.cycle import SCHEMA, Head, check_schema
 from pneudrive.campaign.cycle import read_head as parse_head
 from pneudrive.campaign.storage.control import FOLDER as CONTROL
 from pneudrive.campaign.storage.control import PART, clear_errors, make_folder, write_whole
-from pneudrive.errors import CampaignError, PneudriveError
+from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.rig.interface import CHANNELS, Identity, Samples, envelope_of, identity_of, plain
+from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import noise_level, turning_points
+from pneudrive.signals.recording import Recording, clean, refuse_channels
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -225,6 +226,78 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
         derived = steps_from_motion(channels["time_s"], channels["position_m"], cycle.stop_s) if derive else None
         step = np.full(count, -1) if derived is None else derived
     return Samples(**channels, step=step)
+
+
+LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
+
+
+def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
+    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
+
+    Raises
+    ------
+    RecordingError
+        If more than half of the samples are damaged, or have impossible values.
+    """
+    name = file.head.cycle.key
+    count = len(samples)
+    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
+    good, backwards = _forwards(samples)
+    if backwards:
+        flags["time_backwards"] = backwards
+    # A released axis creeps by single counts: this is not a stuck sensor.
+    stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
+    channels = {channel: getattr(samples, channel)[good] for channel in CHANNELS[:-1]}
+    if stands and np.isfinite(position := channels["position_m"]).any():
+        channels["position_m"] = np.full(position.size, float(np.nanmedian(position)))
+    shared = {field: getattr(identity, field) for field in SHARED}
+    if (known := identity.force_calibration) is not None:
+        channels["force_n"] = known.force_n(channels["force_n"])
+        if "force_n" in identity.limits:
+            low, high = known.force_n(np.array(identity.limits["force_n"])).tolist()
+            shared["limits"] = identity.limits | {"force_n": (low, high)}
+    labels = dict(file.head.cycle.levels)
+    recording = clean(Recording(name=name, **channels, **shared, labels=labels, source=file.path))
+    if len(recording) < (1.0 - LOST_SHARE) * count:
+        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
+        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
+    refuse_channels(recording)
+    for kind, number in recording.flags.items():
+        if kind != "gap":  # bursts are denser than the rest: the length of an interval means nothing
+            flags[kind] = max(flags.get(kind, 0), number)
+    return recording, flags
+
+
+def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
+    """Mark the samples with increasing time, and count the others.
+
+    Repeated samples are dropped. After a clock jumped back, times are wrong:
+    the longest stretch without a jump is kept.
+    """
+    finite = np.isfinite(samples.time_s)
+    time = np.where(finite, samples.time_s, -np.inf)
+    good = finite & (time >= np.maximum.accumulate(time))
+    back = np.flatnonzero(finite & ~good)
+    if not back.size:
+        return good, 0
+    order = np.flatnonzero(good)
+    twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
+    same = (time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])
+    if same.all():
+        return good, back.size
+    known = np.flatnonzero(finite)
+    pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
+    longest = max(pieces, key=len)
+    mask = np.zeros(time.size, dtype=bool)
+    mask[longest] = True
+    return mask, int(finite.sum()) - longest.size
+
+
+def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+    """Return the step of the cycle to which each cleaned sample belongs."""
+    order = np.argsort(samples.time_s, kind="stable")
+    place = np.searchsorted(samples.time_s[order], recording.time_s)
+    return samples.step[order[np.minimum(place, order.size - 1)]]
 
 
 def digest(columns: dict[str, NDArray[Any]]) -> str:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from pneudrive.batching import many_objects, share_out
-from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples
+from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
 from pneudrive.friction.bins import grid_of
@@ -27,12 +27,12 @@ from pneudrive.friction.campaign import cycles
 from pneudrive.friction.friction_map import LEVELS, SAME_PA, Condition, Skipped
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
-from pneudrive.signals.recording import Recording, clean, refuse_channels
+from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     """Path length of a cycle's moves, and its row or the reason for a missing one."""
 
 T = TypeVar("T")
-LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
 PRESSURE_STEP_PA = 100.0  # difference at which a pressure is a separate level: 1 mbar
 MINIMUM_SAMPLES = 20
 TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
@@ -51,87 +50,6 @@ def condition_of(head: Head) -> Condition:
     cycle = head.cycle
     a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
     return Condition(a, b, **{name: str(cycle.levels.get(name, "")) for name in LEVELS})
-
-
-def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
-    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
-
-    Raises
-    ------
-    RecordingError
-        If more than half of the samples are damaged, or have impossible values.
-    """
-    name = file.head.cycle.key
-    count = len(samples)
-    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
-    good, backwards = _forwards(samples)
-    if backwards:
-        flags["time_backwards"] = backwards
-    # A released axis creeps by single counts: this is not a stuck sensor.
-    stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
-    position = samples.position_m[good]
-    if stands and np.isfinite(position).any():
-        position = np.full(position.size, float(np.nanmedian(position)))
-    known = identity.force_calibration
-    shared, force = {name: getattr(identity, name) for name in SHARED}, samples.force_n[good]
-    if known is not None:
-        force = known.force_n(force)
-        if "force_n" in identity.limits:
-            low, high = known.force_n(np.array(identity.limits["force_n"])).tolist()
-            shared["limits"] = identity.limits | {"force_n": (low, high)}
-    recording = clean(
-        Recording(
-            name=name,
-            time_s=samples.time_s[good],
-            position_m=position,
-            force_n=force,
-            pressure_a_pa=samples.pressure_a_pa[good],
-            pressure_b_pa=samples.pressure_b_pa[good],
-            **shared,
-            labels=dict(file.head.cycle.levels),
-            source=file.path,
-        )
-    )
-    if len(recording) < (1.0 - LOST_SHARE) * count:
-        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
-        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
-    refuse_channels(recording)
-    for kind, number in recording.flags.items():
-        if kind != "gap":  # bursts are denser than the rest: the length of an interval means nothing
-            flags[kind] = max(flags.get(kind, 0), number)
-    return recording, flags
-
-
-def _forwards(samples: Samples) -> tuple[Bools, int]:
-    """Mark the samples with increasing time, and count the others.
-
-    Repeated samples are dropped. After a clock jumped back, times are wrong:
-    the longest stretch without a jump is kept.
-    """
-    finite = np.isfinite(samples.time_s)
-    time = np.where(finite, samples.time_s, -np.inf)
-    good = finite & (time >= np.maximum.accumulate(time))
-    back = np.flatnonzero(finite & ~good)
-    if not back.size:
-        return good, 0
-    order = np.flatnonzero(good)
-    twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
-    same = (time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])
-    if same.all():
-        return good, back.size
-    known = np.flatnonzero(finite)
-    pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
-    longest = max(pieces, key=len)
-    mask = np.zeros(time.size, dtype=bool)
-    mask[longest] = True
-    return mask, int(finite.sum()) - longest.size
-
-
-def steps_of(recording: Recording, samples: Samples) -> Ints:
-    """Return the step of the cycle to which each cleaned sample belongs."""
-    order = np.argsort(samples.time_s, kind="stable")
-    place = np.searchsorted(samples.time_s[order], recording.time_s)
-    return samples.step[order[np.minimum(place, order.size - 1)]]
 
 
 def read_or_skip(

@@ -222,24 +222,19 @@ class OpcUaRig:
         """Write steps as arrays, within the limits of the rig."""
         nodes = self._link.nodes
         most = self._link.served["step.kind"].length or nodes.handshake.steps
-        moves = [step if isinstance(step, Move) else Move(0.0, 0.0) for step in steps]
-        holds = [step if isinstance(step, Hold) else Hold(0.0) for step in steps]
-        arrays = {
-            "step.count": len(steps),
-            "step.kind": [
-                node_map.HOLD * isinstance(step, Hold) | node_map.RELEASED * hold.released | node_map.SHUT * hold.shut
-                for step, hold in zip(steps, holds, strict=True)
-            ],
-            "step.position": [move.to_m for move in moves],
-            "step.speed": [move.speed_m_s for move in moves],
-            "step.duration": [hold.duration_s for hold in holds],
-            "step.weight": [hold.weight_n for hold in holds],
-        }
+        arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in node_map.STEPS.items()}
+        kinds = [
+            node_map.HOLD | node_map.RELEASED * step.released | node_map.SHUT * step.shut
+            if isinstance(step, Hold)
+            else 0
+            for step in steps
+        ]
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
         if any(arrays["step.weight"]) and "step.weight" not in nodes:
             raise RigError.of("rig.no-weight")
-        return {name: values for name, values in arrays.items() if name in nodes}
+        known = {name: values for name, values in arrays.items() if name in nodes}
+        return {"step.count": len(steps), "step.kind": kinds, **known}
 
     def _sampling(self, sampling: Sampling) -> dict[str, Any]:
         return {name: getattr(sampling, field) for name, field in node_map.SAMPLING.items() if name in self._link.nodes}

@@ -36,6 +36,8 @@ from pneudrive.signals.columns import column_unit
 
 DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
 HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind
+#: Arrays of a program of steps -> fields of `Move` and `Hold`.
+STEPS = {"step.position": "to_m", "step.speed": "speed_m_s", "step.duration": "duration_s", "step.weight": "weight_n"}
 
 
 class Verb(IntEnum):

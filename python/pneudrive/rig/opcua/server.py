@@ -25,7 +25,7 @@ from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, protect, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
-from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, NodeMap, Verb
+from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, NodeMap, Verb
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
@@ -457,20 +457,19 @@ class RigServer:
     def _steps(self, arguments: dict[str, Any]) -> list[Step]:
         """Read the steps from the arrays of a command, each of at most a day."""
         count = arguments["step.count"]
-        columns = [arguments[f"step.{name}"] for name in ("kind", "position", "speed", "duration")]
+        columns = [arguments[name] for name in ("step.kind", *STEPS) if name in arguments]
         most = min(map(len, columns))
         if not 0 <= count <= most:
             raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {most} steps")
-        weights = arguments.get("step.weight", np.zeros(count))
         steps: list[Step] = []
-        for kind, position_m, speed_m_s, duration_s, weight_n in zip(
-            *(values[:count].tolist() for values in (*columns, weights)), strict=True
+        for kind, position_m, speed_m_s, duration_s, *weight_n in zip(
+            *(values[:count].tolist() for values in columns), strict=True
         ):
             if kind & HOLD and not 0.0 <= duration_s <= LONGEST_STEP_S:
                 raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
             if not kind & HOLD and speed_m_s < self._slowest_m_s:
                 raise RigError.of("rig.slow", speed=1e3 * speed_m_s, slowest=1e3 * self._slowest_m_s)
-            hold = Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), weight_n)
+            hold = Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), *weight_n)
             steps.append(hold if kind & HOLD else Move(position_m, speed_m_s))
         return steps
 

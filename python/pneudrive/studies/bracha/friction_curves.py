@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.campaign.storage.folder import recording_of
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, campaign_friction
-from pneudrive.friction.campaign.reading import recording_of
 from pneudrive.friction.strokes import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 

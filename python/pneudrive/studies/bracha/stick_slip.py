@@ -10,7 +10,7 @@ import numpy as np
 import pneudrive as pn
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import mean_estimate
-from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
+from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip, slip_onsets
 from pneudrive.rig import AnalogSensor, Encoder
 from pneudrive.signals.motion import local_slope
 from pneudrive.studies.bracha.figure import PaperFigure, judge
@@ -153,21 +153,10 @@ def _columns(run: xr.Dataset) -> dict[str, Array]:
 def whole_periods(columns: dict[str, Array]) -> StickSlip:
     """Measure stick-slip between the first and the last onset of a slip, so that the mean covers whole periods."""
     time, position, velocity = columns["time_s"], columns["position_m"], columns["velocity_m_s"]
-    onsets = _onsets(velocity, float((position[-1] - position[0]) / (time[-1] - time[0])))
+    mean = float((position[-1] - position[0]) / (time[-1] - time[0]))
+    onsets = slip_onsets(velocity < STUCK_SHARE * mean, velocity > mean)
     part = slice(onsets[0], onsets[-1] + 1) if len(onsets) >= 2 else slice(None)
     return measure_stick_slip(time[part], position[part], velocity[part])
-
-
-def _onsets(velocity: Array, mean: float) -> list[int]:
-    """Return the first sample of each slip: above the mean after a rest below a fifth of it."""
-    onsets, rested = [], False
-    for i in np.flatnonzero((velocity > mean) | (velocity < STUCK_SHARE * mean)):
-        if velocity[i] < STUCK_SHARE * mean:
-            rested = True
-        elif rested:
-            onsets.append(int(i))
-            rested = False
-    return onsets
 
 
 def sticks(found: StickSlip) -> bool:

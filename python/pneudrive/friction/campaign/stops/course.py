@@ -27,11 +27,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.campaign.storage.folder import recording_of, steps_of
 from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
-from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
+from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.friction_map import Condition, Skipped
 from pneudrive.rig.interface import Hold, Identity, Move, Samples
 from pneudrive.signals.motion import middle, noise_level

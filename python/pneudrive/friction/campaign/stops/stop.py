@@ -30,10 +30,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.batching import share_out
-from pneudrive.campaign.storage.folder import Campaign, CycleFile
+from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.estimate.mixed import Scan, scan
-from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
+from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import Condition, Skipped
 from pneudrive.friction.stick_slip import rise
