@@ -186,7 +186,7 @@ def test_steps_are_told_from_the_motion(speed_m_s, stop_s):
         truth.append(np.full(n, number))
         begin += length
     position = np.concatenate(position)
-    found = steps_from_motion(np.concatenate(time), position + 1e-6 * rng.standard_normal(position.size), stop_s)
+    found = steps_from_motion(np.concatenate(time), position + 1e-6 * rng.standard_normal(position.size))
     wrong = found != np.concatenate(truth)
     assert found.max() == 3
     assert wrong.mean() < 0.02

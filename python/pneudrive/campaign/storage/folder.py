@@ -16,6 +16,7 @@ import hashlib
 import json
 import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
-from pneudrive.signals.motion import noise_level, turning_points
+from pneudrive.signals.motion import middle, noise_level
 from pneudrive.signals.recording import Recording, clean, refuse_channels
 
 if TYPE_CHECKING:
@@ -45,67 +46,67 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: The axis stands where its position stays within so many deviations of the position noise
-STILL_NOISE = 6.0
-#: for at least this long, s; half of the stop that the cycle is for, if that is shorter.
-STILL_S = 0.05
-#: Grid of times for this test: this many steps in the time above, and at most so many in all.
-GRID_STEPS, MOST_STEPS = 10, 2_000_000
-#: A move turns back where the position retreats by this share of the whole travel.
-TURN_SHARE = 0.01
+#: A piston slower than this share of the usual speed rests.
+RESTS = 0.1
+#: Multiple of the noise of position within which two rests are one.
+SAME_PLACE = 10.0
+#: Least and largest time over which speed is taken.
+SPEED_WINDOW_S = (0.005, 2.0)
 LEAST_SAMPLES = 20
 
 
-def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = None) -> NDArray[np.int64]:
+def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
+    """Return the signed speed, shape (n,), averaged long enough to suppress the noise of position."""
+    width = _window_s(position_m, speed_m_s)
+    low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
+    ends = np.interp(high, time_s, position_m) - np.interp(low, time_s, position_m)
+    return ends / np.maximum(high - low, 1e-12)
+
+
+def _window_s(position_m: Array, speed_m_s: float) -> float:
+    return float(np.clip(20.0 * max(noise_level(position_m), 1e-12) / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
+
+
+def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None = None) -> NDArray[np.int64]:
     """Return the number of the move or hold at each sample of a cycle.
 
     Parameters
     ----------
     time_s, position_m : ndarray, shape (n,)
         As recorded; samples that are not finite, or out of order in time, take the number of their neighbour.
-    stop_s : float, optional
-        Duration of the cycle's stop.
+    speed_m_s : float, optional
+        Speed that the cycle is for. None: the usual one of the motion.
 
     Returns
     -------
     ndarray of int64, shape (n,)
         0 for the first move or hold, one more with each start, stop and reversal. All 0 where nothing moves.
-
-    Notes
-    -----
-    A move slower than 6 deviations of the position noise per 50 ms counts as a hold. A recording of such moves needs a
-    separate column ``step``.
     """
     numbers = np.zeros(time_s.size, dtype=np.int64)
     usable = np.isfinite(time_s) & np.isfinite(position_m)
     usable[usable] = time_s[usable] >= np.maximum.accumulate(time_s[usable])
     time, position = time_s[usable], position_m[usable]
-    if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) == 0.0:
+    if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) <= 20 * noise_level(position):
         return numbers
-    still_s = min(STILL_S, 0.5 * stop_s) if stop_s else STILL_S
-    step_s = max(still_s / GRID_STEPS, (time[-1] - time[0]) / MOST_STEPS)
-    grid = np.arange(time[0], time[-1] + step_s, step_s)
-    at = np.interp(grid, time, position)
-    noise = noise_level(position)
-    standing = _standing(at, STILL_NOISE * noise, max(round(still_s / step_s), 1))
-    begins = 1 + np.flatnonzero(np.diff(standing.astype(np.int8)))
-    borders = set(begins.tolist())
-    for begin, end in zip([0, *begins], [*begins, grid.size], strict=True):
-        if not standing[begin] and end - begin > 2:
-            turns = turning_points(at[begin:end], max(TURN_SHARE * float(np.ptp(position)), STILL_NOISE * noise))
-            borders |= {int(begin + t) for t in turns[1:-1]}
-    times = grid[sorted(borders)]
-    numbers[usable] = np.searchsorted(times, time, side="right")
+    if not speed_m_s:
+        moving = np.abs(speed_of(time, position, float(np.ptp(position)) / float(np.ptp(time))))
+        speed_m_s = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
+    speed = speed_of(time, position, speed_m_s)
+    resting = np.abs(speed) < RESTS * speed_m_s
+    for begin, end in _runs(resting, False):  # moves that are only noise of the position
+        resting[begin:end] = abs(position[end] - position[begin - 1]) < SAME_PLACE * max(noise_level(position), 1e-12)
+    for begin, end in _runs(resting, True):  # rests that are only the mean speed of a reversal
+        resting[begin:end] = time[end] - time[begin] > _window_s(position, speed_m_s)
+    # A slow move reverses within less than a sample: the sign changes without a rest.
+    turns = (np.sign(speed[1:]) * np.sign(speed[:-1]) < 0) & ~resting[1:] & ~resting[:-1]
+    numbers[usable] = np.r_[0, np.cumsum(turns | np.diff(resting))]
     return _spread(numbers, usable)
 
 
-def _standing(position: Array, tolerance: float, width: int) -> NDArray[np.bool_]:
-    """Mark every stretch of `width` steps over which the position stays within the tolerance."""
-    if position.size <= width:
-        return np.zeros(position.size, dtype=bool)
-    windows = np.lib.stride_tricks.sliding_window_view(position, width + 1)
-    still = windows.max(axis=1) - windows.min(axis=1) <= tolerance
-    return np.convolve(still, np.ones(width + 1, dtype=np.int64)) > 0
+def _runs(mask: NDArray[np.bool_], value: bool) -> list[tuple[int, int]]:
+    """Return the runs of a value, without the first and the last run."""
+    edges = (np.flatnonzero(np.diff(mask)) + 1).tolist()
+    return [(begin, end) for begin, end in pairwise(edges) if mask[begin] == value]
 
 
 def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -223,7 +224,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
     channels = {name: np.full(count, value) for name, value in usual.items()} | channels
     if step is None:
-        derived = steps_from_motion(channels["time_s"], channels["position_m"], cycle.stop_s) if derive else None
+        derived = steps_from_motion(channels["time_s"], channels["position_m"], cycle.speed_m_s) if derive else None
         step = np.full(count, -1) if derived is None else derived
     return Samples(**channels, step=step)
 

@@ -21,13 +21,13 @@ All four forms are fitted to means over bins that are even in log time, and comp
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import recording_of, steps_of
+from pneudrive.campaign.storage.folder import RESTS, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
@@ -35,7 +35,7 @@ from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.friction_map import Condition, Skipped
 from pneudrive.rig.interface import Hold, Identity, Move, Samples
-from pneudrive.signals.motion import middle, noise_level
+from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,14 +52,6 @@ NOTHING = float("nan")
 FEWEST = 5
 #: Speeds within this share of the usual one belong to the part of a move at constant speed.
 STEADY = 0.1
-#: A piston slower than this share of the move's speed rests.
-RESTS = 0.1
-#: Multiple of the noise of position within which two rests are one.
-SAME_PLACE = 10.0
-#: Largest factor between the duration of a rest and the planned stop.
-OTHER_DURATION = 1.5
-#: Least and largest time over which speed is taken.
-SPEED_WINDOW_S = (0.005, 2.0)
 
 
 @dataclass(frozen=True)
@@ -86,7 +78,7 @@ class Phases:
     restart_s: float
     direction: int
     reversed: bool
-    by_steps: bool
+    by_steps: bool = True
 
     @property
     def dwell_s(self) -> float:
@@ -107,17 +99,16 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
     Phases or str
         A string is the reason for a missing stop.
     """
-    hold = stop_step(cycle) if cycle.steps else _resting_step(cycle, time_s, position_m, step)
-    if hold is not None and np.unique(step).size > 1:
-        before, rest, after = (np.flatnonzero(step == hold + k) for k in (-1, 0, 1))
-        if after.size < FEWEST:
-            return "no samples of the restart: the cycle ends with its stop"
-        begins = int(after[0])
-        last = int(before[-1]) if before.size else (int(rest[0]) if rest.size else begins - 1)
-        approach = slice(int(before[0]), last + 1) if before.size >= FEWEST else slice(last, last)
-        phases = slice(last + 1, begins), slice(begins, int(after[-1]) + 1)
-        return _phases(time_s, position_m, approach, *phases, by_steps=True)
-    return _by_motion(cycle, time_s, position_m)
+    numbered = np.unique(step).size > 1
+    hold = stop_step(cycle) if cycle.steps and numbered else None
+    if hold is not None:
+        return _phases(time_s, position_m, step, hold) or "no samples of the restart: the cycle ends with its stop"
+    planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
+    speed = cycle.speed_m_s or min(planned, default=None)
+    for number in ([step] if numbered else []) + [steps_from_motion(time_s, position_m, speed)]:
+        if isinstance(found := _rest(cycle, time_s, position_m, number), Phases):
+            return found if number is step else replace(found, by_steps=False)
+    return found
 
 
 def stop_step(cycle: Cycle) -> int | None:
@@ -136,29 +127,24 @@ def stop_step(cycle: Cycle) -> int | None:
     return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
-def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> int | None:
-    """Find the stop only from the steps of the samples: a rest before a move, with the planned duration."""
-    if not cycle.stop_s or not cycle.speed_m_s:
-        return None
-    found = [(np.inf, 0)]
-    for number in np.unique(step):
-        rest, after = np.flatnonzero(step == number), np.flatnonzero(step == number + 1)
-        if rest.size < FEWEST or after.size < FEWEST:
+def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases | str:
+    """Find the rest with the planned duration, or the longest one between two moves in one direction."""
+    if step.max() == 0:
+        return "nothing moves"
+    ends = np.unique(step, return_counts=True)
+    sizes = dict(zip(ends[0].tolist(), ends[1].tolist(), strict=True))
+    found = []
+    for number in sizes:
+        if sizes.get(number + 1, 0) < FEWEST:
             continue
-        duration = float(time_s[after[0]] - time_s[rest[0]])
-        if np.ptp(position_m[rest]) < RESTS * np.ptp(position_m[after]) and duration > 0:
-            found.append((float(abs(np.log(duration / cycle.stop_s))), int(number)))
-    misfit, number = min(found)
-    return number if misfit < np.log(OTHER_DURATION) else None
-
-
-def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Return the signed speed, shape (n,), averaged long enough to suppress the noise of position."""
-    noise = max(noise_level(position_m), 1e-12)
-    width = float(np.clip(20.0 * noise / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
-    low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
-    ends = np.interp(high, time_s, position_m) - np.interp(low, time_s, position_m)
-    return ends / np.maximum(high - low, 1e-12)
+        rest, after = (position_m[step == number + k] for k in (0, 1))
+        if np.ptp(rest) < RESTS * np.ptp(after) and (phases := _phases(time_s, position_m, step, number)):
+            found.append(phases)
+    if not found:
+        return "no rest between two moves"
+    if not cycle.stop_s:
+        return max(found, key=lambda p: (not p.reversed, p.dwell_s))
+    return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / cycle.stop_s)))
 
 
 def steady_part(recording: Recording, part: slice) -> slice:
@@ -181,68 +167,25 @@ def mean_velocity(recording: Recording, part: slice) -> float:
     return float(position[-1] - position[0]) / max(float(time[-1] - time[0]), 1e-12)
 
 
-def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
-    """Find the rest with the planned duration, or the longest one between two moves in one direction."""
-    if time_s.size < 4 * FEWEST or np.ptp(position_m) <= 20 * noise_level(position_m):
-        return "nothing moves"
-    planned = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
-    usual = cycle.speed_m_s or (min(planned) if planned else None)
-    if usual is None:
-        moving = np.abs(speed_of(time_s, position_m, float(np.ptp(position_m)) / float(np.ptp(time_s))))
-        usual = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
-    speed = speed_of(time_s, position_m, usual)
-    resting = np.abs(speed) < RESTS * usual
-    # A slow move reverses within less than a sample: the sign changes without a rest.
-    turns = np.r_[False, np.sign(speed[1:]) * np.sign(speed[:-1]) < 0] | resting
-    edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
-    whole = _without_gaps(edges.reshape(-1, 2).tolist(), position_m)
-    rests = [(a, b) for a, b in whole if a > FEWEST and time_s.size - b > FEWEST]
-    if not rests:
-        return "no rest between two moves"
-    found = []
-    for begin, end in rests:
-        turn = np.flatnonzero(turns[:begin])
-        start = int(turn[-1]) + 1 if turn.size else 0
-        following = np.flatnonzero(turns[end + 1 :]) + 1
-        stop = end + (int(following[0]) if following.size else time_s.size - end)
-        if stop - end >= FEWEST:
-            parts = slice(start, begin), slice(begin, end), slice(end, stop)
-            found.append(_phases(time_s, position_m, *parts, by_steps=False))
-    if not found:
-        return "no samples of a restart"
-    if cycle.stop_s:
-        wanted = cycle.stop_s
-        return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
-    return max(found, key=lambda p: (not p.reversed, p.dwell_s))
-
-
-def _without_gaps(rests: list[list[int]], position_m: Array) -> list[tuple[int, int]]:
-    """Join rests that are separated only by noise of the position."""
-    reach = SAME_PLACE * max(noise_level(position_m), 1e-12)
-    whole: list[tuple[int, int]] = []
-    for begin, end in rests:
-        if whole and abs(position_m[begin] - position_m[whole[-1][1] - 1]) < reach:
-            whole[-1] = (whole[-1][0], end)
-        else:
-            whole.append((begin, end))
-    return whole
-
-
-def _phases(
-    time_s: Array, position_m: Array, approach: slice, rest: slice, restart: slice, *, by_steps: bool
-) -> Phases:
-    at = float(position_m[max(restart.start - 1, 0)])
-    direction = 1 if position_m[restart.stop - 1] >= at else -1
+def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases | None:
+    """Return the phases of a stop by the number of its hold; None with too few samples of the restart."""
+    before, rest, after = (np.flatnonzero(step == hold + k) for k in (-1, 0, 1))
+    if after.size < FEWEST:
+        return None
+    begins, end = int(after[0]), int(after[-1])
+    last = int(before[-1]) if before.size else (int(rest[0]) if rest.size else begins - 1)
+    approach = slice(int(before[0]), last + 1) if before.size >= FEWEST else slice(last, last)
+    at = float(position_m[max(begins - 1, 0)])
+    direction = 1 if position_m[end] >= at else -1
     came = float(at - position_m[approach.start]) if approach.stop > approach.start else 0.0
     return Phases(
         approach=approach,
-        rest=rest,
-        restart=restart,
-        rest_s=float(time_s[max(rest.start - 1, 0)]),
-        restart_s=float(time_s[restart.start]),
+        rest=slice(last + 1, begins),
+        restart=slice(begins, end + 1),
+        rest_s=float(time_s[max(last, 0)]),
+        restart_s=float(time_s[begins]),
         direction=direction,
         reversed=came * direction <= 0,
-        by_steps=by_steps,
     )
 
 
