@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import closed_after, plain
+from pneudrive.rig.interface import as_json, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -248,8 +247,8 @@ def _digest(source: str) -> str:
 
 def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
     """Refuse to resume with another rig, because the cycles would not be comparable."""
-    here = json.loads(json.dumps(identity.to_dict(), default=plain))
-    there = json.loads(json.dumps(campaign.identity.to_dict(), default=plain))
+    here = as_json(identity.to_dict())
+    there = as_json(campaign.identity.to_dict())
     # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.
     free = {"calibration"} if identity.synthetic else set()
     other = [name for name in here if name not in free and here[name] != there[name]]

@@ -188,11 +188,6 @@ class Level(Shown):
         return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
 
     @property
-    def stroke_times_s(self) -> dict[int, Array]:
-        """Begin of each used stroke by direction, s."""
-        return {way: np.array([self.table.rows[i].time_s for i in rows]) for way, rows in self.table.directions.items()}
-
-    @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
         """Peaks after the reversals before the strokes whose samples are kept."""
         kept = set(map(id, self.motion.strokes))

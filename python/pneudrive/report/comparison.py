@@ -145,7 +145,7 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     above, below = [], []
     for at in spread_evenly(list(groups), MOST_PANELS):
         chosen = sorted(groups[at], key=lambda i: speed[i])
-        above.append(Panel(_both(c, curves, chosen), Condition(*at[0], at[1]).label(0.0), y="friction / N"))
+        above.append(Panel(_both(c, curves, chosen), Condition(at[0][0], at[0][1], at[1]).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
     shared = {"share_x": "col", "share_y": "row", "heights": (3, 2)}
     return Figure([*above, *below], SPEED, columns=len(above), row_in=2.2, rest_in=0.0, **shared)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, create_model
@@ -158,14 +158,6 @@ class Encoder:
         return np.floor(position_m / self.resolution_m) * self.resolution_m
 
 
-class Key(NamedTuple):
-    """Key of a rig file: annotation, meaning, default; ``...`` for a required key."""
-
-    mark: Mark
-    meaning: str
-    default: Any = ...
-
-
 @dataclass(frozen=True)
 class AbsolutePressure(Quantity):
     """Annotation of a field for an absolute pressure, stored in Pa."""
@@ -196,29 +188,33 @@ def _mark(unit: str, bounds: Bounds) -> Mark:
     return Difference("K", "K", bounds) if unit == "delta K" else Quantity("" if unit == "1" else unit, bounds=bounds)
 
 
-def _key(row: dict[str, Any]) -> Key:
-    """Return a key from its row in ``keys.toml``."""
-    default = None if row.get("optional") else row.get("default", ...)
+def _key(key: str, row: dict[str, Any]) -> tuple[Any, Any]:
+    """Return type and field of a key from its row in ``keys.toml``; a required key has the default ``...``."""
+    default, meaning = None if row.get("optional") else row.get("default", ...), row.get("meaning")
     if "words" in row:
-        return Key(Choice(tuple(row["words"])), row["meaning"], default)
-    if "of" in row:
+        mark: Mark = Choice(tuple(row["words"]))
+    elif "of" in row:
         kind, _, name = row["of"].rpartition(".")
         parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
         if default is ... and parameter["default"] is not None:
             default = parameter["default"]
-        meaning = parameter["meaning"]
-        return Key(parameter_quantity(parameter), row.get("meaning") or meaning[0].lower() + meaning[1:], default)
-    sign = next(sign for sign in BOUNDS if sign in row)
-    return Key(_mark(row[sign], BOUNDS[sign]), row["meaning"], default)
+        mark, usual = parameter_quantity(parameter), parameter["meaning"]
+        meaning = meaning or usual[0].lower() + usual[1:]
+    else:
+        sign = next(sign for sign in BOUNDS if sign in row)
+        mark = _mark(row[sign], BOUNDS[sign])
+    return Annotated[Any, mark], Field(default=default, alias=key, description=meaning)
 
 
 BOUNDS = {"positive": Bounds(above=0.0), "not_negative": Bounds(at_least=0.0), "any_sign": Bounds()}
 _TABLES: dict[str, Any] = package_table(__file__, "keys.toml")
 #: table -> its title
 TABLES: dict[str, str] = {name: table["title"] for name, table in _TABLES.items() if "title" in table}
-KEYS = {name: {key: _key(row) for key, row in _TABLES[name].items() if key != "title"} for name in TABLES}
+KEYS: dict[str, dict[str, Any]] = {
+    name: {key: _key(key, row) for key, row in _TABLES[name].items() if key != "title"} for name in TABLES
+}
 #: Keys of a table [mounting.NAME]: a mounting other than `RIGID`.
-MOUNTING = {key: _key(row) for key, row in _TABLES["mounting"].items()}
+MOUNTING: dict[str, Any] = {key: _key(key, row) for key, row in _TABLES["mounting"].items()}
 #: Mounting of every rig, without side load.
 RIGID = "rigid"
 
@@ -267,18 +263,11 @@ def bare(text: str) -> str | float:
 @lru_cache(maxsize=1)
 def _rig_class() -> type[Described]:
     """Return the class of a rig file, with a table for each of `KEYS`."""
-    tables = {name: (_table_class(name, keys), ...) for name, keys in KEYS.items()}
-    mounting = _table_class("mounting", MOUNTING)
+    classes = {n: create_model(f"Rig{n.title()}", __base__=Described, **keys) for n, keys in KEYS.items()}
+    mounting = create_model("RigMounting", __base__=Described, **MOUNTING)
+    tables = {name: (cls, ...) for name, cls in classes.items()}
     fields: dict[str, Any] = {"mounting": (dict[str, mounting], Field(default_factory=dict))}  # type: ignore[valid-type]
     return create_model("RigTables", __base__=Described, **tables, **fields)
-
-
-def _table_class(name: str, keys: dict[str, Key]) -> type[Described]:
-    fields: dict[str, Any] = {
-        key: (Annotated[Any, one.mark], Field(default=one.default, alias=key, description=one.meaning))
-        for key, one in keys.items()
-    }
-    return create_model(f"Rig{name.title()}", __base__=Described, **fields)
 
 
 def rig_schema() -> dict[str, Any]:
@@ -290,7 +279,7 @@ def rig_schema() -> dict[str, Any]:
     schema["additionalProperties"] = True  # keys of further kinds
     schema["properties"] |= {"extends": {"type": "string"}, "name": {"type": "string"}}
     for name, keys in KEYS.items():
-        described = {key: {**sourced, "description": one.meaning} for key, one in keys.items()}
+        described = {key: {**sourced, "description": field.description} for key, (_, field) in keys.items()}
         schema["properties"][name] = {"type": "object", "properties": described}
     return schema
 

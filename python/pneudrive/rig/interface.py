@@ -6,6 +6,7 @@ and pressures are absolute. x grows as chamber a grows. The force is that of the
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -19,7 +20,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Discriminator,
-    PlainValidator,
     Strict,
     StrictBool,
     StrictInt,
@@ -30,7 +30,7 @@ from pydantic import (
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest, package_table
-from pneudrive.signals.force_calibration import ForceCalibration, of_json
+from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.units import LARGEST
 
 if TYPE_CHECKING:
@@ -354,7 +354,7 @@ class Identity:
     pressure_measured_at: str = "chamber"
     synthetic: StrictBool = False
     bandwidth_hz: dict[str, Frequency] = field(default_factory=dict)
-    force_calibration: Annotated[ForceCalibration | None, PlainValidator(of_json)] = None
+    force_calibration: ForceCalibration | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -442,6 +442,11 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
     raise TypeError(f"{type(value).__name__} is not plain data")
 
 
+def as_json(value: Any) -> Any:  # noqa: ANN401 - any plain data
+    """Return data as JSON gives them back: a resumed campaign equals an uninterrupted one."""
+    return json.loads(json.dumps(value, default=plain))
+
+
 # --- Identities, envelopes and cycles from JSON of any program.
 
 
@@ -486,13 +491,16 @@ def read_table(
         return _adapter(cls).validate_python(usual | {n: v for n, v in present(data).items() if n in names}), notes
     except ValidationError as error:
         first = error.errors()[0]
+    cause = first.get("ctx", {}).get("error", "")
+    if isinstance(cause, DescriptionError):  # of the calibration curve
+        raise kind(cause.what, where=where, rule=cause.rule, remedy=cause.remedy)
     key, why = path + ".".join(str(part) for part in first["loc"] if part not in TAGS), first["type"]
     if why in WORDS["faults"]:
-        rule = (
-            "a step has to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else f"keys: {', '.join(names)}"
-        )
+        known = fields(ForceCalibration if "force_calibration" in first["loc"] else cls)  # type: ignore[arg-type]
+        keys = f"keys: {', '.join(field.name for field in known)}"
+        rule = "a step has to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else keys
         raise kind(f"{key} {WORDS['faults'][why]}", where=where, rule=rule)
-    words = str(first.get("ctx", {}).get("error", "")) or f"the value is {WORDS['rules'].get(why, 'of another type')}"
+    words = str(cause) or f"the value is {WORDS['rules'].get(why, 'of another type')}"
     raise kind(f"{key} = {first['input']!r:.80}", where=where, rule=words)
 
 
@@ -501,10 +509,7 @@ _adapter = cache(TypeAdapter)
 
 def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
     """Return the identity of a rig from plain data, and notes on unknown keys; errors as of `read_table`."""
-    try:
-        return read_table(data, Identity, where, kind, name="unnamed rig")
-    except DescriptionError as error:  # of the calibration curve
-        raise kind(error.what, where=where, rule=error.rule, remedy=error.remedy) from None
+    return read_table(data, Identity, where, kind, name="unnamed rig")
 
 
 def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> Envelope:  # noqa: ANN401 - JSON

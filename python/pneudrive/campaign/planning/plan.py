@@ -6,7 +6,6 @@ The text has blocks with content, time and data, and the verdict of the pre-flig
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections import Counter
 from dataclasses import replace
@@ -24,7 +23,7 @@ from pneudrive.errors import ProtocolError
 from pneudrive.files.bounds import within
 from pneudrive.numbers import duration
 from pneudrive.repr_tables import aligned
-from pneudrive.rig.interface import Hold, Move, Sampling, identity_of, plain
+from pneudrive.rig.interface import Hold, Move, Sampling, as_json, identity_of
 from pneudrive.rig.motion import Limits, move, step_samples
 
 if TYPE_CHECKING:
@@ -194,7 +193,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
         If the identity has a value that no rig has.
     """
     # The description of a custom rig goes into its folder, and must be readable from there.
-    identity_of(json.loads(json.dumps(identity.to_dict(), default=plain)), f'rig "{identity.name}"')
+    identity_of(as_json(identity.to_dict()), f'rig "{identity.name}"')
     plan = draft(protocol, identity, envelope)
     return replace(plan, notes=check(plan))
 

@@ -8,7 +8,6 @@ samples.
 
 from __future__ import annotations
 
-import json
 import math
 import threading
 from concurrent.futures import Future, wait
@@ -21,7 +20,7 @@ from pneudrive.campaign.cycle import WORDS, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig.interface import CHANNELS, Changeable, Move, Reproducible, Samples, closed_after, has_verbs, plain
+from pneudrive.rig.interface import CHANNELS, Changeable, Move, Reproducible, Samples, as_json, closed_after, has_verbs
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
@@ -213,7 +212,7 @@ def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
         If JSON cannot hold it.
     """
     try:
-        return json.loads(json.dumps(memory, default=plain))
+        return as_json(memory)
     except (TypeError, ValueError) as error:
         raise RigError(
             "the rig's memory cannot be stored", value=str(error), rule="plain data that JSON can hold"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -232,28 +232,36 @@ SUMMARY = {
 }
 
 
+#: Values of a cycle without both directions.
+NO_POINT = {
+    "friction_n": float("nan"),
+    "offset_n": float("nan"),
+    "stderr_n": float("nan"),
+    "reason": "",
+}
+
+
 def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     """Return a summary of all cycles that were read, in the order in which they were run."""
     import polars as pl
 
-    columns: dict[str, list[Any]] = {name: [] for name in SUMMARY}
-    for cycles in (reading.sliding, reading.tares):
-        found = {**cycles.columns, "began_s": cycles["elapsed_s"], "speed_m_s": cycles.over_sides("velocity_m_s")}
-        found |= {f.name: np.array([getattr(c, f.name) for c in cycles["condition"]]) for f in fields(Condition)}
-        for name in columns.keys() & found.keys():
-            columns[name] += found[name].tolist()
-    rows = {} if points is None else {key: i for i, key in enumerate(points["key"])}
-    at = [rows.get(key, -1) for key in columns["key"]]
-
-    def of_points(name: str, nothing: float | str) -> list[Any]:
-        return np.append([] if points is None else points[name], nothing)[at].tolist()
-
-    for name, of in {"friction_n": "friction_n", "offset_n": "offset_n", "stderr_n": "friction_stderr_n"}.items():
-        columns[name] = of_points(name=of, nothing=float("nan"))
-    each = zip(columns["flags"], of_points("reason", ""), strict=True)
-    columns["flags"] = [[*flags, *([reason] if reason else [])] for flags, reason in each]
     types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in SUMMARY.items()}
-    return pl.DataFrame(columns, schema=types).sort("index", maintain_order=True)
+    names = {
+        "friction_n": "friction_n",
+        "offset_n": "offset_n",
+        "stderr_n": "friction_stderr_n",
+        "reason": "reason",
+    }
+    of_points = {} if points is None else {name: points[column] for name, column in names.items()}
+    at = {} if points is None else {key: row for row, key in enumerate(points["key"])}
+    rows = []
+    for cycles in (reading.sliding, reading.tares):
+        found = cycles.columns | {"began_s": cycles["elapsed_s"], "speed_m_s": cycles.over_sides("velocity_m_s")}
+        for i, (key, condition) in enumerate(zip(cycles["key"], cycles["condition"], strict=True)):
+            row = {name: values[i] for name, values in found.items() if name in SUMMARY} | vars(condition)
+            point = {name: values[at[key]] for name, values in of_points.items()} if key in at else NO_POINT
+            rows.append(row | point | {"flags": [*row["flags"], *filter(None, [point["reason"]])]})
+    return pl.DataFrame(rows, schema=types).sort("index", maintain_order=True)
 
 
 def _ranges(reading: CampaignData) -> Ranges:

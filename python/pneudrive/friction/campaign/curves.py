@@ -69,7 +69,15 @@ class Fits:
     @cached_property
     def bands(self) -> tuple[CurveBand, ...]:
         """Bands of all curves, in the order of the conditions."""
-        return bands_of(self)
+        points, found = self.points, []
+        for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
+            speed, measured, cycles = points.speeds_of(index)
+            value, low, high = by_chance(self, self.friction, number, speed, cycles)
+            offset, cycle = self.offset.at(number, speed), deviation_n(self, "cycle", value)
+            shared = systematic(self, value, offset.mean, index)
+            of_speed = (points.conditions[index], speed, measured, cycles)
+            found.append(CurveBand(number, index, *of_speed, value, low, high, cycle, offset, shared))
+        return tuple(found)
 
     def rest(self) -> Array:
         """Return the residuals of the used cycles without drift, in the response's unit, shape (used,)."""
@@ -239,19 +247,6 @@ class CurveBand:
     cycle_n: Array
     offset: Predicted
     shared: SharedTerms
-
-
-def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
-    """Return the bands of all curves, in the order of the conditions."""
-    points, found = fits.points, []
-    for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
-        speed, measured, cycles = points.speeds_of(index)
-        value, low, high = by_chance(fits, fits.friction, number, speed, cycles)
-        offset, cycle = fits.offset.at(number, speed), deviation_n(fits, "cycle", value)
-        shared = systematic(fits, value, offset.mean, index)
-        of_speed = (points.conditions[index], speed, measured, cycles)
-        found.append(CurveBand(number, index, *of_speed, value, low, high, cycle, offset, shared))
-    return tuple(found)
 
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:

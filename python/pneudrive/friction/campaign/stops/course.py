@@ -105,10 +105,10 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
         return _phases(time_s, position_m, step, hold) or "no samples of the restart: the cycle ends with its stop"
     planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
     speed = cycle.speed_m_s or min(planned, default=None)
-    for number in ([step] if numbered else []) + [steps_from_motion(time_s, position_m, speed)]:
-        if isinstance(found := _rest(cycle, time_s, position_m, number), Phases):
-            return found if number is step else replace(found, by_steps=False)
-    return found
+    if numbered and isinstance(found := _rest(cycle, time_s, position_m, step), Phases):
+        return found
+    found = _rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, speed))
+    return replace(found, by_steps=False) if isinstance(found, Phases) else found
 
 
 def stop_step(cycle: Cycle) -> int | None:
@@ -131,20 +131,14 @@ def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases 
     """Find the rest with the planned duration, or the longest one between two moves in one direction."""
     if step.max() == 0:
         return "nothing moves"
-    ends = np.unique(step, return_counts=True)
-    sizes = dict(zip(ends[0].tolist(), ends[1].tolist(), strict=True))
-    found = []
-    for number in sizes:
-        if sizes.get(number + 1, 0) < FEWEST:
-            continue
-        rest, after = (position_m[step == number + k] for k in (0, 1))
-        if np.ptp(rest) < RESTS * np.ptp(after) and (phases := _phases(time_s, position_m, step, number)):
-            found.append(phases)
+    every = [_phases(time_s, position_m, step, number) for number in np.unique(step)[:-1]]
+    found = [p for p in every if p and p.rest.stop > p.rest.start]
+    found = [p for p in found if np.ptp(position_m[p.rest]) < RESTS * np.ptp(position_m[p.restart])]
     if not found:
         return "no rest between two moves"
-    if not cycle.stop_s:
-        return max(found, key=lambda p: (not p.reversed, p.dwell_s))
-    return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / cycle.stop_s)))
+    if wanted := cycle.stop_s:
+        return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
+    return max(found, key=lambda p: (not p.reversed, p.dwell_s))
 
 
 def steady_part(recording: Recording, part: slice) -> slice:
