@@ -219,17 +219,17 @@ def test_supply_stands_below_and_actuators_above():
 
 
 @pytest.mark.parametrize("kind", component_kinds())
-def test_every_kind_has_a_symbol_or_a_box(kind):
-    """Ports lie on whole modules at the rim, each at a place of its own; also of a kind without strokes."""
-    entry = component_kinds()[kind]
-    drawn = [blocks._plain(entry)]
-    if entry["symbol"]["strokes"]:
-        drawn.append((entry["symbol"]["strokes"], [tuple(place) for place in entry["symbol"]["ports"]]))
-    for strokes, places in drawn:
-        assert len(set(places)) == len(entry["ports"])
+def test_every_kind_has_a_symbol_and_a_box(kind):
+    """Ports lie on whole modules at the rim, each at a place of its own; strokes of options belong to known options."""
+    entry, symbol = component_kinds()[kind], blocks.SYMBOLS[kind]
+    options = {option for choice in entry["choices"] for option in choice["options"]}
+    assert set(symbol["when"]) <= options | {row["key"] for row in entry["parameters"]}
+    drawn = list(blocks._drawn(symbol["strokes"])), list(map(tuple, symbol["ports"]))
+    for strokes, places in (blocks._plain(entry), drawn):
+        assert len(set(places)) == len(places) == len(entry["ports"])
         box = blocks._bounds([*(point for stroke in strokes for point in blocks._points(stroke)), *places])
         for x, y in places:
-            assert min(x - box[0], box[2] - x, y - box[1], box[3] - y) == 0
+            assert min(x - box[0], box[2] - x, y - box[1], box[3] - y) == x % 1 == y % 1 == 0
 
 
 def test_a_place_of_ones_own(tmp_path, capsys):

@@ -1,8 +1,6 @@
 //! Components whose equation is a user's formula with separate parameters.
 
-use super::{
-    Acts, Build, Choice, Component, Extra, Given, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, gas,
-};
+use super::{Acts, Build, Choice, Component, Extra, Given, Instance, Kind, Row, Terminals, axis, gas};
 use crate::circuit::Path;
 use crate::component::Quantity;
 use crate::component::instance::Written;
@@ -67,7 +65,6 @@ impl Component for FormulaRestriction {
         extra: Extra::Formula(&MASS_FLOW),
         inputs: &[("command", "1", "opening, 0 to 1")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: PATH,
         ..Kind::PLAIN
     };
 
@@ -107,7 +104,6 @@ impl Component for Force {
         extra: Extra::Formula(&FORCE),
         inputs: &[("command", "1", "command, -1 to 1")],
         outputs: &[("force_n", "N", "force in +x")],
-        symbol: PUSH,
         ..Kind::PLAIN
     };
 
@@ -128,24 +124,3 @@ impl Component for Force {
         build.column(own, 0, Quantity::Force(part));
     }
 }
-
-const PATH: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 0.0], [0.0, 1.0]]),
-        Stroke::Line(&[[-1.5, 1.0], [-1.5, 3.0], [1.5, 3.0], [1.5, 1.0], [-1.5, 1.0]]),
-        Stroke::Text([0.0, 2.0], "f(p)"),
-        Stroke::Line(&[[0.0, 3.0], [0.0, 4.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};
-
-const PUSH: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
-        Stroke::Line(&[[1.0, 1.0], [1.0, 3.0], [5.0, 3.0], [5.0, 1.0], [1.0, 1.0]]),
-        Stroke::Text([3.0, 2.0], "F(x, v)"),
-    ],
-    when: &[],
-    ports: &[[0.0, 2.0]],
-};

@@ -1,7 +1,6 @@
 //! The table of a kind of component.
 
 use super::extra::Extra;
-use super::symbol::Symbol;
 use super::table::Row;
 use physics::written::Given;
 use serde::{Serialize, Serializer};
@@ -155,9 +154,6 @@ pub struct Kind {
     /// Its outputs.
     #[serde(serialize_with = "named")]
     pub outputs: &'static [Variable],
-    /// Its symbol.
-    #[serde(skip)]
-    pub symbol: Symbol,
 }
 
 impl Kind {
@@ -176,7 +172,6 @@ impl Kind {
         discrete: &[],
         inputs: &[],
         outputs: &[],
-        symbol: Symbol::BOX,
     };
 
     /// Returns whether a word of its table is reserved, so that a formula cannot use it as a parameter.

@@ -1,6 +1,5 @@
 //! Valves and regulators.
 
-pub(crate) mod boxes;
 pub(crate) mod impulse;
 pub(crate) mod piloted;
 pub(crate) mod regulator;

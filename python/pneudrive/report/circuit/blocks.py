@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.kinds import is_needed
+from pneudrive.errors import package_table
 from pneudrive.report import style
 
 if TYPE_CHECKING:
@@ -23,9 +24,49 @@ WIDE = 10.0  # a symbol of this width has its label above, not beside
 MOST_VALUES = 2  # in a label
 DIRECTIONS = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}
 
+_TABLES = package_table(__file__, "symbols.toml")
+SYMBOLS = {kind: symbol for symbol in _TABLES["symbols"] for kind in symbol["kinds"]}
+
 #: Corners of a rectangle: x and y of the lower left, x and y of the upper right.
 Box = tuple[float, float, float, float]
 Place = tuple[int, int]
+
+
+Points = tuple[tuple[float, float], ...]
+
+
+class Shape(NamedTuple):
+    """One stroke, dot or text of a drawing.
+
+    Attributes
+    ----------
+    word : str
+        ``"line"``, ``"thick"``, ``"dashed"``, ``"triangle"`` (an outline), ``"head"`` (filled), ``"arc"``, ``"dot"`` or
+        ``"text"``.
+    points : tuple
+        Corners of a line or triangle. Otherwise, the single point of the shape.
+    component : str
+        Component that it belongs to; empty for lines between components, title and notes.
+    size : float
+        Radius of an arc or a dot, modules; size of a text, points.
+    text : str
+    align : str
+        Alignment of a text: ``"center"``, ``"left"`` or ``"right"`` of its point. ``"top"`` is added if the text is
+        below the point.
+    angles : tuple of float
+        First and last angle of an arc, degrees against the clock from the right.
+    net : int
+        Number of the line between components, in `CircuitShapes.nets`; -1 for other shapes.
+    """
+
+    word: str
+    points: Points
+    component: str = ""
+    size: float = 0.0
+    text: str = ""
+    align: str = "center"
+    angles: tuple[float, float] = (0.0, 360.0)
+    net: int = -1
 
 
 class Label(NamedTuple):
@@ -43,7 +84,7 @@ class Block:
 
     name: str
     kind: str
-    strokes: Sequence[Any]
+    strokes: Sequence[Shape]
     ports: Mapping[str, Place]
     directions: Mapping[str, str]  # side on which each port leaves
     symbol: Box
@@ -111,11 +152,12 @@ def blocks(circuit: Circuit) -> dict[str, Block]:
 
 def _block(name: str, one: Component) -> Block:
     entry = one.entry
-    symbol = entry.get("symbol") or {"strokes": []}
-    if symbol["strokes"]:
+    symbol = SYMBOLS.get(entry["kind"])
+    if symbol:
         chosen = {str(getattr(one, choice["name"])) for choice in entry["choices"]} | set(one.plain())
-        strokes = [*symbol["strokes"], *(s for option, own in symbol["when"] if option in chosen for s in own)]
-        places = [(round(x), round(y)) for x, y in symbol["ports"]]
+        extra = [stroke for option, own in symbol["when"].items() if option in chosen for stroke in own]
+        strokes = list(_drawn([*symbol["strokes"], *extra]))
+        places = list(map(tuple, symbol["ports"]))
     else:
         strokes, places = _plain(entry)
     ports = {port["name"]: place for port, place in zip(entry["ports"], places, strict=True)}
@@ -126,7 +168,18 @@ def _block(name: str, one: Component) -> Block:
     return Block(name, one.kind, strokes, ports, directions, box, label, whole)
 
 
-def _plain(entry: Mapping[str, Any]) -> tuple[list[Any], list[Place]]:
+def _drawn(strokes: Sequence[Mapping[str, Any]], right: float = 0.0) -> Iterator[Shape]:
+    """Yield the shapes of strokes, moved to the right."""
+    for stroke in strokes:
+        if "use" in stroke:
+            part = _TABLES["parts"][stroke["use"]]
+            yield from _drawn(part, right + stroke.get("right", 0.0))
+            continue
+        points = tuple((right + x, float(y)) for x, y in stroke["points"])
+        yield Shape(**stroke | {"points": points})
+
+
+def _plain(entry: Mapping[str, Any]) -> tuple[list[Shape], list[Place]]:
     """Return a box with a title: inlets below, outlets above, other ports to the right.
 
     A component without gas is on the right of an actuator: its first port is on the left.
@@ -144,8 +197,8 @@ def _plain(entry: Mapping[str, Any]) -> tuple[list[Any], list[Place]]:
     least = [2 * len(sides[side]) + 2 for side in ("up", "down")]
     width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, *least)
     width, height = width + width % 2, max(4, 2 * len(sides["right"]) + 2)
-    strokes: list[Any] = [("line", [(0, 0), (0, height), (width, height), (width, 0), (0, 0)])]
-    strokes.append(("text", (0.5 * width, 0.5 * height), title))
+    strokes = [Shape("line", ((0, 0), (0, height), (width, height), (width, 0), (0, 0)))]
+    strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
     places: dict[str, Place] = {}
     for side, ports in sides.items():
         for number, name in enumerate(ports):
@@ -157,21 +210,18 @@ def _plain(entry: Mapping[str, Any]) -> tuple[list[Any], list[Place]]:
             else:
                 places[name] = x, y = width // 2 + along, (height + 1 if side == "up" else -1)
                 inner, text = (x, min(max(y, 0), height)), (x, height - 0.7 if side == "up" else 0.7)
-            strokes += [("line", [(x, y), inner]), ("text", text, name)]
+            strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
     return strokes, [places[port["name"]] for port in entry["ports"]]
 
 
-def _points(stroke: Sequence[Any]) -> list[tuple[float, float]]:
-    """Return points that bound a stroke."""
-    word = stroke[0]
-    if word in ("line", "dashed", "triangle", "head"):
-        return [(x, y) for x, y in stroke[1]]
-    x, y = stroke[1]
-    if word == "arc":
-        low, high = (math.radians(angle) for angle in stroke[3])
-        steps = [low + (high - low) * k / 24 for k in range(25)]
-        return [(x + stroke[2] * math.cos(angle), y + stroke[2] * math.sin(angle)) for angle in steps]
-    return [(x, y)]
+def _points(shape: Shape) -> Points:
+    """Return points that bound a shape."""
+    if shape.word != "arc":
+        return shape.points
+    ((x, y),) = shape.points
+    low, high = map(math.radians, shape.angles)
+    steps = [low + (high - low) * k / 24 for k in range(25)]
+    return tuple((x + shape.size * math.cos(angle), y + shape.size * math.sin(angle)) for angle in steps)
 
 
 def _bounds(points: Sequence[tuple[float, float]]) -> Box:

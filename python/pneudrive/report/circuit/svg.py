@@ -11,7 +11,7 @@ from math import cos, radians, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
-from pneudrive.report.circuit.blocks import DIRECTIONS, LINE, MODULE_IN, NAME_PT, TEXT_PT, size, text_width
+from pneudrive.report.circuit.blocks import DIRECTIONS, LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, size, text_width
 from pneudrive.report.circuit.layout import NoWayError, Routes, place
 from pneudrive.report.render import draw_figure
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import matplotlib.figure
 
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.report.circuit.blocks import Block, Box
+    from pneudrive.report.circuit.blocks import Block, Box, Points
     from pneudrive.report.circuit.layout import Net
 
 
@@ -35,42 +35,6 @@ SAID = "Symbols after ISO 1219."
 
 #: Of the symbols of cylinders: width of the barrel, and from its left end to the piston.
 BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
-
-Points = tuple[tuple[float, float], ...]
-
-
-class Shape(NamedTuple):
-    """One stroke, dot or text of a drawing.
-
-    Attributes
-    ----------
-    word : str
-        ``"line"``, ``"thick"``, ``"dashed"``, ``"triangle"`` (an outline), ``"head"`` (filled), ``"arc"``, ``"dot"`` or
-        ``"text"``.
-    points : tuple
-        Corners of a line or triangle. Otherwise, the single point of the shape.
-    component : str
-        Component that it belongs to; empty for lines between components, title and notes.
-    size : float
-        Radius of an arc or a dot, modules; size of a text, points.
-    text : str
-    align : str
-        Alignment of a text: ``"center"``, ``"left"`` or ``"right"`` of its point. ``"top"`` is added if the text is
-        below the point.
-    angles : tuple of float
-        First and last angle of an arc, degrees against the clock from the right.
-    net : int
-        Number of the line between components, in `CircuitShapes.nets`; -1 for other shapes.
-    """
-
-    word: str
-    points: Points
-    component: str = ""
-    size: float = 0.0
-    text: str = ""
-    align: str = "center"
-    angles: tuple[float, float] = (0.0, 360.0)
-    net: int = -1
 
 
 class CircuitShapes(NamedTuple):
@@ -221,25 +185,12 @@ def _pairs(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
 
 def _block(block: Block) -> Iterator[Shape]:
     for stroke in block.strokes:
-        yield _stroke(stroke, block)
+        yield stroke._replace(points=_pairs(stroke.points, block.x, block.y), component=block.name)
     for port, mark in block.marks.items():
         yield from _mark(block.name, block.port(port), DIRECTIONS[block.directions[port]], mark)
     for number, line in enumerate(block.label.lines):
         at = (block.x + block.label.x, block.y + block.label.y - LINE * (number + 0.5))
         yield Shape("text", (at,), block.name, size(number), line, block.label.align)
-
-
-def _stroke(stroke: Sequence[Any], block: Block) -> Shape:
-    word = stroke[0]
-    if word in ("line", "dashed", "triangle", "head"):
-        return Shape(word, _pairs(stroke[1], block.x, block.y), block.name)
-    at = _pairs([stroke[1]], block.x, block.y)
-    if word == "arc":
-        low, high = stroke[3]
-        return Shape(word, at, block.name, stroke[2], angles=(low, high))
-    if word == "dot":
-        return Shape(word, at, block.name, stroke[2])
-    return Shape("text", at, block.name, TEXT_PT, stroke[2])
 
 
 def _mark(name: str, at: tuple[float, float], direction: tuple[int, int], mark: str) -> Iterator[Shape]:

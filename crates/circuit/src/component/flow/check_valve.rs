@@ -1,6 +1,5 @@
-use crate::component::valves::boxes::CHECK;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Symbol, Terminals, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
 };
 use math::Lane;
 
@@ -24,7 +23,6 @@ impl Component for CheckValveComponent {
                 "Cracking pressure p_c, a difference";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -35,5 +33,3 @@ impl Component for CheckValveComponent {
         build.column(own, 0, Quantity::Flow([Some(path), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol { strokes: &[CHECK], when: &[], ports: &[[0.0, 0.0], [0.0, 4.0]] };

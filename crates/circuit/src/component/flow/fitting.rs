@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol,
-    Terminals, gas, table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
 };
 use math::Lane;
 
@@ -25,7 +24,6 @@ impl Component for Fitting {
         open: true,
         inputs: &[("opening", "1", "fraction of the full opening")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -41,13 +39,3 @@ impl Component for Fitting {
         build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Arc([-1.4, 2.0], 1.0, [-55.0, 55.0]),
-        Stroke::Arc([1.4, 2.0], 1.0, [125.0, 235.0]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};

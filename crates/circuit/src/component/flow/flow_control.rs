@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol,
-    Terminals, gas, table,
+    Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
 };
 use math::Lane;
 
@@ -36,7 +35,6 @@ impl Component for FlowControl {
         }],
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -55,35 +53,3 @@ impl Component for FlowControl {
         build.column(own, 0, Quantity::Flow([Some(needle), free]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Dashed(&[[-2.5, 1.0], [-2.5, 5.0], [2.5, 5.0], [2.5, 1.0], [-2.5, 1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 1.5], [1.2, 1.5], [1.2, 4.5], [0.0, 4.5], [0.0, 6.0]]),
-        Stroke::Arc([0.1, 3.0], 0.8, [-55.0, 55.0]),
-        Stroke::Arc([2.3, 3.0], 0.8, [125.0, 235.0]),
-        Stroke::Line(&[[0.4, 2.2], [2.0, 3.8]]),
-        Stroke::Head([[2.2, 4.0], [1.7, 3.8], [2.0, 3.5]]),
-    ],
-    when: &[
-        (
-            "out",
-            &[
-                Stroke::Line(&[[0.0, 1.5], [-1.2, 1.5], [-1.2, 2.4]]),
-                Stroke::Line(&[[-1.9, 3.1], [-1.2, 2.4], [-0.5, 3.1]]),
-                Stroke::Arc([-1.2, 3.04], 0.45, [0.0, 360.0]),
-                Stroke::Line(&[[-1.2, 3.49], [-1.2, 4.5], [0.0, 4.5]]),
-            ],
-        ),
-        (
-            "in",
-            &[
-                Stroke::Line(&[[0.0, 4.5], [-1.2, 4.5], [-1.2, 3.6]]),
-                Stroke::Line(&[[-1.9, 2.9], [-1.2, 3.6], [-0.5, 2.9]]),
-                Stroke::Arc([-1.2, 2.96], 0.45, [0.0, 360.0]),
-                Stroke::Line(&[[-1.2, 2.51], [-1.2, 1.5], [0.0, 1.5]]),
-            ],
-        ),
-    ],
-    ports: &[[0.0, 0.0], [0.0, 6.0]],
-};

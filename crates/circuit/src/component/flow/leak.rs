@@ -1,5 +1,5 @@
 use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, gas, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, gas, table};
 use crate::ground::Error;
 use crate::part::Gap;
 use math::Lane;
@@ -27,7 +27,6 @@ impl Component for Leak {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -56,13 +55,3 @@ impl Component for Leak {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Dashed(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Arc([-3.2, 2.0], 2.8, [-28.0, 28.0]),
-        Stroke::Arc([3.2, 2.0], 2.8, [152.0, 208.0]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};

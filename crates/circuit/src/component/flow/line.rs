@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, TUBE_WALL, Terminals, Vessel, gas,
-    table, tube_heat,
+    Build, Component, Instance, Kind, Port, Quantity, TUBE_WALL, Terminals, Vessel, gas, table, tube_heat,
 };
 use crate::ground::Error;
 use crate::part::{ChamberLaw, Column};
@@ -40,7 +39,6 @@ impl Component for Line {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
             ("outlet_flow_kg_s", "kg/s", "mass flow out of the tube at port 2"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -118,15 +116,3 @@ impl Component for Line {
 const CELLS: f64 = 12.8;
 /// Error scale of a mass flow for each cross-section, kg/(s m2): ambient air at the speed of sound.
 const SCALE: f64 = 400.0;
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Dot([0.0, 0.0], 0.2),
-        Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
-        Stroke::Dot([0.0, 4.0], 0.2),
-        Stroke::Arc([0.5, 2.5], 0.5, [90.0, 270.0]),
-        Stroke::Arc([0.5, 1.5], 0.5, [-90.0, 90.0]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};

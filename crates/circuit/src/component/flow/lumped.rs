@@ -1,6 +1,6 @@
 use crate::circuit::Path;
 use crate::component::flow::line;
-use crate::component::flow::tube::{self, SYMBOL, Tube, steady};
+use crate::component::flow::tube::{self, Tube, steady};
 use crate::component::{
     Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, TUBE_WALL, Terminals,
     Vessel, gas, table, tube_heat,
@@ -26,13 +26,8 @@ const STEADY: [Row; 5] = *table! {
     LINEAR_ABOVE;
 };
 
-const KIND: Kind = Kind {
-    sources: &["iso6358-2013", "gnielinski1976"],
-    ports: PORTS,
-    open: true,
-    symbol: SYMBOL,
-    ..Kind::PLAIN
-};
+const KIND: Kind =
+    Kind { sources: &["iso6358-2013", "gnielinski1976"], ports: PORTS, open: true, ..Kind::PLAIN };
 
 /// Iterations for the halves of a tube. Each iteration leaves less than half of the error.
 const ITERATIONS: usize = 60;

@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
-    table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
 };
 use math::Lane;
 use physics::IdealGas;
@@ -33,7 +32,6 @@ impl Component for Orifice {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -55,13 +53,3 @@ fn conductance<P: Lane>(own: &Instance<P>) -> P {
     let choked = choked_factor(air.heat_capacity_ratio) / (RHO_0 * (air.gas_constant * T_0).sqrt());
     area * P::c(choked)
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
-        Stroke::Line(&[[-1.0, 2.8], [-0.25, 2.0], [-1.0, 1.2]]),
-        Stroke::Line(&[[1.0, 2.8], [0.25, 2.0], [1.0, 1.2]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};

@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
-    exhaust, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
 };
 use crate::part::Cup;
 use math::Lane;
@@ -33,7 +32,6 @@ impl Component for QuickExhaust {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
             ("exhaust_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -49,19 +47,3 @@ impl Component for QuickExhaust {
         build.column(own, 1, Quantity::Flow([Some(outlet), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-2.0, 1.0], [-2.0, 5.0], [2.0, 5.0], [2.0, 1.0], [-2.0, 1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 1.6]]),
-        Stroke::Line(&[[-0.6, 2.2], [0.0, 1.6], [0.6, 2.2]]),
-        Stroke::Arc([0.0, 2.1], 0.35, [0.0, 360.0]),
-        Stroke::Line(&[[0.0, 2.45], [0.0, 6.0]]),
-        Stroke::Line(&[[0.0, 3.5], [0.55, 3.5]]),
-        Stroke::Arc([0.9, 3.5], 0.35, [0.0, 360.0]),
-        Stroke::Line(&[[0.8, 4.1], [1.4, 3.5], [0.8, 2.9]]),
-        Stroke::Line(&[[1.4, 3.5], [2.5, 3.5], [2.5, 3.0], [3.0, 3.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 6.0], [3.0, 3.0]],
-};

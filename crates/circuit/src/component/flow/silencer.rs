@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
-    exhaust, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
 };
 use math::Lane;
 
@@ -24,7 +23,6 @@ impl Component for Silencer {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -44,16 +42,3 @@ impl Component for Silencer {
 fn clogged<P: Lane>(own: &Instance<P>) -> P {
     own.number("conductance") * (P::one() - own.number("clogging"))
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 4.0], [0.0, 3.0]]),
-        Stroke::Line(&[[-0.9, 1.0], [-0.9, 3.0], [0.9, 3.0], [0.9, 1.0], [-0.9, 1.0]]),
-        Stroke::Line(&[[-0.9, 2.5], [0.9, 2.5]]),
-        Stroke::Line(&[[-0.9, 2.0], [0.9, 2.0]]),
-        Stroke::Line(&[[-0.9, 1.5], [0.9, 1.5]]),
-        Stroke::Line(&[[0.0, 1.0], [0.0, 0.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 4.0], [0.0, 0.0]],
-};

@@ -1,7 +1,7 @@
 use crate::circuit::Path;
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Stroke, Symbol, TUBE_WALL,
-    Terminals, gas, table, tube_wall,
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, TUBE_WALL, Terminals, gas, table,
+    tube_wall,
 };
 use crate::ground::GasId;
 use crate::part::Series;
@@ -34,7 +34,6 @@ impl Component for Tube {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -97,13 +96,3 @@ pub(in crate::component) fn law<P: Lane>(
     let above = own.number("linear_above");
     Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
 }
-
-pub(in crate::component) const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Dot([0.0, 0.0], 0.2),
-        Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
-        Stroke::Dot([0.0, 4.0], 0.2),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0]],
-};

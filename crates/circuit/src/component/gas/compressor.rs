@@ -1,5 +1,5 @@
 use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, gas, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, gas, table};
 use crate::ground::Error;
 use math::Lane;
 
@@ -22,7 +22,6 @@ impl Component for CompressorComponent {
                 "Temperature T_out of the delivered gas";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of port 1")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -55,18 +54,3 @@ impl Component for CompressorComponent {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Arc([0.0, 2.0], 2.0, [0.0, 360.0]),
-        Stroke::Triangle([[0.0, 4.0], [-0.9, 2.5], [0.9, 2.5]]),
-        Stroke::Line(&[[0.0, 4.0], [0.0, 6.0]]),
-        Stroke::Line(&[[-2.0, 2.2], [-3.5, 2.2]]),
-        Stroke::Line(&[[-2.0, 1.8], [-3.5, 1.8]]),
-        Stroke::Arc([-5.0, 2.0], 1.5, [0.0, 360.0]),
-        Stroke::Text([-5.0, 2.0], "M"),
-        Stroke::Dashed(&[[0.0, 5.0], [-5.0, 5.0], [-5.0, 3.5]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 6.0]],
-};

@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
-    exhaust, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
 };
 use math::Lane;
 
@@ -33,7 +32,6 @@ impl Component for EjectorComponent {
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 3"),
             ("suction_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -53,18 +51,3 @@ impl Component for EjectorComponent {
         }
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-3.0, 1.0], [-3.0, 5.0], [3.0, 5.0], [3.0, 1.0], [-3.0, 1.0]]),
-        Stroke::Line(&[[-2.0, 0.0], [-2.0, 3.0], [-1.6, 3.0]]),
-        Stroke::Triangle([[-0.4, 3.0], [-1.6, 3.6], [-1.6, 2.4]]),
-        Stroke::Line(&[[0.3, 3.2], [3.0, 3.9]]),
-        Stroke::Line(&[[0.3, 2.8], [3.0, 2.1]]),
-        Stroke::Line(&[[0.0, 6.0], [0.0, 3.4]]),
-        Stroke::Head([[0.0, 3.4], [-0.3, 4.1], [0.3, 4.1]]),
-        Stroke::Line(&[[3.0, 3.0], [4.0, 3.0]]),
-    ],
-    when: &[],
-    ports: &[[-2.0, 0.0], [0.0, 6.0], [4.0, 3.0]],
-};

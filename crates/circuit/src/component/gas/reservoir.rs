@@ -1,6 +1,5 @@
 use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, gas,
-    table,
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Terminals, gas, table,
 };
 use math::Lane;
 
@@ -19,7 +18,6 @@ impl Component for ReservoirComponent {
         },
         inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -35,12 +33,3 @@ impl Component for ReservoirComponent {
         build.column(own, 0, Quantity::OutOf(node));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Triangle([[0.0, 1.6], [-1.0, 0.0], [1.0, 0.0]]),
-        Stroke::Line(&[[0.0, 1.6], [0.0, 3.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 3.0]],
-};

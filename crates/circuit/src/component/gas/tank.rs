@@ -1,6 +1,6 @@
 use crate::component::{
-    Brings, Build, Component, HEAT_SCALE, Instance, Kind, Quantity, Stroke, Symbol, Terminals, Vessel, WALL,
-    WallHeat, chamber, table,
+    Brings, Build, Component, HEAT_SCALE, Instance, Kind, Quantity, Terminals, Vessel, WALL, WallHeat,
+    chamber, table,
 };
 use crate::part::ChamberLaw;
 use math::Lane;
@@ -34,7 +34,6 @@ impl Component for Tank {
             ("temperature_k", "K", "temperature"),
             ("mass_flow_kg_s", "kg/s", "net mass flow into the tank"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -70,15 +69,3 @@ impl Component for Tank {
         }
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-2.0, 3.0], [2.0, 3.0]]),
-        Stroke::Line(&[[-2.0, 1.0], [2.0, 1.0]]),
-        Stroke::Arc([-2.0, 2.0], 1.0, [90.0, 270.0]),
-        Stroke::Arc([2.0, 2.0], 1.0, [-90.0, 90.0]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 1.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0]],
-};

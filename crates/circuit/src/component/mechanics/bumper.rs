@@ -1,6 +1,4 @@
-use crate::component::{
-    Build, Choice, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table,
-};
+use crate::component::{Build, Choice, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::ground::AxisId;
 use crate::part::{Bumper as Elastomer, Meets};
 use math::{Lane, Real};
@@ -64,7 +62,6 @@ impl Component for BumperComponent {
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive if it pushes towards -x")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -81,23 +78,3 @@ impl Component for BumperComponent {
         build.column(own, 0, Quantity::Force(part));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
-        Stroke::Line(&[[1.0, 0.2], [1.0, 1.8]]),
-        Stroke::Arc([2.9, 1.0], 0.8, [90.0, 270.0]),
-        Stroke::Line(&[[2.9, 0.0], [2.9, 2.0]]),
-        Stroke::Line(&[[2.9, 1.9], [3.4, 1.4]]),
-        Stroke::Line(&[[2.9, 1.3], [3.4, 0.8]]),
-        Stroke::Line(&[[2.9, 0.7], [3.4, 0.2]]),
-    ],
-    when: MET_FROM,
-    ports: &[[0.0, 1.0]],
-};
-
-/// Directions of contact by the side of the bumper.
-pub(in crate::component) const MET_FROM: &[(&str, &[Stroke])] = &[
-    ("b", &[Stroke::Line(&[[0.0, 2.6], [1.2, 2.6]]), Stroke::Head([[1.8, 2.6], [1.1, 2.85], [1.1, 2.35]])]),
-    ("a", &[Stroke::Line(&[[1.8, 2.6], [0.6, 2.6]]), Stroke::Head([[0.0, 2.6], [0.7, 2.85], [0.7, 2.35]])]),
-];

@@ -1,6 +1,5 @@
 use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, axis,
-    table,
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Terminals, axis, table,
 };
 use crate::part::Carriage as Servo;
 use math::Lane;
@@ -41,16 +40,6 @@ impl Component for CarriageComponent {
             ("velocity_m_s", "m/s", "velocity"),
             ("acceleration_m_s2", "m/s2", "acceleration"),
         ],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 0.5], [0.0, 2.0], [3.0, 2.0], [3.0, 0.5], [0.0, 0.5]]),
-                Stroke::Arc([0.7, 0.25], 0.25, [0.0, 360.0]),
-                Stroke::Arc([2.3, 0.25], 0.25, [0.0, 360.0]),
-                Stroke::Line(&[[3.0, 1.0], [4.0, 1.0]]),
-            ],
-            when: &[],
-            ports: &[[4.0, 1.0]],
-        },
         ..Kind::PLAIN
     };
 

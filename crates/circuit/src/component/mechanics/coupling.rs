@@ -1,4 +1,4 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::Coupling as Play;
 use math::Lane;
 use physics::mechanics::EndStop;
@@ -21,7 +21,6 @@ impl Component for CouplingComponent {
                 "Depth d_c at which the damper acts fully, if there is play";
         },
         outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -38,29 +37,3 @@ impl Component for CouplingComponent {
         build.column(own, 0, Quantity::Force(part));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
-        Stroke::Line(&[[1.0, 0.8], [1.0, 3.2]]),
-        Stroke::Line(&[
-            [1.0, 3.0],
-            [1.7, 3.0],
-            [1.95, 3.5],
-            [2.45, 2.5],
-            [2.95, 3.5],
-            [3.45, 2.5],
-            [3.95, 3.5],
-            [4.2, 3.0],
-            [5.0, 3.0],
-        ]),
-        Stroke::Line(&[[1.0, 1.2], [2.6, 1.2]]),
-        Stroke::Line(&[[2.6, 0.7], [2.6, 1.7]]),
-        Stroke::Line(&[[2.2, 1.8], [3.6, 1.8], [3.6, 0.6], [2.2, 0.6]]),
-        Stroke::Line(&[[3.6, 1.2], [5.0, 1.2]]),
-        Stroke::Line(&[[5.0, 0.8], [5.0, 3.2]]),
-        Stroke::Line(&[[5.0, 2.0], [6.0, 2.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 2.0], [6.0, 2.0]],
-};

@@ -1,19 +1,17 @@
 mod chamber;
 mod cushion;
-mod drawing;
 
 use crate::component::flow::seal::leak;
 use crate::component::mechanics::end_stop::{EndStopDesign, Ends, ends};
 use crate::component::{
     Acts, Brings, Build, Choice, Component, FrictionTable, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston,
-    Port, Quantity, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count,
-    exhaust, join, table,
+    Port, Quantity, Row, SUBSONIC_INDEX, Terminals, Variable, WALL, axis, chamber, count, exhaust, join,
+    table,
 };
 use crate::ground::{AxisId, Error, GasId};
 use crate::part::{ChamberLaw, PistonSide};
 use chamber::{chamber_law, dead_volume, vessel};
 use cushion::{CUSHION_A, CUSHION_B, check_cushions, cushion, cushioned, room};
-use drawing::{BARREL, PISTON, PORT_A, PORT_B, ROD, RODLESS, SINGLE_ROD, TANDEM, THROUGH_ROD};
 use math::Lane;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -250,12 +248,12 @@ fn show<P: Lane>(own: &Instance<P>, chambers: &[GasId], axis: AxisId, build: &mu
 }
 
 macro_rules! cylinder {
-    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr, $symbol:expr) => {
+    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr) => {
         $(#[$attribute])*
         pub struct $name;
 
         impl Component for $name {
-            const KIND: Kind = Kind { key: $key, title: $title, symbol: $symbol, ..KIND };
+            const KIND: Kind = Kind { key: $key, title: $title, ..KIND };
 
             fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
                 match port {
@@ -284,15 +282,15 @@ macro_rules! cylinder {
 
 cylinder! {
     /// A cylinder without a rod on either side.
-    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false], RODLESS
+    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false]
 }
 cylinder! {
     /// A cylinder with a rod on both sides.
-    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true], THROUGH_ROD
+    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true]
 }
 cylinder! {
     /// A cylinder with a rod on the side of chamber b.
-    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true], SINGLE_ROD
+    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true]
 }
 
 /// Pressure in chamber a pushes the rod out, and a spring in chamber b pushes it back.
@@ -302,28 +300,6 @@ impl Component for SingleActing {
     const KIND: Kind = Kind {
         key: "cylinder/single-acting",
         title: "Single-acting cylinder with a spring",
-        symbol: Symbol {
-            strokes: &[
-                BARREL,
-                PISTON,
-                PORT_A,
-                PORT_B,
-                ROD,
-                Stroke::Line(&[
-                    [3.8, 3.2],
-                    [4.6, 3.8],
-                    [5.8, 2.6],
-                    [7.0, 3.8],
-                    [8.2, 2.6],
-                    [9.4, 3.8],
-                    [10.6, 2.6],
-                    [11.4, 3.8],
-                    [12.0, 3.2],
-                ]),
-            ],
-            when: &[],
-            ..SINGLE_ROD
-        },
         text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
                chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
         sources: &["bejan2016", "iso6358-2013"],
@@ -383,7 +359,6 @@ impl Component for Tandem {
     const KIND: Kind = Kind {
         key: "cylinder/tandem",
         title: "Tandem cylinder",
-        symbol: TANDEM,
         text: "Two pistons on one rod, in two barrels in a row with a wall between them. Chambers a and a2 drive the rod \
                out, b and b2 drive it in; the rod goes through all of them but a. Friction that follows pressure takes \
                those of a2 and b2.",

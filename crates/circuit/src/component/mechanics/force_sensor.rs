@@ -1,4 +1,4 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use math::Lane;
 
 /// A joint of two masses that measures the force between them.
@@ -15,16 +15,6 @@ impl Component for ForceSensor {
             damping: "N s/m", physics::at_least(0.0), "Damping c between both sides";
         },
         outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, 2.0], [3.0, 2.0], [3.0, 0.0], [1.0, 0.0]]),
-                Stroke::Text([2.0, 1.0], "F"),
-                Stroke::Line(&[[3.0, 1.0], [4.0, 1.0]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 1.0], [4.0, 1.0]],
-        },
         ..Kind::PLAIN
     };
 

@@ -1,7 +1,5 @@
-use crate::component::mechanics::table_force::{CURVE, POSITION, curve};
-use crate::component::{
-    Brings, Build, Choice, Component, Extra, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
-};
+use crate::component::mechanics::table_force::{POSITION, curve};
+use crate::component::{Brings, Build, Choice, Component, Extra, Instance, Kind, Terminals, axis, table};
 use math::Lane;
 use physics::Parameter;
 use physics::mechanics::Inertia;
@@ -25,7 +23,6 @@ impl Component for InertiaTable {
                so energy is conserved. m is given at points; beyond them it is constant. Weight is not \
                included: add it as a force/position.",
         sources: &["fritsch1984"],
-        symbol: CURVE,
         extra: Extra::points(&[
             POSITION,
             Parameter {
@@ -67,17 +64,6 @@ impl Component for Lever {
             distance: "m", physics::above(0.0), "Distance h of the pivot from the axis of the pin";
             centre: "m", physics::any(), "Position x_0 at which it is perpendicular to the axis";
         },
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 2.0], [2.0, 2.0]]),
-                Stroke::Dot([2.0, 2.0], 0.2),
-                Stroke::Line(&[[2.5, 0.7], [1.75, 2.6], [2.0, 2.7], [2.75, 0.8]]),
-                Stroke::Arc([2.6, 0.4], 0.4, [0.0, 360.0]),
-                Stroke::Line(&[[1.6, 0.0], [3.6, 0.0]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 2.0]],
-        },
         ..KIND
     };
 
@@ -106,18 +92,6 @@ impl Component for Toggle {
             mass: "kg", physics::above(0.0), "Mass W of the slide";
             link_length: "m", physics::above(0.0), "Length l of each link";
             centre: "m", physics::any(), "Position x_0 at which the links are stretched";
-        },
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 2.0], [1.6, 2.0]]),
-                Stroke::Line(&[[2.4, 0.7], [1.6, 2.0], [2.4, 3.3]]),
-                Stroke::Dot([1.6, 2.0], 0.2),
-                Stroke::Arc([2.4, 0.35], 0.35, [0.0, 360.0]),
-                Stroke::Line(&[[1.4, 0.0], [3.4, 0.0]]),
-                Stroke::Line(&[[1.8, 3.3], [3.0, 3.3], [3.0, 4.0], [1.8, 4.0], [1.8, 3.3]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 2.0]],
         },
         ..KIND
     };

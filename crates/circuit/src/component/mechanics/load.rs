@@ -1,4 +1,4 @@
-use crate::component::{Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Brings, Build, Component, Instance, Kind, Terminals, axis, table};
 use math::Lane;
 
 /// A mass that a cylinder moves, with a force on it.
@@ -13,15 +13,6 @@ impl Component for Load {
         parameters: table! {
             mass: "kg", physics::at_least(0.0), default 0.0, "Mass M";
             force: "N", physics::any(), default 0.0, "External force F in +x";
-        },
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, 2.0], [4.0, 2.0], [4.0, 0.0], [1.0, 0.0]]),
-                Stroke::Text([2.5, 1.0], "m"),
-            ],
-            when: &[],
-            ports: &[[0.0, 1.0]],
         },
         ..Kind::PLAIN
     };
@@ -45,26 +36,6 @@ impl Component for LoadSpring {
         parameters: table! {
             stiffness: "N/m", physics::above(0.0), "Stiffness k";
             rest_position: "m", physics::any(), "Position x0 without force";
-        },
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[
-                    [0.0, 1.0],
-                    [0.6, 1.0],
-                    [0.9, 1.6],
-                    [1.4, 0.4],
-                    [1.9, 1.6],
-                    [2.4, 0.4],
-                    [2.7, 1.0],
-                    [3.4, 1.0],
-                ]),
-                Stroke::Line(&[[3.4, 0.0], [3.4, 2.0]]),
-                Stroke::Line(&[[3.4, 1.6], [4.0, 1.0]]),
-                Stroke::Line(&[[3.4, 1.0], [4.0, 0.4]]),
-                Stroke::Line(&[[3.4, 0.4], [3.8, 0.0]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 1.0]],
         },
         ..Kind::PLAIN
     };

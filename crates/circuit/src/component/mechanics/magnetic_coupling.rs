@@ -1,4 +1,4 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::Magnet;
 use math::Lane;
 
@@ -23,17 +23,6 @@ impl Component for MagneticCoupling {
             ("force_n", "N", "force in +x on the mass at port 2"),
             ("decoupled", "1", "1 while the magnets are decoupled, else 0"),
         ],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 1.0], [0.5, 1.0]]),
-                Stroke::Line(&[[0.5, 0.0], [0.5, 2.0], [1.5, 2.0], [1.5, 0.0], [0.5, 0.0]]),
-                Stroke::Line(&[[2.0, 0.0], [2.0, 2.0]]),
-                Stroke::Line(&[[2.5, 0.0], [2.5, 2.0], [3.5, 2.0], [3.5, 0.0], [2.5, 0.0]]),
-                Stroke::Line(&[[3.5, 1.0], [4.0, 1.0]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 1.0], [4.0, 1.0]],
-        },
         ..Kind::PLAIN
     };
 

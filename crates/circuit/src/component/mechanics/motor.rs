@@ -1,6 +1,4 @@
-use crate::component::{
-    Acts, Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table,
-};
+use crate::component::{Acts, Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::Motor as Part;
 use math::Lane;
 
@@ -26,7 +24,6 @@ impl Component for MotorComponent {
             ("impulse_n_s", "N s", "integral of the force over time, since the start"),
             ("work_j", "J", "work done on the mass, since the start"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -46,13 +43,3 @@ impl Component for MotorComponent {
 
 /// Force whose stretch is the error scale, N.
 const USUAL_FORCE: f64 = 100.0;
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
-        Stroke::Arc([2.0, 1.0], 1.0, [0.0, 360.0]),
-        Stroke::Text([2.0, 1.0], "M"),
-    ],
-    when: &[],
-    ports: &[[0.0, 1.0]],
-};

@@ -1,6 +1,6 @@
 use crate::component::{
-    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals,
-    axis, gas, table,
+    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Port, Quantity, Terminals, axis, gas,
+    table,
 };
 use crate::part::PistonSide;
 use math::Lane;
@@ -39,18 +39,6 @@ impl Component for Bare {
             ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
             ("b.temperature_k", "K", "temperature in chamber b"),
         ],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 0.0], [12.0, 0.0]]),
-                Stroke::Line(&[[0.0, 4.0], [12.0, 4.0]]),
-                Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]),
-                Stroke::Line(&[[3.8, 2.0], [15.0, 2.0]]),
-                Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-                Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]),
-            ],
-            when: &[],
-            ports: &[[1.0, -1.0], [11.0, -1.0], [15.0, 2.0]],
-        },
         ..Kind::PLAIN
     };
 

@@ -1,8 +1,7 @@
 //! Platforms as components.
 
 use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Quantity, Row, Stroke, Symbol, Terminals, axis, count,
-    join,
+    Acts, Brings, Build, Component, Instance, Kind, Quantity, Row, Terminals, axis, count, join,
 };
 use crate::ground::{AxisId, Error};
 use crate::part::Platform;
@@ -124,32 +123,6 @@ const TEXT: &str = "A platform on legs. Its coordinates q are states, and the po
     (M + J^T D J) q'' = J^T (F - D c) - h. F is the force of each leg, D the mass inside its friction, J = dx/dq, and \
     c = x'' at q'' = 0. M and h follow from the weighted points of platform, rods and barrels. ";
 
-const LEG: &[Stroke] = &[Stroke::Line(&[[0.0, 0.0], [0.0, 3.0]]), Stroke::Arc([0.0, 3.3], 0.3, [0.0, 360.0])];
-/// A plate on legs.
-const THREE: Symbol = Symbol {
-    strokes: &[
-        Stroke::at(LEG, 1.0),
-        Stroke::at(LEG, 3.0),
-        Stroke::at(LEG, 5.0),
-        Stroke::Line(&[[0.0, 3.6], [6.0, 3.6], [6.0, 4.0], [0.0, 4.0], [0.0, 3.6]]),
-    ],
-    when: &[],
-    ports: &[[1.0, 0.0], [3.0, 0.0], [5.0, 0.0]],
-};
-const SIX: Symbol = Symbol {
-    strokes: &[
-        Stroke::at(LEG, 1.0),
-        Stroke::at(LEG, 3.0),
-        Stroke::at(LEG, 5.0),
-        Stroke::at(LEG, 7.0),
-        Stroke::at(LEG, 9.0),
-        Stroke::at(LEG, 11.0),
-        Stroke::Line(&[[0.0, 3.6], [12.0, 3.6], [12.0, 4.0], [0.0, 4.0], [0.0, 3.6]]),
-    ],
-    when: &[],
-    ports: &[[1.0, 0.0], [3.0, 0.0], [5.0, 0.0], [7.0, 0.0], [9.0, 0.0], [11.0, 0.0]],
-};
-
 macro_rules! platform {
     ($(#[$attribute:meta])* $name:ident($kind:ident) = $key:literal, $title:literal, $text:expr, $rows:expr, $outputs:expr, [$($leg:literal),*]) => {
         $(#[$attribute])*
@@ -161,7 +134,6 @@ macro_rules! platform {
                 title: $title,
                 text: $text,
                 ports: &[$(axis($leg, false)),*],
-                symbol: if MechanismKind::$kind.count() == 3 { THREE } else { SIX },
                 parameters: $rows,
                 outputs: $outputs,
                 ..Kind::PLAIN
@@ -257,14 +229,6 @@ impl Component for PlatformDriven {
             ("impulse_n_s", "N s", "time integral of the force"),
             ("force_n", "N", "force of the axis in +x: gas, springs, end stops and load, minus friction"),
         ],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 0.5], [0.0, 2.0], [3.0, 2.0], [3.0, 0.5], [0.0, 0.5]]),
-                Stroke::Line(&[[3.0, 1.0], [4.0, 1.0]]),
-            ],
-            when: &[],
-            ports: &[[4.0, 1.0]],
-        },
         ..Kind::PLAIN
     };
 

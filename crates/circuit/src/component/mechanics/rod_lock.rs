@@ -1,5 +1,5 @@
 use crate::component::valves::switching::{Drives, armature};
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::Lock;
 use math::Lane;
 
@@ -33,17 +33,6 @@ impl Component for RodLock {
             ("position", "1", "closing of the jaws, 0 to 1"),
             ("force_n", "N", "force of the grip, positive if it pushes towards -x"),
         ],
-        symbol: Symbol {
-            strokes: &[
-                Stroke::Line(&[[0.0, 2.0], [4.0, 2.0]]),
-                Stroke::Line(&[[1.0, 2.3], [3.0, 2.3], [3.0, 3.0], [1.0, 3.0], [1.0, 2.3]]),
-                Stroke::Line(&[[1.0, 1.7], [3.0, 1.7], [3.0, 1.0], [1.0, 1.0], [1.0, 1.7]]),
-                Stroke::Line(&[[2.0, 4.0], [2.0, 3.0]]),
-                Stroke::Line(&[[2.0, 0.0], [2.0, 1.0]]),
-            ],
-            when: &[],
-            ports: &[[0.0, 2.0]],
-        },
         ..Kind::PLAIN
     };
 

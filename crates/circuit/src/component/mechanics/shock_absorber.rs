@@ -1,5 +1,5 @@
-use crate::component::mechanics::bumper::{MET_FROM, SIDE, meets};
-use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
+use crate::component::mechanics::bumper::{SIDE, meets};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::ShockAbsorber as Oil;
 use math::Lane;
 
@@ -31,7 +31,6 @@ impl Component for ShockAbsorberComponent {
         },
         choices: &[SIDE],
         outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -52,20 +51,3 @@ impl Component for ShockAbsorberComponent {
         build.column(own, 0, Quantity::Force(part));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
-        Stroke::Line(&[[1.0, 0.2], [1.0, 1.8]]),
-        Stroke::Line(&[[1.7, 0.4], [1.7, 1.6]]),
-        Stroke::Line(&[[1.7, 1.0], [3.4, 1.0]]),
-        Stroke::Line(&[[3.4, 0.35], [3.4, 1.65]]),
-        Stroke::Line(&[[2.6, 0.2], [4.6, 0.2], [4.6, 1.8], [2.6, 1.8]]),
-        Stroke::Line(&[[4.6, 0.0], [4.6, 2.0]]),
-        Stroke::Line(&[[4.6, 1.9], [5.1, 1.4]]),
-        Stroke::Line(&[[4.6, 1.3], [5.1, 0.8]]),
-        Stroke::Line(&[[4.6, 0.7], [5.1, 0.2]]),
-    ],
-    when: MET_FROM,
-    ports: &[[0.0, 1.0]],
-};

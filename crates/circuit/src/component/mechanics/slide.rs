@@ -1,5 +1,5 @@
 use crate::component::{
-    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
+    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Terminals, axis, table,
 };
 use math::Lane;
 use std::f64::consts::FRAC_PI_2;
@@ -25,7 +25,6 @@ impl Component for Slide {
             ("acceleration_m_s2", "m/s2", "acceleration"),
             ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -45,16 +44,3 @@ impl Component for Slide {
         build.inner_states(own, axis);
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
-        Stroke::Line(&[[1.0, 0.7], [1.0, 3.3], [5.0, 3.3], [5.0, 0.7], [1.0, 0.7]]),
-        Stroke::Text([3.0, 2.0], "m"),
-        Stroke::Arc([2.0, 0.35], 0.35, [0.0, 360.0]),
-        Stroke::Arc([4.0, 0.35], 0.35, [0.0, 360.0]),
-        Stroke::Line(&[[0.3, 0.0], [5.7, 0.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 2.0]],
-};

@@ -1,6 +1,4 @@
-use crate::component::{
-    Build, Choice, Component, Extra, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis,
-};
+use crate::component::{Build, Choice, Component, Extra, Instance, Kind, Quantity, Terminals, axis};
 use crate::part::{Along, TableForce};
 use math::Lane;
 use physics::Parameter;
@@ -34,20 +32,7 @@ const KIND: Kind = Kind {
     ports: &[axis("1", false)],
     choices: &[SHAPE],
     outputs: &[("force_n", "N", "force in +x")],
-    symbol: CURVE,
     ..Kind::PLAIN
-};
-
-/// A box with a curve in it.
-pub(in crate::component) const CURVE: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, 4.0], [5.0, 4.0], [5.0, 0.0], [1.0, 0.0]]),
-        Stroke::Line(&[[1.6, 3.4], [1.6, 0.8], [4.4, 0.8]]),
-        Stroke::Line(&[[1.6, 1.2], [2.5, 1.5], [3.3, 2.7], [4.2, 3.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 2.0]],
 };
 
 /// Returns the curve through the points of a component.

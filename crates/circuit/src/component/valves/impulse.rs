@@ -1,8 +1,7 @@
-use crate::component::valves::boxes::{FIVE_TWO, FIVE_TWO_PORTS, SOLENOID};
 use crate::component::valves::switching::{EXHAUST, FIVE, OPENS, SHUTS, five};
 use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Starting, Stroke, Symbol,
-    Terminals, Timing, table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Starting, Terminals,
+    Timing, table,
 };
 use crate::part::Armature;
 use math::Lane;
@@ -14,7 +13,6 @@ impl Component for Impulse52 {
     const KIND: Kind = Kind {
         key: "valve/impulse-5/2",
         title: "5/2 impulse valve",
-        symbol: SYMBOL,
         text: "Two coils and no spring: command 1 opens 1 to 4 and 2 to 3, command -1 opens 1 to 2 and 4 to 5, and without a \
                command, 0, the valve keeps its position. After a command the armature waits for the dead time, then it \
                travels at a constant rate to the end, even if the command ends; edges of one port are never open at \
@@ -51,6 +49,3 @@ impl Component for Impulse52 {
         five(own, at, (signal, [OPENS, SHUTS, SHUTS, OPENS]), build);
     }
 }
-
-const SYMBOL: Symbol =
-    Symbol { strokes: &[FIVE_TWO, Stroke::at(SOLENOID, 4.0)], when: &[], ports: FIVE_TWO_PORTS };

@@ -1,8 +1,6 @@
 use crate::circuit::Path;
-use crate::component::valves::boxes::CHECK;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
-    pilot, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, pilot, table,
 };
 use crate::part::Poppet;
 use math::Lane;
@@ -33,7 +31,6 @@ impl Component for PilotedCheckValve {
                 "Rise dp_full above p_c at which it is fully open, a difference";
         },
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -54,9 +51,3 @@ impl Component for PilotedCheckValve {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[CHECK, Stroke::Dashed(&[[-3.0, 1.0], [-1.2, 1.0], [-0.5, 1.7]])],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 4.0], [-3.0, 1.0]],
-};

@@ -1,7 +1,7 @@
 use crate::circuit::Path;
 use crate::component::{
     Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, Variable, exhaust, gas, table,
+    Terminals, Variable, exhaust, gas, table,
 };
 use crate::part::{InputId, Regulator, SecondOrder};
 use math::Lane;
@@ -85,7 +85,6 @@ impl Component for PressureRegulator {
         choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "set pressure, absolute")],
         outputs: OUTPUTS,
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -117,7 +116,6 @@ impl Component for ElectroPneumatic {
         choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "commanded pressure, absolute")],
         outputs: OUTPUTS,
-        symbol: ELECTRIC,
         ..Kind::PLAIN
     };
 
@@ -142,42 +140,3 @@ impl Component for ElectroPneumatic {
         }
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-2.0, 1.0], [-2.0, 5.0], [2.0, 5.0], [2.0, 1.0], [-2.0, 1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 6.0]]),
-        Stroke::Head([[0.0, 5.0], [-0.35, 4.2], [0.35, 4.2]]),
-        Stroke::Line(&[
-            [-2.0, 3.0],
-            [-2.15, 3.5],
-            [-2.4, 2.5],
-            [-2.65, 3.5],
-            [-2.9, 2.5],
-            [-3.15, 3.5],
-            [-3.3, 3.0],
-        ]),
-        Stroke::Line(&[[-3.2, 1.9], [-2.3, 3.9]]),
-        Stroke::Head([[-2.1, 4.3], [-2.6, 3.9], [-2.1, 3.7]]),
-        Stroke::Dashed(&[[0.0, 5.5], [2.6, 5.5], [2.6, 4.0], [2.0, 4.0]]),
-        Stroke::Line(&[[2.0, 2.0], [3.0, 2.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 6.0], [3.0, 2.0]],
-};
-
-const ELECTRIC: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[-2.0, 1.0], [-2.0, 5.0], [2.0, 5.0], [2.0, 1.0], [-2.0, 1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 6.0]]),
-        Stroke::Head([[0.0, 5.0], [-0.35, 4.2], [0.35, 4.2]]),
-        Stroke::Line(&[[-2.0, 2.0], [-4.0, 2.0], [-4.0, 4.0], [-2.0, 4.0]]),
-        Stroke::Line(&[[-3.3, 4.0], [-2.7, 2.0]]),
-        Stroke::Line(&[[-4.0, 1.6], [-2.6, 4.2]]),
-        Stroke::Head([[-2.3, 4.7], [-2.85, 4.25], [-2.4, 4.0]]),
-        Stroke::Dashed(&[[0.0, 5.5], [2.6, 5.5], [2.6, 4.0], [2.0, 4.0]]),
-        Stroke::Line(&[[2.0, 2.0], [3.0, 2.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 6.0], [3.0, 2.0]],
-};

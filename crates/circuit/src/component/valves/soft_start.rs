@@ -1,7 +1,6 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
-    table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
 };
 use crate::ground::Error;
 use crate::part::Latch;
@@ -33,7 +32,6 @@ impl Component for SoftStart {
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -66,31 +64,3 @@ impl Component for SoftStart {
         build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[
-        Stroke::Dashed(&[[-5.0, 1.0], [-5.0, 8.0], [5.0, 8.0], [5.0, 1.0], [-5.0, 1.0]]),
-        Stroke::Line(&[[0.0, 0.0], [0.0, 2.0], [2.0, 2.0], [2.0, 3.0]]),
-        Stroke::Line(&[[2.0, 5.0], [2.0, 7.0], [0.0, 7.0], [0.0, 9.0]]),
-        Stroke::Dot([0.0, 2.0], 0.2),
-        Stroke::Dot([0.0, 7.0], 0.2),
-        Stroke::Dot([2.0, 6.0], 0.2),
-        Stroke::Line(&[[0.0, 2.0], [-3.0, 2.0], [-3.0, 7.0], [0.0, 7.0]]),
-        Stroke::Arc([-4.1, 4.5], 0.8, [-55.0, 55.0]),
-        Stroke::Arc([-1.9, 4.5], 0.8, [125.0, 235.0]),
-        Stroke::Line(&[[-3.8, 3.7], [-2.4, 5.1]]),
-        Stroke::Head([[-2.1, 5.4], [-2.65, 5.2], [-2.3, 4.85]]),
-        Stroke::Line(&[[-1.0, 3.0], [-1.0, 5.0], [3.0, 5.0], [3.0, 3.0], [-1.0, 3.0]]),
-        Stroke::Line(&[[1.0, 3.0], [1.0, 5.0]]),
-        Stroke::Line(&[[0.0, 3.0], [0.0, 5.0]]),
-        Stroke::Head([[0.0, 5.0], [-0.3, 4.3], [0.3, 4.3]]),
-        Stroke::Line(&[[2.0, 3.0], [2.0, 3.5]]),
-        Stroke::Line(&[[1.75, 3.5], [2.25, 3.5]]),
-        Stroke::Line(&[[2.0, 5.0], [2.0, 4.5]]),
-        Stroke::Line(&[[1.75, 4.5], [2.25, 4.5]]),
-        Stroke::Line(&[[3.0, 4.0], [3.1, 4.4], [3.3, 3.6], [3.5, 4.4], [3.7, 3.6], [3.9, 4.4], [4.0, 4.0]]),
-        Stroke::Dashed(&[[2.0, 6.0], [-1.6, 6.0], [-1.6, 4.0], [-1.0, 4.0]]),
-    ],
-    when: &[],
-    ports: &[[0.0, 0.0], [0.0, 9.0]],
-};

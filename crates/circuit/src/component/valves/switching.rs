@@ -1,11 +1,7 @@
 use crate::circuit::Path;
-use crate::component::valves::boxes::{
-    ABOVE, BELOW, CLOSED, EXHAUSTS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, FIVE_TWO, FIVE_TWO_PORTS,
-    PRESSURISES, SHUT, SHUT_ABOVE, SOLENOID, SPRING, TWO_BOXES, UP, VENTS,
-};
 use crate::component::{
     Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Pulses, Quantity, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
+    Terminals, Timing, exhaust, gas, table,
 };
 use crate::ground::{Error, GasId};
 use crate::part::{Armature, Edge, Held};
@@ -155,7 +151,6 @@ impl Component for Switching22 {
     const KIND: Kind = Kind {
         key: "valve/switching-2/2",
         title: "2/2 switching valve",
-        symbol: TWO_TWO,
         text: text!("One path between ports 1 and 2 that the command opens, or shuts."),
         ports: &[gas("1"), gas("2")],
         parameters: table! {
@@ -196,7 +191,6 @@ impl Component for Switching32 {
     const KIND: Kind = Kind {
         key: "valve/switching-3/2",
         title: "3/2 switching valve",
-        symbol: THREE_TWO,
         text: text!(
             "Port 2 is open to the exhaust 3, and to the supply 1 under a command; normally open: reversed."
         ),
@@ -285,7 +279,6 @@ impl Component for Switching52 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/2",
         title: "5/2 switching valve",
-        symbol: Symbol { strokes: &[FIVE_TWO, Stroke::at(SPRING, 4.0)], when: &[], ports: FIVE_TWO_PORTS },
         text: text!("1 to 2 and 4 to 5 are open; under a command 1 to 4 and 2 to 3."),
         ..FIVE
     };
@@ -303,7 +296,6 @@ impl Component for Switching53 {
     const KIND: Kind = Kind {
         key: "valve/switching-5/3",
         title: "5/3 switching valve",
-        symbol: THREE_POSITIONS,
         text: text!(
             "Under command 1, 1 to 4 and 2 to 3 are open; under -1, 1 to 2 and 4 to 5; under 0 the paths of the centre."
         ),
@@ -327,40 +319,3 @@ impl Component for Switching53 {
         five(own, at, (signal, edges), build);
     }
 }
-
-const TWO_TWO: Symbol = Symbol {
-    strokes: &[
-        TWO_BOXES,
-        Stroke::mirrored(SOLENOID, -4.0),
-        Stroke::at(SPRING, 4.0),
-        Stroke::at(BELOW, 2.0),
-        Stroke::at(ABOVE, 2.0),
-    ],
-    when: &[
-        ("closed", &[Stroke::at(SHUT, 2.0), Stroke::at(SHUT_ABOVE, 2.0), Stroke::at(UP, -2.0)]),
-        ("open", &[Stroke::at(UP, 2.0), Stroke::at(SHUT, -2.0), Stroke::at(SHUT_ABOVE, -2.0)]),
-    ],
-    ports: &[[2.0, -1.0], [2.0, 5.0]],
-};
-
-const THREE_TWO: Symbol = Symbol {
-    strokes: &[
-        TWO_BOXES,
-        Stroke::mirrored(SOLENOID, -4.0),
-        Stroke::at(SPRING, 4.0),
-        Stroke::at(BELOW, 1.0),
-        Stroke::at(ABOVE, 1.0),
-        Stroke::at(BELOW, 3.0),
-    ],
-    when: &[
-        ("closed", &[Stroke::at(VENTS, 2.0), Stroke::at(FEEDS, -2.0)]),
-        ("open", &[Stroke::at(FEEDS, 2.0), Stroke::at(VENTS, -2.0)]),
-    ],
-    ports: &[[1.0, -1.0], [1.0, 5.0], [3.0, -1.0]],
-};
-
-const THREE_POSITIONS: Symbol = Symbol {
-    strokes: &[FIVE_THREE, Stroke::mirrored(SPRING, -8.0), Stroke::at(SPRING, 8.0)],
-    when: &[("closed", CLOSED), ("exhaust", EXHAUSTS), ("pressure", PRESSURISES)],
-    ports: FIVE_THREE_PORTS,
-};

@@ -1,11 +1,7 @@
 use crate::circuit::Path;
-use crate::component::valves::boxes::{
-    ABOVE, ARROW, BELOW, CLOSED, ENDLESS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, SHUT, SHUT_ABOVE, SOLENOID,
-    THREE_BOXES, VENTS,
-};
 use crate::component::{
     Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Quantity, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
+    Terminals, Timing, exhaust, gas, table,
 };
 use crate::ground::{Error, GasId};
 use crate::part::{Edge, Held, Spool, SpoolLeak, TableEdge};
@@ -227,7 +223,6 @@ impl Component for Proportional53 {
             ("mass_flow_4_kg_s", "kg/s", "mass flow out of port 4"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
-        symbol: SYMBOL,
         ..Kind::PLAIN
     };
 
@@ -302,7 +297,6 @@ impl Component for Proportional32 {
             ("position", "1", "position of the spool"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
-        symbol: THREE_TWO,
         ..Kind::PLAIN
     };
 
@@ -327,30 +321,3 @@ impl Component for Proportional32 {
         build.column(own, 2, Quantity::Flow([to, from.map(Path::backward)]));
     }
 }
-
-const SYMBOL: Symbol = Symbol {
-    strokes: &[FIVE_THREE, ENDLESS, Stroke::at(CLOSED, 0.0), Stroke::at(ARROW, -8.0), Stroke::at(ARROW, 6.3)],
-    when: &[],
-    ports: FIVE_THREE_PORTS,
-};
-
-const THREE_TWO: Symbol = Symbol {
-    strokes: &[
-        THREE_BOXES,
-        ENDLESS,
-        Stroke::at(BELOW, -1.0),
-        Stroke::at(SHUT, -1.0),
-        Stroke::at(BELOW, 1.0),
-        Stroke::at(SHUT, 1.0),
-        Stroke::at(ABOVE, -1.0),
-        Stroke::at(SHUT_ABOVE, -1.0),
-        Stroke::at(FEEDS, -4.0),
-        Stroke::at(VENTS, 4.0),
-        Stroke::mirrored(SOLENOID, -6.0),
-        Stroke::at(ARROW, -8.0),
-        Stroke::at(SOLENOID, 6.0),
-        Stroke::at(ARROW, 6.3),
-    ],
-    when: &[],
-    ports: &[[-1.0, -1.0], [-1.0, 5.0], [1.0, -1.0]],
-};
