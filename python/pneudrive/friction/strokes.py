@@ -43,8 +43,6 @@ class MeasuredStroke:
     ----------
     stroke : Stroke
         Numbered within the samples that were read together.
-    time_s : float
-        Of its start.
     means : dict
         `MEANS`, ``mean_n`` (balance of all chosen samples), ``samples`` and ``pressure_moves_n`` (usual range of the
         pressure force). Empty for a stroke that does not count: it has not settled in a quarter of the window.
@@ -55,7 +53,6 @@ class MeasuredStroke:
     """
 
     stroke: Stroke
-    time_s: float
     means: dict[str, float]
     slip: tuple[StickSlip, StickSlip | None] | None
     peak: ReversalPeak | None = None
@@ -85,7 +82,7 @@ class Strokes:
         for stroke, covers in zip(strokes, covered.tolist(), strict=True):
             means = _means(motion, stroke, window) if covers else {}
             slip = stroke_slip(motion.recording, stroke) if means else None
-            rows.append(MeasuredStroke(stroke, float(motion.time_s[stroke.start]), means, slip))
+            rows.append(MeasuredStroke(stroke, means, slip))
         table = cls(grid, tuple(rows), balance)
         if len(table.directions) < 2:
             return table

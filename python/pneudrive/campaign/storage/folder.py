@@ -86,17 +86,18 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     usable = np.isfinite(time_s) & np.isfinite(position_m)
     usable[usable] = time_s[usable] >= np.maximum.accumulate(time_s[usable])
     time, position = time_s[usable], position_m[usable]
-    if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) <= 20 * noise_level(position):
+    noise = noise_level(position)
+    if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) <= 20 * noise:
         return numbers
     if not speed_m_s:
         moving = np.abs(speed_of(time, position, float(np.ptp(position)) / float(np.ptp(time))))
         speed_m_s = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
-    speed = speed_of(time, position, speed_m_s)
+    speed, window_s = speed_of(time, position, speed_m_s), _window_s(position, speed_m_s)
     resting = np.abs(speed) < RESTS * speed_m_s
     for begin, end in _runs(resting, False):  # moves that are only noise of the position
-        resting[begin:end] = abs(position[end] - position[begin - 1]) < SAME_PLACE * max(noise_level(position), 1e-12)
+        resting[begin:end] = abs(position[end] - position[begin - 1]) < SAME_PLACE * max(noise, 1e-12)
     for begin, end in _runs(resting, True):  # rests that are only the mean speed of a reversal
-        resting[begin:end] = time[end] - time[begin] > _window_s(position, speed_m_s)
+        resting[begin:end] = time[end] - time[begin] > window_s
     # A slow move reverses within less than a sample: the sign changes without a rest.
     turns = (np.sign(speed[1:]) * np.sign(speed[:-1]) < 0) & ~resting[1:] & ~resting[:-1]
     numbers[usable] = np.r_[0, np.cumsum(turns | np.diff(resting))]

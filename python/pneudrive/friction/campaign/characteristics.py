@@ -550,8 +550,7 @@ def fit_campaign(
         groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
         fits, problems = fit_groups(groups, laws, NO_POINTS)
         for group, by_law in fits.items():
-            own = _levels(groups[group])[0]
-            fits[group] = {law: _with_dependences(fit, found, own) for law, fit in by_law.items()}
+            fits[group] = {law: with_dependences(fit, found, groups[group]) for law, fit in by_law.items()}
         return fits, problems
 
 
@@ -563,13 +562,9 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
     sets = set(_levels(part))
     if len(sets) > 1:
         return replace(fit, dependences=Dependences(notes=(AVERAGED,), source=f"campaign {found.name}"))
-    with one_thread():
-        return _with_dependences(fit, found, sets.pop())
-
-
-def _with_dependences(fit: FrictionFit, found: CampaignCharacteristics, levels: tuple[str, str, str]) -> FrictionFit:
     viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
-    measured = dependences_of(found, viscous, levels)
+    with one_thread():
+        measured = dependences_of(found, viscous, sets.pop())
     is_of_both = fit.provenance["direction"] == "both"
     return replace(fit, dependences=measured if is_of_both else measured.without("direction"))
 
