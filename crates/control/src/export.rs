@@ -14,7 +14,7 @@ pub use traced::{LawGraph, Node, Traced, record};
 
 use crate::controller::Controller;
 use crate::course::Course;
-use crate::follower::{Ahead, Decided, Follower, Takeover};
+use crate::follower::{Ahead, Answer, Follower, Takeover};
 use crate::gains::Gain;
 use crate::hold::Hold;
 use crate::law::{AnyLaw, Law};
@@ -34,6 +34,12 @@ pub struct ExportVariable {
     pub unit: &'static str,
     /// Its meaning, in words.
     pub meaning: String,
+}
+
+impl ExportVariable {
+    fn new(name: &str, unit: &'static str, meaning: &str) -> Self {
+        ExportVariable { name: name.into(), unit, meaning: meaning.into() }
+    }
 }
 
 /// A law with its observer and its checks as graphs. All of them take [`LawProgram::inputs`], the parameters and the state, in that
@@ -92,8 +98,7 @@ pub const RESULTS: [(&str, &str, &str); 4] = [
 const SETTLED: u32 = 200;
 
 fn inputs(with_pressures: bool) -> Vec<ExportVariable> {
-    let given =
-        |name: &str, unit, meaning: &str| ExportVariable { name: name.into(), unit, meaning: meaning.into() };
+    let given = ExportVariable::new;
     let mut all = vec![given("position", "m", "measured position")];
     if with_pressures {
         for side in ["a", "b"] {
@@ -126,9 +131,7 @@ fn limits(controller: &Controller) -> Vec<(ExportVariable, f64)> {
         ("speed_limit", "m/s", "highest speed of the reference", rules.speed.min(FARTHEST)),
         ("stop_deceleration", "m/s2", "deceleration of a stop ramp", rules.stop_deceleration),
     ]
-    .map(|(name, unit, meaning, value)| {
-        (ExportVariable { name: name.into(), unit, meaning: meaning.into() }, value)
-    })
+    .map(|(name, unit, meaning, value)| (ExportVariable::new(name, unit, meaning), value))
     .into()
 }
 
@@ -245,9 +248,8 @@ impl LawRecorder<'_> {
     ) -> LawProgram {
         let (mut any, inputs) = (self.controller.law.clone(), inputs(self.with_pressures));
         let gains: Vec<(Gain, f64)> = any.gains().map(|(gain, value)| (*gain, *value)).collect();
-        let of_gain = |&(gain, value): &(Gain, f64)| {
-            (ExportVariable { name: gain.key.into(), unit: gain.unit, meaning: gain.meaning.into() }, value)
-        };
+        let of_gain =
+            |&(gain, value): &(Gain, f64)| (ExportVariable::new(gain.key, gain.unit, gain.meaning), value);
         let parameters: Vec<_> = gains.iter().map(of_gain).chain(limits(self.controller)).collect();
         let settled = self.settled();
         let memory = settled.each_ref().map(|observer| {
@@ -340,7 +342,7 @@ impl LawRecorder<'_> {
                 let GuardInputs { now, then, stands, .. } = *given;
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
-                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);
+                let Answer { command, velocity, disturbance, holds, .. } = own.command(&at, &ahead);
                 own.told(at.time, command);
                 let holds = Traced::select(holds, Traced::one(), Traced::zero());
                 results = vec![command, velocity, disturbance, holds];

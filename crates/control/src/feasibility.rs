@@ -6,7 +6,7 @@ use crate::thresholds::*;
 use crate::types::{Plant, State};
 
 /// Largest demands of a reference on a drive.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Demand {
     /// Fraction of the valve's opening; infinite if no opening suffices.
     pub opening: f64,
@@ -93,19 +93,11 @@ pub fn demand(
     let mut state = State {
         position: first.position,
         velocity: first.velocity,
-        disturbance: 0.0,
-        friction: 0.0,
         pressures: model.rest_pressures(),
         temperatures: [model.wall_temperature; 2],
+        ..State::new()
     };
-    let mut found = Demand {
-        opening: 0.0,
-        opening_time: 0.0,
-        force: 0.0,
-        speed: 0.0,
-        spool_rate: 0.0,
-        pressures: [f64::INFINITY, f64::NEG_INFINITY],
-    };
+    let mut found = Demand { pressures: [f64::INFINITY, f64::NEG_INFINITY], ..Demand::default() };
     let mut force = followed(model, &mut state, &first, step);
     let mut before = None;
     for k in 0..(factor * duration / step).ceil() as u64 {

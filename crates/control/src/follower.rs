@@ -57,28 +57,19 @@ pub(crate) struct Ahead<'r, S> {
     pub preview: &'r Course<'r>,
 }
 
-/// Decision of a law with its observer for one sample.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Decided<S: Number> {
-    pub command: S,
-    pub velocity: S,
-    pub disturbance: S,
-    pub holds: S::Mask,
-}
-
 /// Result of one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Answer {
+pub struct Answer<S: Number = f64> {
     /// The command, -1 .. 1.
-    pub command: f64,
+    pub command: S,
     /// Wanted state now.
-    pub wanted: Wanted,
+    pub wanted: Wanted<S>,
     /// Estimated velocity, m/s, and disturbance, N.
-    pub velocity: f64,
+    pub velocity: S,
     /// Disturbance, N.
-    pub disturbance: f64,
+    pub disturbance: S,
     /// It holds.
-    pub holds: bool,
+    pub holds: S::Mask,
 }
 
 impl Follower {
@@ -126,11 +117,10 @@ impl Follower {
     /// Passes a sample to the observer, and the learned values to the model.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.observe(sample);
-        let lost = self.state().is_some_and(|own| {
-            let State { position, velocity, disturbance, friction, pressures: [a, b], temperatures: [c, d] } =
-                own;
-            [disturbance, friction, a, b, c, d].iter().any(|own| !own.is_finite())
-                || !(position.abs() < FARTHEST && velocity.abs() < FARTHEST)
+        let lost = self.state().is_some_and(|mut own| {
+            let mut is_lost = !(own.position.abs() < FARTHEST && own.velocity.abs() < FARTHEST);
+            own.each(&mut |number| is_lost |= !number.is_finite());
+            is_lost
         });
         if lost {
             // The sample is much later than the last one, or far from the model: the observer starts again.
@@ -158,8 +148,7 @@ impl Follower {
             let stands = f64::from(u8::from(course.stands(sample.time, self.plant.lag)));
             let then = course.at(sample.time + self.ahead());
             let ahead = Ahead { now, then, stands, preview: course };
-            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
-            Answer { command, wanted: now, velocity, disturbance, holds }
+            self.command(sample, &ahead)
         };
         answer.command = self.takeover.smooth(sample.time, answer.command);
         answer
@@ -279,7 +268,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
     }
 
     /// Returns the command for the stored sample.
-    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
+    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Answer<S> {
         let (acts, period) = (sample.time + self.ahead(), self.period);
         let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
             unreachable!("a sample comes first")
@@ -324,7 +313,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
         let command = model.command_for(share);
         let State { velocity, disturbance, .. } = observer.state;
-        Decided { command, velocity, disturbance, holds }
+        Answer { command, wanted: ahead.now, velocity, disturbance, holds }
     }
 
     /// Returns the force that breaks a resting drive away, N, a period later:

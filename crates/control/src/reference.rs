@@ -121,7 +121,6 @@ pub struct Efforts {
 
 /// Moving mass and load of a drive at one time. A file has mass, load and rate as a list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(from = "[f64; 3]")]
 pub struct Effort {
     /// Moving mass, kg.
     pub mass: f64,
@@ -129,12 +128,6 @@ pub struct Effort {
     pub load: f64,
     /// Its rate, N/s.
     pub load_rate: f64,
-}
-
-impl From<[f64; 3]> for Effort {
-    fn from([mass, load, load_rate]: [f64; 3]) -> Self {
-        Effort { mass, load, load_rate }
-    }
 }
 
 impl Efforts {
@@ -200,7 +193,6 @@ impl Piece {
 
 /// A move to a position, from the end of the previous move. A file has begin, duration and target as a list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(from = "[f64; 3]")]
 pub struct Move {
     /// Time at which it begins, s.
     pub begin: f64,
@@ -208,12 +200,6 @@ pub struct Move {
     pub duration: f64,
     /// Target, m.
     pub to: f64,
-}
-
-impl From<[f64; 3]> for Move {
-    fn from([begin, duration, to]: [f64; 3]) -> Self {
-        Move { begin, duration, to }
-    }
 }
 
 impl Reference {

@@ -29,7 +29,7 @@ use rules::Believed;
 pub use rules::{Inputs, Reaction, Rules};
 
 /// A supervisor with its state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Supervisor {
     /// Rules of this supervisor.
     pub rules: Rules,
@@ -69,30 +69,7 @@ pub struct Supervisor {
 impl Supervisor {
     /// Adds a standby law.
     pub fn new(rules: Rules, standby: AnyLaw) -> Self {
-        Supervisor {
-            rules,
-            inputs: Inputs::default(),
-            standby,
-            serves_own: false,
-            log: Log::default(),
-            mode: Mode::Follows,
-            position: Position::default(),
-            gas: Gas::default(),
-            motion: Motion::default(),
-            clock: None,
-            correction: 0.0,
-            asked: None,
-            followed: None,
-            command: 0.0,
-            missed: 0,
-            stands_by: false,
-            braking: Braking::default(),
-            modelled: false,
-            is_held: false,
-            measures_gas: false,
-            lost_for: 0.0,
-            switched: [false; 2],
-        }
+        Supervisor { rules, standby, ..Supervisor::default() }
     }
 
     /// Returns the events.
@@ -195,16 +172,15 @@ impl Supervisor {
         let was_lost = self.position.is_lost();
         self.measures_gas = sample.pressures.is_some();
         let read = Read {
-            time: sample.time,
             reading: sample.position,
-            period: own.period,
             jitter: self.inputs.jitter,
             grain: own.grain(),
             fastest: own.plant.speed,
             is_held: self.is_held,
             by_gas: self.measures_gas && !self.gas.is_lost(),
         };
-        let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
+        let at = Moment { time: sample.time, period: own.period };
+        let believed = Believed { at, model: &own.model, last: &before, foreseen: &foreseen, edges };
         let (position, free) = self.position.checked(&read, &believed, &mut self.log);
         sample.position = position;
         if let (Some(free), Some(observer)) = (free, &mut own.observer) {
@@ -217,9 +193,7 @@ impl Supervisor {
             None,
         ];
         if let Some(pressures) = &mut sample.pressures {
-            let at = Moment { time: sample.time, period: own.period };
-            let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
-            let found = self.gas.checked(at, pressures, &believed, &mut self.log);
+            let found = self.gas.checked(pressures, &believed, &mut self.log);
             self.modelled = found.modelled;
             let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
             if on_supply == Reaction::Block && !found.starved {

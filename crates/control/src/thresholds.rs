@@ -152,8 +152,6 @@ thresholds! {
     PRESSURE_OFF: f64 = 0.3e5, "Pa", "distance from the model above which a pressure is not credible", "assumed";
     PRESSURE_OFF_FOR: f64 = 0.02, "s", "duration of this distance", "assumed";
     PRESSURE_FOLLOWS: f64 = 0.1, "s", "time in which the model follows the readings", "assumed";
-    PRESSURE_FLOW: f64 = 0.4, "1", "error of the modelled flow", "assumed";
-    PRESSURE_HARDLY_OPEN: f64 = 0.025, "1", "flow that may be completely wrong, relative to the full flow", "overlap and hysteresis of a valve that is hardly open; assumed";
     PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
     GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least pressure, and greatest relative to the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply pressure that is reported", "assumed";

@@ -137,17 +137,25 @@ pub enum Arrangement {
 impl Arrangement {
     /// True if the valves open by any fraction; otherwise they switch.
     pub fn is_proportional(&self) -> bool {
-        matches!(self, Arrangement::One | Arrangement::Pair)
+        self.armature().is_none()
+    }
+
+    /// The armature of valves that switch.
+    pub fn armature(&self) -> Option<&Armature> {
+        match self {
+            Arrangement::One | Arrangement::Pair => None,
+            Arrangement::Three(armature)
+            | Arrangement::Seven(armature)
+            | Arrangement::Pulses(armature, _) => Some(armature),
+        }
     }
 
     /// Returns how long a command of a law that is sampled with a period acts at least, s.
     pub fn acts_for(&self, period: f64) -> f64 {
-        match self {
-            Arrangement::One | Arrangement::Pair => period,
-            Arrangement::Three(armature) | Arrangement::Seven(armature) => {
-                samples(armature.arrives(), period) * period
-            }
-            Arrangement::Pulses(_, pulses) => *pulses,
+        match (self, self.armature()) {
+            (Arrangement::Pulses(_, pulses), _) => *pulses,
+            (_, Some(armature)) => samples(armature.arrives(), period) * period,
+            (_, None) => period,
         }
     }
 }

@@ -54,10 +54,7 @@ pub(crate) use functions;
 macro_rules! common {
     ($exit:ident $terminate:ident $reset:ident $get_state:ident $set_state:ident $free_state:ident $size:ident $serialise:ident $revive:ident $enter_event:ident $enter_continuous:ident $set_time:ident $set_states:ident $states:ident $rates:ident $sizes:ident $indicators:ident) => { functions! {
         $exit(instance) in &[Phase::Initialisation] => instance.begin();
-        $terminate(instance) in RUNNING => {
-            instance.kept.phase = Phase::Terminated;
-            Ok(())
-        };
+        $terminate(instance) in RUNNING => instance.pass_to(Phase::Terminated);
         $reset(instance) in ANY => instance.reset();
         $get_state(instance, target: *mut *mut KeptState) in ANY => keep(instance, target);
         $set_state(instance, kept: *mut KeptState) in ANY => instance.restore(state(kept)?);
@@ -154,10 +151,7 @@ functions! {
                 [(has_stop, stop), (has_tolerance, tolerance)].map(|(has, value)| (has != 0).then_some(value));
             instance.kept.model.set_up(start, stop, tolerance)
         };
-    fmi2EnterInitializationMode(instance) in &[Phase::Instantiated] => {
-        instance.kept.phase = Phase::Initialisation;
-        Ok(())
-    };
+    fmi2EnterInitializationMode(instance) in &[Phase::Instantiated] => instance.pass_to(Phase::Initialisation);
 
     fmi2GetReal(instance, references: *const Reference, n: usize, values: *mut f64) in ANY =>
         instance.get(given(references, n)?, room(values, n)?);

@@ -121,8 +121,10 @@ common! {
 functions! {
     fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, has_stop: bool, stop: f64)
-        in &[Phase::Instantiated] =>
-            instance.initialise(start, has_stop.then_some(stop), has_tolerance.then_some(tolerance));
+        in &[Phase::Instantiated] => {
+            instance.kept.model.set_up(start, has_stop.then_some(stop), has_tolerance.then_some(tolerance))?;
+            instance.pass_to(Phase::Initialisation)
+        };
 
     fmi3GetFloat64(instance, references: References, n: usize, values: *mut f64, n_values: usize) in ANY => {
         check_length("values", n_values, n)?;

@@ -164,18 +164,10 @@ impl FmuInstance {
         status
     }
 
-    /// Sets the start time and the optional tolerance before the run.
-    pub fn initialise(&mut self, t0: f64, stop: Option<f64>, rtol: Option<f64>) -> Result<(), CallRefusal> {
-        self.kept.model.set_up(t0, stop, rtol)?;
-        self.kept.phase = Phase::Initialisation;
-        Ok(())
-    }
-
     /// Starts the run.
     pub fn begin(&mut self) -> Result<(), CallRefusal> {
         self.kept.model.begin()?;
-        self.kept.phase = if self.outside { Phase::Event } else { Phase::Step };
-        Ok(())
+        self.pass_to(if self.outside { Phase::Event } else { Phase::Step })
     }
 
     /// Changes to another mode of model exchange.
@@ -187,8 +179,7 @@ impl FmuInstance {
     /// Resets the instance to its original state.
     pub fn reset(&mut self) -> Result<(), CallRefusal> {
         self.kept.model.reset();
-        self.kept.phase = Phase::Instantiated;
-        Ok(())
+        self.pass_to(Phase::Instantiated)
     }
 
     /// Restores a state that the tool has kept.

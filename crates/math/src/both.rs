@@ -1,7 +1,7 @@
 //! Two numbers side by side. Computations that both sides of a piston share are done once.
 
 use crate::real::{Real, functions};
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Two numbers. Every operation acts on each number, so the bits agree. Over `f64`, the compiler makes one vector
 /// instruction of both.
@@ -18,7 +18,7 @@ impl<R: Copy> Both<R> {
 }
 
 macro_rules! operators {
-    ($($trait:ident $method:ident $assign_trait:ident $assign:ident $op:tt;)*) => {$(
+    ($($trait:ident $method:ident $op:tt;)*) => {$(
         impl<R: Real> $trait for Both<R> {
             type Output = Self;
             #[inline(always)]
@@ -26,24 +26,16 @@ macro_rules! operators {
                 Both([self.0[0] $op o.0[0], self.0[1] $op o.0[1]])
             }
         }
-        operators!(@assign $assign_trait $assign $op);
     )*};
-    (@assign DivAssign div_assign $op:tt) => {};
-    (@assign $assign_trait:ident $assign:ident $op:tt) => {
-        impl<R: Real> $assign_trait for Both<R> {
-            #[inline(always)]
-            fn $assign(&mut self, o: Self) {
-                *self = *self $op o;
-            }
-        }
-    };
 }
+
 operators! {
-    Add add AddAssign add_assign +;
-    Sub sub SubAssign sub_assign -;
-    Mul mul MulAssign mul_assign *;
-    Div div DivAssign div_assign /;
+    Add add +;
+    Sub sub -;
+    Mul mul *;
+    Div div /;
 }
+crate::assign_operators!([R: Real] Both<R>);
 
 impl<R: Real> Neg for Both<R> {
     type Output = Self;

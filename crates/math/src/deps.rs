@@ -1,8 +1,8 @@
 //! Sparsity from the type: a "number" that only records the states it depends on.
 
 use crate::dual::Dual;
-use crate::real::{Over, Real};
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use crate::real::{Over, Real, functions};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A set of some of the states. One run of a right-hand side with such sets gives the columns of the Jacobian's
 /// pattern. Both sides of a `select` count, so that the pattern holds for every value and mode.
@@ -54,16 +54,7 @@ macro_rules! union_operator {
 }
 union_operator!(Add add, Sub sub, Mul mul, Div div);
 
-macro_rules! union_assign {
-    ($($trait:ident $method:ident),*) => {$(
-        impl $trait for Deps {
-            fn $method(&mut self, other: Self) {
-                *self = self.union(other);
-            }
-        }
-    )*};
-}
-union_assign!(AddAssign add_assign, SubAssign sub_assign, MulAssign mul_assign);
+crate::assign_operators!([] Deps);
 
 impl Neg for Deps {
     type Output = Self;
@@ -84,26 +75,9 @@ impl Real for Deps {
     fn fma(self, a: Self, b: Self) -> Self {
         self.union(a).union(b)
     }
-    fn sqrt(self) -> Self {
-        self
-    }
-    fn exp(self) -> Self {
-        self
-    }
-    fn ln(self) -> Self {
-        self
-    }
+    functions!(same: sqrt exp ln sin cos tanh);
     fn pow(self, exponent: Self) -> Self {
         self.union(exponent)
-    }
-    fn sin(self) -> Self {
-        self
-    }
-    fn cos(self) -> Self {
-        self
-    }
-    fn tanh(self) -> Self {
-        self
     }
     fn lt(self, _: Self) -> bool {
         false

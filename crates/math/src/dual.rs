@@ -1,7 +1,7 @@
 //! Forward-mode automatic differentiation.
 
 use crate::real::{Function, Lane, MOST_ARGUMENTS, MOST_RESULTS, Map, Over, Real};
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives. It works over any `Real`, so
 /// that lanes can have derivatives and derivatives can have lanes.
@@ -97,26 +97,7 @@ impl<R: Real, const N: usize> Neg for Dual<R, N> {
     }
 }
 
-impl<R: Real, const N: usize> AddAssign for Dual<R, N> {
-    #[inline(always)]
-    fn add_assign(&mut self, o: Self) {
-        *self = *self + o;
-    }
-}
-
-impl<R: Real, const N: usize> SubAssign for Dual<R, N> {
-    #[inline(always)]
-    fn sub_assign(&mut self, o: Self) {
-        *self = *self - o;
-    }
-}
-
-impl<R: Real, const N: usize> MulAssign for Dual<R, N> {
-    #[inline(always)]
-    fn mul_assign(&mut self, o: Self) {
-        *self = *self * o;
-    }
-}
+crate::assign_operators!([R: Real, const N: usize] Dual<R, N>);
 
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;

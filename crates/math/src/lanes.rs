@@ -3,7 +3,7 @@
 use crate::elementary;
 use crate::real::{Lane, Real, functions};
 use std::array::from_fn;
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `N` independent numbers. Every operation is that of `f64`, lane by lane, so the bits agree.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +11,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 pub struct Lanes<const N: usize>(pub [f64; N]);
 
 macro_rules! lane_operator {
-    ($($trait:ident $method:ident $assign_trait:ident $assign:ident $op:tt;)*) => {$(
+    ($($trait:ident $method:ident $op:tt;)*) => {$(
         impl<const N: usize> $trait for Lanes<N> {
             type Output = Self;
             #[inline(always)]
@@ -19,27 +19,16 @@ macro_rules! lane_operator {
                 Lanes(from_fn(|i| self.0[i] $op other.0[i]))
             }
         }
-        impl<const N: usize> $assign_trait for Lanes<N> {
-            #[inline(always)]
-            fn $assign(&mut self, other: Self) {
-                *self = *self $op other;
-            }
-        }
     )*};
 }
-lane_operator! {
-    Add add AddAssign add_assign +;
-    Sub sub SubAssign sub_assign -;
-    Mul mul MulAssign mul_assign *;
-}
 
-impl<const N: usize> Div for Lanes<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Lanes(from_fn(|i| self.0[i] / other.0[i]))
-    }
+lane_operator! {
+    Add add +;
+    Sub sub -;
+    Mul mul *;
+    Div div /;
 }
+crate::assign_operators!([const N: usize] Lanes<N>);
 
 impl<const N: usize> Neg for Lanes<N> {
     type Output = Self;

@@ -268,8 +268,38 @@ macro_rules! functions {
             self.map($of::$name)
         }
     )*};
+    (same: $($name:ident)*) => {$(
+        fn $name(self) -> Self {
+            self
+        }
+    )*};
 }
 pub(crate) use functions;
+
+/// Implements `+=`, `-=` and `*=` of a number type by its operators `+`, `-` and `*`.
+#[macro_export]
+macro_rules! assign_operators {
+    ([$($generics:tt)*] $name:ty) => {
+        impl<$($generics)*> std::ops::AddAssign for $name {
+            #[inline(always)]
+            fn add_assign(&mut self, other: Self) {
+                *self = *self + other;
+            }
+        }
+        impl<$($generics)*> std::ops::SubAssign for $name {
+            #[inline(always)]
+            fn sub_assign(&mut self, other: Self) {
+                *self = *self - other;
+            }
+        }
+        impl<$($generics)*> std::ops::MulAssign for $name {
+            #[inline(always)]
+            fn mul_assign(&mut self, other: Self) {
+                *self = *self * other;
+            }
+        }
+    };
+}
 
 /// Largest number of lanes.
 const MOST_LANES: usize = 16;

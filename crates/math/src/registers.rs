@@ -10,7 +10,7 @@
 use crate::elementary::{self, Bits};
 use crate::real::{Lane, Real, Task, Work, functions};
 use core::arch::x86_64::*;
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 macro_rules! register {
     (
@@ -25,16 +25,8 @@ macro_rules! register {
         #[derive(Clone, Copy, Debug)]
         pub struct $name($register);
 
-        register!(@operators $name: Add add AddAssign add_assign $add, Sub sub SubAssign sub_assign $sub,
-            Mul mul MulAssign mul_assign $mul,);
-
-        impl Div for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                $name(unsafe { $div(self.0, other.0) })
-            }
-        }
+        register!(@operators $name: Add add $add, Sub sub $sub, Mul mul $mul, Div div $div,);
+        $crate::assign_operators!([] $name);
 
         impl Neg for $name {
             type Output = Self;
@@ -169,18 +161,12 @@ macro_rules! register {
             }
         }
     };
-    (@operators $name:ident: $($trait:ident $method:ident $assign_trait:ident $assign:ident $intrinsic:ident,)*) => {$(
+    (@operators $name:ident: $($trait:ident $method:ident $intrinsic:ident,)*) => {$(
         impl $trait for $name {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
                 $name(unsafe { $intrinsic(self.0, other.0) })
-            }
-        }
-        impl $assign_trait for $name {
-            #[inline(always)]
-            fn $assign(&mut self, other: Self) {
-                self.0 = unsafe { $intrinsic(self.0, other.0) };
             }
         }
     )*};

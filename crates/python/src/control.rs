@@ -9,7 +9,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{IntoPyDict, PyDict, PyTuple};
 use servo::specification::{Controller, ReferenceForm, Setup};
 use servo::{COLUMNS, Led, Sensors, Servo, controller, run_together};
 use std::collections::BTreeMap;
@@ -55,25 +55,22 @@ pub fn control_tune<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, [Vec<Ruled>; 2])> {
     let spec: Controller = parse(spec)?;
     let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
-    let plant = PyDict::new(py);
-    let own = controller.plant;
-    for (name, value) in [
+    let (own, model) = (controller.plant, &controller.model);
+    let plant = [
         ("natural_frequency_rad_s", own.natural_frequency),
         ("damping_ratio", own.damping_ratio),
         ("speed_m_s", own.speed),
         ("force_rate_n_s", own.force_rate),
         ("lag_s", own.lag),
         ("coulomb_n", own.coulomb),
-        ("stroke_m", controller.model.stroke),
-    ] {
-        plant.set_item(name, value)?;
-    }
-    plant.set_item("rest_pressures_pa", controller.model.rest_pressures())?;
+        ("stroke_m", model.stroke),
+    ]
+    .into_py_dict(py)?;
+    plant.set_item("rest_pressures_pa", model.rest_pressures())?;
     plant.set_item("cylinder", axis.cylinder)?;
     plant.set_item("valves", axis.valves)?;
     plant.set_item("left_out", axis.left_out)?;
-    plant.set_item("pressure_decay_1_s", controller.model.pressure_decay())?;
-    let model = &controller.model;
+    plant.set_item("pressure_decay_1_s", model.pressure_decay())?;
     plant.set_item("least_force_shares", control::least_forces(model, 0.5 * model.stroke))?;
     let of_law = ruled(controller.law.gains());
     Ok((plant, [of_law, ruled(controller.valves.gains())]))
@@ -159,10 +156,9 @@ pub fn control_feasibility<'py>(
         let found = control::least_factor(model, plant, &reference, duration, share, &mut ask);
         stopped.map_or(Ok((is, found)), |t| Err(Error::Interrupted { t }))
     })?;
-    let told = |demand: &Demand| -> PyResult<_> {
-        let out = PyDict::new(py);
+    let told = |demand: &Demand| {
         let Demand { opening, opening_time, force, speed, spool_rate, pressures: [low, high] } = *demand;
-        for (name, value) in [
+        [
             ("valve_share", opening),
             ("valve_at_s", opening_time),
             ("force_share", force),
@@ -170,10 +166,8 @@ pub fn control_feasibility<'py>(
             ("spool_rate_per_s", spool_rate),
             ("lowest_pressure_pa", low),
             ("highest_pressure_pa", high),
-        ] {
-            out.set_item(name, value)?;
-        }
-        Ok(out)
+        ]
+        .into_py_dict(py)
     };
     let found = found.map(|(factor, demand)| Ok::<_, PyErr>((factor, told(&demand)?))).transpose()?;
     Ok((told(&is)?, found))
@@ -194,11 +188,6 @@ fn places(names: &[String]) -> PyResult<Vec<usize>> {
     names.iter().map(place).collect()
 }
 
-fn chosen<'py>(py: Python<'py>, places: &[usize], seen: &Seen) -> PyResult<Bound<'py, PyTuple>> {
-    let values = seen.values();
-    PyTuple::new(py, places.iter().map(|&place| values[place]))
-}
-
 /// Controller that is a Python callable of a tuple of numbers. NaN stands for an exception.
 struct Called {
     call: Py<PyAny>,
@@ -207,8 +196,10 @@ struct Called {
 
 impl OwnLaw for Called {
     fn step(&mut self, seen: &Seen, _reference: &Reference) -> f64 {
+        let values = seen.values();
         Python::attach(|py| -> PyResult<f64> {
-            self.call.bind(py).call1((chosen(py, &self.places, seen)?,))?.extract()
+            let chosen = PyTuple::new(py, self.places.iter().map(|&place| values[place]))?;
+            self.call.bind(py).call1((chosen,))?.extract()
         })
         .unwrap_or(f64::NAN)
     }

@@ -29,7 +29,6 @@ pub fn valves<'c>(
     let (fives, threes) = (of(PROPORTIONAL_53), of(PROPORTIONAL_32));
     let (twos, switching) = (of(SWITCHING_22), of(SWITCHING_53));
     let ports = PortJoints { circuit, cylinder, supply };
-    let exhausts = ["exhaust_conductance", "exhaust_critical_pressure_ratio"];
     let (each, arrangement) = match (&*fives, &*threes, &*switching, &*twos) {
         ([one, other, ..], ..) => {
             return refuse(format!(
@@ -41,7 +40,7 @@ pub fn valves<'c>(
         ([_], ..) => (fives, Arrangement::One),
         ([], [one, other], [], []) => {
             let each = ports.at_chambers([one, other])?;
-            same(&each, &exhausts)?;
+            same(&each)?;
             (each.to_vec(), Arrangement::Pair)
         }
         ([], [], [one], []) => {
@@ -53,16 +52,15 @@ pub fn valves<'c>(
                     one.name
                 ));
             }
-            same(&[one], &exhausts)?;
+            same(&[one])?;
             (switching.clone(), Arrangement::Three(armature(one)?))
         }
         ([], [], [], &[a, b, c, d]) => {
             let each = ports.bridge([a, b, c, d])?;
-            same(&each, &[])?;
+            same(&each)?;
             let (armature, frequency) = (armature(a)?, number(a, "pwm_frequency").unwrap_or(0.0));
-            let is_pulsed = frequency > 0.0;
-            let pulses = || Arrangement::Pulses(armature, 1.0 / frequency);
-            (each.to_vec(), if is_pulsed { pulses() } else { Arrangement::Seven(armature) })
+            let pulses = Arrangement::Pulses(armature, 1.0 / frequency);
+            (each.to_vec(), if frequency > 0.0 { pulses } else { Arrangement::Seven(armature) })
         }
         _ => return Err(none_of_them(circuit, &[&*threes, &*switching, &*twos].concat())),
     };
@@ -89,37 +87,24 @@ fn none_of_them(circuit: &Circuit, found: &[&Component]) -> Error {
     Error::Specification(format!("the circuit has {has}: {COMMANDED}"))
 }
 
-fn flow(own: &Component, gas: &IdealGas<f64>) -> Result<Iso6358<f64>, Error> {
-    let (c, b) = (given(own, "conductance")?, given(own, "critical_pressure_ratio")?);
-    let (m, linear_above) = (given(own, "subsonic_index")?, given(own, "linear_above")?);
-    let is_air = gas.is_air();
-    Ok(Iso6358::for_gas(c, b, m, linear_above, m == 0.5, gas, is_air))
-}
-
 fn valve(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Result<Valve, Error> {
-    let frequency = if arrangement.is_proportional() { given(own, "frequency")? } else { 0.0 };
-    let switching = Valve {
+    let [c, b, m, linear_above] =
+        ["conductance", "critical_pressure_ratio", "subsonic_index", "linear_above"]
+            .map(|key| given(own, key));
+    let (m, is_air) = (m?, gas.is_air());
+    // Valves that switch have no spool.
+    let of_spool =
+        |key: &str, usual: f64| if arrangement.is_proportional() { given(own, key) } else { Ok(usual) };
+    let frequency = of_spool("frequency", 0.0)?;
+    Ok(Valve {
         arrangement,
-        flow: flow(own, gas)?,
+        flow: Iso6358::for_gas(c?, b?, m, linear_above?, m == 0.5, gas, is_air),
         angular_frequency: if frequency == 0.0 { f64::INFINITY } else { TAU * frequency },
-        damping_ratio: 1.0,
-        delay: 0.0,
-        overlap: 0.0,
-        leakage: 0.0,
-        leakage_width: 1.0,
-    };
-    Ok(match arrangement {
-        Arrangement::Three(armature) | Arrangement::Seven(armature) | Arrangement::Pulses(armature, _) => {
-            Valve { delay: armature.mean(), ..switching }
-        }
-        Arrangement::One | Arrangement::Pair => Valve {
-            damping_ratio: given(own, "damping_ratio")?,
-            delay: given(own, "delay")?,
-            overlap: given(own, "overlap")?,
-            leakage: given(own, "leakage")?,
-            leakage_width: given(own, "leakage_width")?,
-            ..switching
-        },
+        damping_ratio: of_spool("damping_ratio", 1.0)?,
+        delay: of_spool("delay", arrangement.armature().map_or(0.0, |armature| armature.mean()))?,
+        overlap: of_spool("overlap", 0.0)?,
+        leakage: of_spool("leakage", 0.0)?,
+        leakage_width: of_spool("leakage_width", 1.0)?,
     })
 }
 
@@ -142,7 +127,7 @@ fn armature(own: &Component) -> Result<Armature, Error> {
 }
 
 /// Checks that valves that a law treats as equal are equal.
-fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
+fn same(each: &[&Component]) -> Result<(), Error> {
     let [first, others @ ..] = each else { return Ok(()) };
     for own in others {
         let keys = first.numbers.keys().chain(own.numbers.keys());
@@ -169,7 +154,7 @@ fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
             ("exhaust_conductance", "conductance"),
             ("exhaust_critical_pressure_ratio", "critical_pressure_ratio"),
         ];
-        for (key, usual) in pairs.into_iter().filter(|(key, _)| never.contains(key)) {
+        for (key, usual) in pairs {
             if own.numbers.get(key).is_some_and(|value| Some(*value) != number(own, usual)) {
                 return refuse(format!(
                     "{0}.{key} differs from {0}.{usual}: a law takes the paths of a valve for equal. Leave it out",

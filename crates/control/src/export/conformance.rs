@@ -2,7 +2,7 @@
 //! bit.
 
 use super::guard::GUARD;
-use super::{CHECKED, LawProgram, RESULTS};
+use super::{LawProgram, RESULTS};
 use crate::reference::{between, blend};
 use std::fmt::Write;
 
@@ -34,12 +34,12 @@ impl LawProgram {
     pub fn step(&self, own: &mut Remembered, inputs: &[f64]) -> Vec<f64> {
         let parameters: Vec<f64> = self.parameters.iter().map(|own| own.1).collect();
         let checked = self.check.run(&[inputs, &parameters, &own.guard].concat());
-        let ([opens, begins, status], rest) = (first(&checked), &checked[CHECKED.len()..]);
+        let ([opens, begins, status], rest) = checked.split_first_chunk().expect("the flags come first");
         let (inputs, guard) = rest.split_at(inputs.len());
         own.guard[..GUARD].copy_from_slice(guard);
         let mut results = vec![0.0; RESULTS.len()];
-        if opens > 0.5 {
-            let seen = if begins > 0.5 {
+        if *opens > 0.5 {
+            let seen = if *begins > 0.5 {
                 self.begin.run(&[inputs, &parameters].concat())
             } else {
                 self.observe.run(&[inputs, &parameters, &own.kept].concat())
@@ -48,7 +48,7 @@ impl LawProgram {
             own.kept = results.split_off(RESULTS.len());
         }
         own.guard[GUARD] = results[1];
-        results.push(status);
+        results.push(*status);
         results
     }
 
@@ -112,8 +112,4 @@ impl LawProgram {
         inputs.extend([stands, enabled].map(|own| f64::from(u8::from(own))));
         inputs
     }
-}
-
-fn first<const N: usize>(own: &[f64]) -> [f64; N] {
-    std::array::from_fn(|place| own[place])
 }

@@ -9,7 +9,7 @@ use formula::Operation;
 use math::{Over, Real};
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// An operation on numbers, by the indices of earlier nodes.
 pub type Node = Operation<u32>;
@@ -158,30 +158,23 @@ fn recorded(node: Node) -> Traced {
 }
 
 macro_rules! operators {
-    ($($trait:ident $method:ident $assign:ident $assigning:ident $operator:ident;)*) => {$(
+    ($($trait:ident $method:ident $operator:ident;)*) => {$(
         impl $trait for Traced {
             type Output = Self;
             fn $method(self, other: Self) -> Self {
                 recorded(Node::$operator(self.0, other.0))
             }
         }
-        operators!(assign $trait $method $assign $assigning);
     )*};
-    (assign Div $($rest:ident)*) => {};
-    (assign $trait:ident $method:ident $assign:ident $assigning:ident) => {
-        impl $assign for Traced {
-            fn $assigning(&mut self, other: Self) {
-                *self = $trait::$method(*self, other);
-            }
-        }
-    };
 }
+
 operators! {
-    Add add AddAssign add_assign Add;
-    Sub sub SubAssign sub_assign Subtract;
-    Mul mul MulAssign mul_assign Multiply;
-    Div div DivAssign div_assign Divide;
+    Add add Add;
+    Sub sub Subtract;
+    Mul mul Multiply;
+    Div div Divide;
 }
+math::assign_operators!([] Traced);
 
 macro_rules! functions {
     ($($name:ident $operation:ident),*) => {

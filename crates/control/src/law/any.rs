@@ -30,7 +30,7 @@ macro_rules! laws {
                 $(if key == <$name as Tuned>::KEY {
                     return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));
                 })*
-                (key == Own::KEY).then(|| AnyLaw::Own(Own::default()))
+                (key == Own::KEY).then(AnyLaw::default)
             }
 
             /// Key of the law in a controller file.
@@ -51,6 +51,12 @@ macro_rules! laws {
             /// Whether it follows references only, and cannot follow a path back to a reference.
             pub(crate) fn needs_reference(&self) -> bool {
                 matches!(self, AnyLaw::Own(_))
+            }
+        }
+
+        impl Default for AnyLaw {
+            fn default() -> Self {
+                AnyLaw::Own(Own::default())
             }
         }
 

@@ -28,6 +28,8 @@ const HORIZON: usize = {
 
 /// A number with its derivatives with respect to all moves.
 type ByMoves = Dual<f64, MOVES>;
+/// A number for each move.
+type Row = [f64; MOVES];
 
 /// Returns the steps of the horizon: the index of the move, and the duration of the step, s.
 fn steps() -> impl Iterator<Item = (usize, f64)> {
@@ -37,11 +39,6 @@ fn steps() -> impl Iterator<Item = (usize, f64)> {
 }
 
 type Transitions = [[[f64; 4]; 2]; 2];
-
-/// Returns the transitions of the spool over half a step and a whole one, of 1 ms and of 2 ms.
-fn transitions(tick: &Tick) -> Transitions {
-    [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)))
-}
 
 /// Parts of the horizon that do not depend on the plan. These are the transitions of the spool, and the wanted state
 /// and the growth of the load in each step.
@@ -53,7 +50,7 @@ struct Horizon {
 
 impl Horizon {
     fn of(tick: &Tick) -> Self {
-        let transitions = transitions(tick);
+        let transitions = [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)));
         let (mut wanted, mut growth, mut t) = ([Wanted::default(); HORIZON], [0.0; HORIZON], 0.0);
         let mut middle = tick.acts;
         for ((wanted, growth), (_, h)) in wanted.iter_mut().zip(&mut growth).zip(steps()) {
@@ -85,33 +82,22 @@ law! {
 
 /// Minimises x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the remaining system is solved. This
 /// repeats until no fixed value would leave its bound.
-fn within<const N: usize>(
-    h: &[[f64; N]; N],
-    g: &[f64; N],
-    low: &[f64; N],
-    high: &[f64; N],
-) -> Option<[f64; N]> {
-    let mut fixed: [Option<f64>; N] = [None; N];
-    let mut x = [0.0; N];
+fn within(h: &[Row; MOVES], g: &Row, low: &Row, high: &Row) -> Option<Row> {
+    let mut fixed = [None; MOVES];
+    let mut x = [0.0; MOVES];
     for _ in 0..NMPC_ROUNDS {
         x = solve(h, g, &fixed)?;
-        let beyond = (0..N).find_map(|i| {
-            let bound = if x[i] < low[i] {
-                low[i]
-            } else if x[i] > high[i] {
-                high[i]
-            } else {
-                return None;
-            };
-            fixed[i].is_none().then_some((i, bound))
+        let beyond = (0..MOVES).find_map(|i| {
+            let bound = x[i].clamp(low[i], high[i]);
+            (bound != x[i] && fixed[i].is_none()).then_some((i, bound))
         });
         if let Some((i, bound)) = beyond {
             fixed[i] = Some(bound);
             continue;
         }
         // A value at a bound is released if the slope of the cost points into the interior.
-        let slope = |i: usize| g[i] + (0..N).map(|j| h[i][j] * x[j]).sum::<f64>();
-        let free = (0..N).find(|&i| {
+        let slope = |i: usize| g[i] + (0..MOVES).map(|j| h[i][j] * x[j]).sum::<f64>();
+        let free = (0..MOVES).find(|&i| {
             fixed[i].is_some_and(|bound| {
                 let inward = if bound == low[i] { 1.0 } else { -1.0 };
                 slope(i) * inward < -1e-9 * g[i].abs().max(1e-9)
@@ -126,11 +112,11 @@ fn within<const N: usize>(
 }
 
 /// Returns the minimum with some numbers fixed, by a Cholesky factorisation.
-fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; N]) -> Option<[f64; N]> {
+fn solve(h: &[Row; MOVES], g: &Row, fixed: &[Option<f64>; MOVES]) -> Option<Row> {
     let (mut a, mut b) = (*h, g.map(|g| -g));
-    for i in 0..N {
+    for i in 0..MOVES {
         if let Some(value) = fixed[i] {
-            for j in 0..N {
+            for j in 0..MOVES {
                 if fixed[j].is_none() {
                     b[j] -= h[j][i] * value;
                 }
@@ -139,7 +125,7 @@ fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; 
             (a[i][i], b[i]) = (1.0, value);
         }
     }
-    for i in 0..N {
+    for i in 0..MOVES {
         for j in 0..=i {
             let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
             if i == j {
@@ -152,11 +138,11 @@ fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; 
             }
         }
     }
-    for i in 0..N {
+    for i in 0..MOVES {
         b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<f64>()) / a[i][i];
     }
-    for i in (0..N).rev() {
-        b[i] = (b[i] - (i + 1..N).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
+    for i in (0..MOVES).rev() {
+        b[i] = (b[i] - (i + 1..MOVES).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
     }
     b.iter().all(|own| own.is_finite()).then_some(b)
 }

@@ -37,7 +37,7 @@ events! {
     PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
     PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
     Supply: "supply", "Pa", "the supply pressure has fallen, or the valve does not open; value: the supply pressure that explains the filling, or the pressure of a chamber that is not filled";
-    Valve: "valve", "Pa", "the valve does not react: both pressures deviate from the model; value: the larger deviation";
+    Valve: "valve", "Pa", "the valve does not react: one chamber is not filled and the other one does not vent; value: the missing change of pressure";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
     Limit: "limit", "m", "a limit of position, speed or pressure is passed: stop ramp; value: the position";
     LimitSwitch: "limit-switch", "m", "a limit switch is reached: the command may only lead away; value: the position";

@@ -1,23 +1,18 @@
-//! Pressures against a twin of the gas: sensors, valve and supply.
+//! Pressures against the model of the gas: sensors, valve and supply.
 
 use super::event::{EventKind, Log};
 use super::rules::Believed;
-use crate::model::{ConstantGas, Model};
+use crate::model::ConstantGas;
 use crate::thresholds::*;
-use crate::types::{Moment, State};
+use crate::types::Moment;
 
 /// State of the check of a chamber's pressure.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chamber {
-    pressure: f64,
-    temperature: f64,
     last: f64,
-    /// Samples since the reading changed.
+    /// Samples since the reading changed, and the change of the pressure by the model since then, Pa.
     rests: u32,
-    /// Uncertainty of the model, Pa.
-    unsure: f64,
-    /// For how long the reading has been off, s.
-    off_for: f64,
+    moved: f64,
     /// Count of successive readings that are not a number or jump.
     bad: u32,
     is_lost: bool,
@@ -28,76 +23,40 @@ struct Chamber {
     lacks: f64,
 }
 
-/// Quantities of a chamber that the model expects for a sample. Rates in Pa/s.
-#[derive(Clone, Copy, Debug)]
-struct Expected {
-    /// State of the twin.
-    pressure: f64,
-    temperature: f64,
-    /// Pressure by the observer, Pa.
-    foreseen: f64,
-    /// Rates of the twin by flow, and of a completely open valve.
-    flow: f64,
-    full: f64,
-    /// Rates of the observed gas with the openings of the valve, on a fallen supply, and with the valve shut.
-    open: f64,
-    weak: f64,
-    shut: f64,
-    /// Openings to the supply and to the exhaust.
-    edges: [f64; 2],
-}
-
-/// Findings about a chamber's reading.
-#[derive(Clone, Copy, Debug)]
-struct ChamberFindings {
-    /// Changes by flow, Pa: measured, by the model, and by the model on a fallen supply. `None`: the reading is not
-    /// credible, or rests.
-    changes: Option<[f64; 3]>,
-    /// The supply fails to fill the chamber.
-    starves: bool,
-}
-
 impl Chamber {
     /// The reading has rested for long.
     fn rests_for(&self, period: f64) -> bool {
         f64::from(self.rests) * period >= PRESSURE_OFF_FOR
     }
 
-    /// Compares a reading p with the twin p_t, and lets the twin follow it. A reading is bad if it is not a
-    /// number, or jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. It is off if
-    ///
-    ///   |p - p_t| > PRESSURE_OFF + u,   u' = max(0.4 |q|, min(|q|, 0.025 q_full)) - u/tau
-    ///
-    /// with the uncertainty u of the twin, its rate by flow q, and tau = [`PRESSURE_FOLLOWS`].
-    fn read(&mut self, reading: f64, by: &Expected, period: f64) -> ChamberFindings {
-        let share = period / (period + PRESSURE_FOLLOWS);
-        let unsure = (PRESSURE_FLOW * by.flow).max(by.flow.min(PRESSURE_HARDLY_OPEN * by.full));
-        self.unsure += unsure * period - share * self.unsure;
-        let measured = reading - self.last - by.shut * period;
-        self.rests = if reading == self.last { self.rests + 1 } else { 0 };
+    /// The reading has rested for long, while the model moved by more than [`PRESSURE_OFF`].
+    fn is_stuck(&self, period: f64) -> bool {
+        self.rests_for(period) && self.moved.abs() > PRESSURE_OFF
+    }
+
+    /// Compares a reading with the model, whose `rates` are those of [`rates`]. A reading is bad if it is not a number,
+    /// or jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. Returns the changes by flow, Pa:
+    /// measured, by the model, and by the model on a fallen supply, or `None` if the reading is not credible or rests.
+    /// The truth value tells whether the supply fails to fill the chamber.
+    fn read(&mut self, reading: f64, i: usize, by: &Believed, rates: [f64; 3]) -> (Option<[f64; 3]>, bool) {
+        let Believed { at: Moment { period, .. }, model, last, foreseen, edges } = *by;
+        let [open, weak, shut] = rates;
+        let measured = reading - self.last - shut * period;
+        let is_same = reading == self.last;
+        (self.rests, self.moved) = if is_same { (self.rests + 1, self.moved) } else { (0, 0.0) };
+        self.moved += open * period - self.moved * period / (period + PRESSURE_FOLLOWS);
         let before = std::mem::replace(&mut self.last, reading);
         // A jump is faster than any valve fills a chamber.
-        let most = PRESSURE_OFF + (by.full + by.shut.abs()) * period;
-        let jumps = (reading - by.foreseen).abs() > most;
+        let most = PRESSURE_OFF + (model.most_rate(i, last.position) + shut.abs()) * period;
+        let jumps = (reading - foreseen.pressures[i]).abs() > most;
         self.bad = if reading.is_finite() && !jumps { 0 } else { self.bad + 1 };
-        let off = reading - by.pressure;
-        // A reading that rests while the model moves is off, however uncertain the flow is.
-        let unsure = if self.rests_for(period) { 0.0 } else { self.unsure };
-        let is_off = off.abs() > PRESSURE_OFF + unsure;
-        self.off_for = if is_off { self.off_for + period } else { 0.0 };
-        if is_off && self.rests_for(period) {
-            self.off_for = self.off_for.max(PRESSURE_OFF_FOR);
-        }
         let is_good = self.bad == 0 && !self.is_lost;
-        self.pressure = by.pressure + if is_good { share * off } else { 0.0 };
-        self.temperature = by.temperature;
-        let [supplied, vented] = by.edges;
+        let [supplied, vented] = edges[i];
         self.fills = if supplied == vented { self.fills } else { supplied > vented };
         // A resting reading does not show the flow.
         let tells = is_good && before.is_finite() && f64::from(self.rests) * period < 0.25 * PRESSURE_OFF_FOR;
-        let (flow, weak) = ((by.open - by.shut) * period, by.weak - by.shut);
-        let starves = self.starves(supplied - vented, weak, tells.then_some(measured), period);
-        ChamberFindings { changes: tells.then_some([measured, flow, weak * period]), starves }
+        let starves = self.starves(supplied - vented, weak - shut, tells.then_some(measured), period);
+        (tells.then_some([measured, (open - shut) * period, (weak - shut) * period]), starves)
     }
 
     /// Returns whether the supply fails to fill the chamber. `open` is how far the valve opens it to the supply.
@@ -155,36 +114,14 @@ pub struct GasFindings {
     pub modelled: bool,
 }
 
-/// Returns what the model expects of both chambers a period later. The twin has the observer's motion and separate
-/// pressures.
-fn expected(chambers: &[Chamber; 2], believed: &Believed, period: f64) -> [Expected; 2] {
-    let Believed { model, last: state, foreseen, edges } = *believed;
-    let mut twin = State {
-        pressures: chambers.map(|own| own.pressure),
-        temperatures: chambers.map(|own| own.temperature),
-        ..*state
-    };
-    let place = [twin.position, twin.velocity];
-    let at = |gas: &State, supply: &ConstantGas, openings| {
-        model.chambers_on(supply, place, gas.gas(), openings).pressure_rates
-    };
-    let (described, closed) = (&model.supply, [[0.0; 2]; 2]);
-    let (modelled, still) = (at(&twin, described, edges), at(&twin, described, closed));
-    // A fallen supply is detected from the actual state of the gas, not from its state on the described supply.
-    let fallen = ConstantGas { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
-    let (open, weak, shut) =
-        (at(state, described, edges), at(state, &fallen, edges), at(state, described, closed));
-    twin.advance(model, edges, period, None);
-    [0, 1].map(|i| Expected {
-        pressure: twin.pressures[i],
-        temperature: twin.temperatures[i],
-        foreseen: foreseen.pressures[i],
-        flow: (modelled[i] - still[i]).abs(),
-        full: model.most_rate(i, twin.position),
-        open: open[i],
-        weak: weak[i],
-        shut: shut[i],
-        edges: edges[i],
+/// Returns the rates of both pressures by the model, Pa/s: with the openings of the valve, with these openings on a
+/// fallen supply, and with the valve shut.
+fn rates(believed: &Believed) -> [[f64; 2]; 3] {
+    let Believed { model, last, edges, .. } = *believed;
+    let supply = &model.supply;
+    let fallen = ConstantGas { pressure: supply.pressure - SUPPLY_FALLEN, ..*supply };
+    [(supply, edges), (&fallen, edges), (supply, [[0.0; 2]; 2])].map(|(supply, edges)| {
+        model.chambers_on(supply, [last.position, last.velocity], last.gas(), edges).pressure_rates
     })
 }
 
@@ -195,28 +132,14 @@ impl Gas {
     }
 
     /// Replaces readings that are not credible by the prediction of the model.
-    pub fn checked(
-        &mut self,
-        moment: Moment,
-        readings: &mut [f64; 2],
-        believed: &Believed,
-        log: &mut Log,
-    ) -> GasFindings {
-        let Moment { time, period } = moment;
-        let Believed { model, last: state, foreseen, .. } = *believed;
-        let mut chambers = self.chambers.unwrap_or_else(|| {
-            [0, 1].map(|i| Chamber {
-                pressure: state.pressures[i],
-                temperature: state.temperatures[i],
-                last: f64::NAN,
-                ..Chamber::default()
-            })
-        });
-        let expected = expected(&chambers, believed, period);
+    pub fn checked(&mut self, readings: &mut [f64; 2], believed: &Believed, log: &mut Log) -> GasFindings {
+        let Believed { at: Moment { time, period }, foreseen, .. } = *believed;
+        let mut chambers = self.chambers.unwrap_or([Chamber { last: f64::NAN, ..Chamber::default() }; 2]);
+        let rates = rates(believed);
         let (mut found, mut starved) = (GasFindings::default(), None);
         for (i, own) in chambers.iter_mut().enumerate() {
-            let shown = own.read(readings[i], &expected[i], period);
-            if let Some(changes) = shown.changes {
+            let (changes, starves) = own.read(readings[i], i, believed, rates.map(|rate| rate[i]));
+            if let Some(changes) = changes {
                 // A late change, after the valve has shut, belongs to the flow before.
                 let side = usize::from(!own.fills);
                 for (flown, time) in
@@ -228,7 +151,7 @@ impl Gas {
                     }
                 }
             }
-            if shown.starves {
+            if starves {
                 starved = Some(readings[i]);
             }
             if own.bad >= PRESSURE_LOST && !own.is_lost {
@@ -237,12 +160,12 @@ impl Gas {
                 log.tell(time, EventKind::PressureLost, i as f64);
             }
         }
-        // Nothing is learned from a resting reading. A chamber whose sensor is lost continues from the twin.
+        // Nothing is learned from a resting reading. A chamber whose sensor is lost continues by the model.
         found.modelled = chambers.iter().any(|own| own.rests_for(period));
         let mut replaced = foreseen.pressures;
-        self.blame(moment, &mut chambers, &mut replaced, &mut found, log);
+        self.find_stuck(believed.at, &mut chambers, &mut replaced, &mut found, log);
         self.chambers = Some(chambers);
-        self.watch_supply(model, moment, starved, &mut found, log);
+        self.watch_supply(believed, starved, &mut found, log);
         for ((own, reading), replaced) in chambers.iter().zip(readings).zip(&replaced) {
             if own.bad > 0 || own.is_lost {
                 *reading = *replaced;
@@ -252,9 +175,8 @@ impl Gas {
         found
     }
 
-    /// Finds the cause if readings have been off for [`PRESSURE_OFF_FOR`]. If both chambers are off, it is the valve.
-    /// If one is off alone, it is its sensor. A chamber that lacks air on a low supply is not at fault.
-    fn blame(
+    /// Finds readings that rest while the model moves. If both rest, the valve does not react.
+    fn find_stuck(
         &mut self,
         at: Moment,
         chambers: &mut [Chamber; 2],
@@ -262,29 +184,15 @@ impl Gas {
         found: &mut GasFindings,
         log: &mut Log,
     ) {
-        let Moment { time, period } = at;
-        let stuck = chambers.map(|own| own.rests_for(period));
-        let off = chambers.map(|own| own.off_for >= PRESSURE_OFF_FOR && !own.is_lost);
-        let both = off[0] && off[1] && stuck[0] == stuck[1];
-        // On a low supply, both chambers leave the twin, which is on the described supply.
-        if both && !self.valve_told && !self.supply_told {
-            self.valve_told = true;
-            found.valve = true;
-            let away = |i: usize| (chambers[i].last - chambers[i].pressure).abs();
-            log.tell(time, EventKind::Valve, away(0).max(away(1)));
-        }
-        for i in 0..2 {
-            // If the other chamber begins to leave the model too, the fault is the valve's.
-            let [own, other] = [&chambers[i], &chambers[1 - i]];
-            let is_starved = self.supply_told && own.last < own.pressure;
-            let alone = (stuck[i] && !stuck[1 - i])
-                || (other.off_for == 0.0 && own.off_for >= 2.0 * PRESSURE_OFF_FOR && !is_starved);
-            if off[i] && !both && alone && !self.valve_told && self.low_for == 0.0 {
-                chambers[i].is_lost = true;
-                found.sensor = true;
-                log.tell(time, EventKind::PressureLost, i as f64);
-                replaced[i] = chambers[i].pressure;
-            }
+        let stuck = chambers.map(|own| own.is_stuck(at.period) && !own.is_lost && !self.valve_told);
+        if stuck == [true; 2] {
+            (self.valve_told, found.valve) = (true, true);
+            log.tell(at.time, EventKind::Valve, chambers[0].moved.abs().max(chambers[1].moved.abs()));
+        } else if let Some(i) = stuck.iter().position(|is_stuck| *is_stuck) {
+            let own = &mut chambers[i];
+            (own.is_lost, found.sensor) = (true, true);
+            log.tell(at.time, EventKind::PressureLost, i as f64);
+            replaced[i] = own.last + own.moved;
         }
     }
 
@@ -294,14 +202,8 @@ impl Gas {
     ///   (q_fill,model - q_fill q_vent,model/q_vent)/(q_fill,model - q_fill,fallen)
     ///
     /// with the changes q of the pressures by flow. A chamber that the supply does not fill is `starved`, Pa.
-    fn watch_supply(
-        &mut self,
-        model: &Model,
-        at: Moment,
-        starved: Option<f64>,
-        found: &mut GasFindings,
-        log: &mut Log,
-    ) {
+    fn watch_supply(&mut self, by: &Believed, starved: Option<f64>, found: &mut GasFindings, log: &mut Log) {
+        let Believed { at, model, .. } = *by;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
         let falls =

@@ -8,8 +8,9 @@ use crate::thresholds::{STOP_APART, STOP_NEAR};
 use crate::types::{Moment, State};
 
 /// Mode of the drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Mode {
+    #[default]
     Follows,
     /// Back to the reference.
     Returns(Fade),

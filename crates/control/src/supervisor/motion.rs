@@ -9,7 +9,6 @@ use serde::Deserialize;
 
 /// When a motion is complete. A file has tolerance, time and limit as a list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(from = "[f64; 3]")]
 pub struct MotionRules {
     /// Error within which a drive has settled, m.
     pub tolerance: f64,
@@ -17,12 +16,6 @@ pub struct MotionRules {
     pub settled_for: f64,
     /// Time within which it has to have moved, or settled, s.
     pub timeout: f64,
-}
-
-impl From<[f64; 3]> for MotionRules {
-    fn from([tolerance, settled_for, timeout]: [f64; 3]) -> Self {
-        MotionRules { tolerance, settled_for, timeout }
-    }
 }
 
 impl Default for MotionRules {

@@ -4,7 +4,7 @@ use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::Model;
 use crate::thresholds::*;
-use crate::types::{Edges, State};
+use crate::types::{Edges, Moment, State};
 
 /// State of a position sensor.
 #[derive(Clone, Debug, Default)]
@@ -52,12 +52,8 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
 /// A reading, and the state of its sensor and of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
-    /// Time, s.
-    pub time: f64,
     /// Reading, m.
     pub reading: f64,
-    /// Period, s.
-    pub period: f64,
     /// Standard deviation of the time of a reading, s.
     pub jitter: f64,
     /// Position resolution of the model, m.
@@ -90,8 +86,8 @@ impl Position {
     /// Second, the model moves by 20 counts while x rests. Third, a model with more friction, which advances without
     /// readings, is 2 mm away from x.
     pub fn checked(&mut self, read: &Read, believed: &Believed, log: &mut Log) -> (f64, Option<State>) {
-        let Read { time, reading, period, jitter, grain, fastest, .. } = *read;
-        let Believed { model, last: seen, foreseen, edges } = *believed;
+        let Read { reading, jitter, grain, fastest, .. } = *read;
+        let Believed { at: Moment { time, period }, model, last: seen, foreseen, edges } = *believed;
         if self.is_lost() {
             return (foreseen.position, None);
         }
@@ -133,8 +129,8 @@ impl Position {
 
     /// Counts the distance of the model since the reading changed. `level` is the breakaway friction, N.
     fn count(&mut self, read: &Read, believed: &Believed, level: f64) {
-        let Read { reading, period, grain, is_held, by_gas, .. } = *read;
-        let Believed { model, last: seen, foreseen, .. } = *believed;
+        let Read { reading, grain, is_held, by_gas, .. } = *read;
+        let Believed { at: Moment { period, .. }, model, last: seen, foreseen, .. } = *believed;
         // A held contact may creep in the model and stick in reality: each reading corrects the model.
         let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
         // The same holds for a contact that sticks in reality: its force is mistaken for a disturbance.
@@ -152,8 +148,8 @@ impl Position {
     /// Advances the model with more friction while the reading rests. Returns its distance from the reading, m, if the
     /// drive must have moved.
     fn dead_reckoned(&mut self, read: &Read, believed: &Believed) -> Option<f64> {
-        let Read { reading, period, grain, is_held, by_gas, .. } = *read;
-        let Believed { model, last: seen, edges, .. } = *believed;
+        let Read { reading, grain, is_held, by_gas, .. } = *read;
+        let Believed { at: Moment { period, .. }, model, last: seen, edges, .. } = *believed;
         // Without measured pressures, a law that holds drives its gas by the model alone while the drive rests.
         if self.last != Some(reading) || (is_held && !by_gas) {
             self.twin = None;

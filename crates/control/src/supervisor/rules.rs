@@ -4,7 +4,7 @@ use super::motion::MotionRules;
 use crate::model::Model;
 use crate::reference::Wanted;
 use crate::thresholds::{BLOCK_SLOW, LIMIT_ROUNDING};
-use crate::types::{Edges, State};
+use crate::types::{Edges, Moment, State};
 use serde::Deserialize;
 
 /// Reaction to a fault.
@@ -124,6 +124,8 @@ impl Default for Inputs {
 /// Prediction of the model for a sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Believed<'a> {
+    /// Time of the sample, and the period before it.
+    pub at: Moment,
     /// The model.
     pub model: &'a Model,
     /// The state at the last sample.
