@@ -16,7 +16,7 @@ pub use common::Common;
 pub(crate) use common::{log, specific_entropy};
 pub use error::Error;
 pub(crate) use error::with_unit;
-pub(crate) use gathered::gathered;
+pub(crate) use gathered::{gathered, inputs};
 pub use ids::{AxisId, GasId};
 pub use jobs::run_jobs;
 pub use lifted::DIRECTIONS;

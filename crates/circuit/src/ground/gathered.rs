@@ -1,4 +1,4 @@
-//! The usual form of a part.
+//! The usual forms of a part and of its inputs.
 
 /// Declares a part of circuits. It has numbers with one value in each lane, laws, and fields that are the same in all
 /// lanes.
@@ -20,3 +20,19 @@ macro_rules! gathered {
     };
 }
 pub(crate) use gathered;
+
+/// Inside `impl Part`: inputs that are numbers of the part, each with its name, unit and bounds.
+macro_rules! inputs {
+    ($($field:ident: $name:literal, $unit:literal, $bounds:expr);* $(;)?) => {
+        fn inputs(&self) -> &'static [$crate::ground::Input] {
+            const { &[$($crate::ground::Input { name: $name, unit: $unit, bounds: $bounds }),*] }
+        }
+        fn input(&self, input: usize) -> P {
+            [$(self.$field),*][input]
+        }
+        fn input_mut(&mut self, input: usize) -> &mut P {
+            [$(&mut self.$field),*][input]
+        }
+    };
+}
+pub(crate) use inputs;

@@ -1,4 +1,4 @@
-use crate::ground::{Between, Input, Net, Part, gathered};
+use crate::ground::{Between, Net, Part, gathered, inputs};
 use math::{Over, Real};
 use physics::flow::FlowFormula;
 use std::slice;
@@ -16,17 +16,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for FormulaPath<P> {
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "opening", unit: "1", bounds: physics::within(0.0, 1.0) }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.opening
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.opening
-    }
+    inputs! { opening: "opening", "1", physics::within(0.0, 1.0) }
 
     fn paths(&self) -> &[Between] {
         slice::from_ref(&self.path)

@@ -1,4 +1,4 @@
-use crate::ground::{Between, Common, Input, Net, Part, post_ideal};
+use crate::ground::{Between, Common, Input, Net, Part, inputs, post_ideal};
 use math::{Gather, Lane, Over, Real};
 use physics::flow::Iso6358;
 use std::slice;
@@ -52,17 +52,7 @@ impl<P: Real> Restriction<P> {
 }
 
 impl<P: Real> Part<P> for Restriction<P> {
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "opening", unit: "1", bounds: physics::within(0.0, 1.0) }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.opening
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.opening
-    }
+    inputs! { opening: "opening", "1", physics::within(0.0, 1.0) }
 
     fn paths(&self) -> &[Between] {
         slice::from_ref(&self.path)

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Input, Net, Part};
+use crate::ground::{Common, Net, Part, inputs};
 use math::{Over, Real};
 use physics::chamber::GasState;
 
@@ -37,20 +37,8 @@ impl<P: Real> Reservoir<P> {
 }
 
 impl<P: Real> Part<P> for Reservoir<P> {
-    fn inputs(&self) -> &'static [Input] {
-        const {
-            &[
-                Input { name: "pressure", unit: "Pa", bounds: physics::above(0.0) },
-                Input { name: "temperature", unit: "K", bounds: physics::above(0.0) },
-            ]
-        }
-    }
-
-    fn input(&self, input: usize) -> P {
-        if input == 0 { self.pressure } else { self.temperature }
-    }
-
-    fn input_mut(&mut self, input: usize) -> &mut P {
-        if input == 0 { &mut self.pressure } else { &mut self.temperature }
+    inputs! {
+        pressure: "pressure", "Pa", physics::above(0.0);
+        temperature: "temperature", "K", physics::above(0.0);
     }
 }

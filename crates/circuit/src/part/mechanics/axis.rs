@@ -1,4 +1,4 @@
-use crate::ground::{AxisNode, Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
+use crate::ground::{AxisNode, Common, Given, Kind, Net, Of, Own, OwnMut, Part, State, inputs};
 use math::{Lane, Over, Real};
 use ode::Accepted;
 use physics::friction::{At, Contact};
@@ -399,17 +399,7 @@ impl<P: Real> Part<P> for Axis<P> {
         states.into_iter().map(|state| state.of(Of::Axis(self.node))).collect()
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "external force", unit: "N", bounds: physics::any() }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.external_force
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.external_force
-    }
+    inputs! { external_force: "external force", "N", physics::any() }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {

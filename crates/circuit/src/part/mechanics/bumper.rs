@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, Part, gathered};
+use crate::ground::{Common, Net, Own, Part, gathered};
 use crate::part::mechanics::damper;
 use crate::part::mechanics::damper::Meets;
 use math::{Over, Real};
@@ -52,20 +52,10 @@ impl<P: Real> Part<P> for Bumper<P> {
         self.meets.push(self.force(net), net);
     }
 
-    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        [S::zero(), self.spring_energy(net), S::zero()]
-    }
-
-    fn channels(&self) -> Vec<(&'static str, Kind)> {
-        damper::CHANNELS.to_vec()
-    }
+    damper::springs!(spring_energy);
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let contact = self.meets.contact(net);
         damper::account(self.pushes(contact) * contact.1, common, out);
-    }
-
-    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        damper::standing(self.spring_energy(net), common, out);
     }
 }

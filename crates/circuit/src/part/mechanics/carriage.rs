@@ -1,4 +1,4 @@
-use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
+use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State, inputs};
 use math::{Over, Real};
 use std::f64::consts::TAU;
 
@@ -135,21 +135,9 @@ impl<P: Real> Part<P> for Carriage<P> {
         }
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        const {
-            &[
-                Input { name: "jerk", unit: "m/s3", bounds: physics::any() },
-                Input { name: "giving way", unit: "1", bounds: physics::within(0.0, 1.0) },
-            ]
-        }
-    }
-
-    fn input(&self, input: usize) -> P {
-        if input == 0 { self.jerk } else { self.giving_way }
-    }
-
-    fn input_mut(&mut self, input: usize) -> &mut P {
-        if input == 0 { &mut self.jerk } else { &mut self.giving_way }
+    inputs! {
+        jerk: "jerk", "m/s3", physics::any();
+        giving_way: "giving way", "1", physics::within(0.0, 1.0);
     }
 
     #[inline(always)]

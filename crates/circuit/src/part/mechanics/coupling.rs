@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, Part, gathered};
+use crate::ground::{Common, Net, Own, Part, gathered};
 use crate::part::mechanics::damper;
 use math::{Over, Real};
 use physics::mechanics::EndStop;
@@ -45,19 +45,9 @@ impl<P: Real> Part<P> for Coupling<P> {
         net.axis[self.from].force -= force;
     }
 
-    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        [S::zero(), self.spring_energy(net), S::zero()]
-    }
-
-    fn channels(&self) -> Vec<(&'static str, Kind)> {
-        damper::CHANNELS.to_vec()
-    }
+    damper::springs!(spring_energy);
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         damper::account(self.force(net) * self.apart(net).1, common, out);
-    }
-
-    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        damper::standing(self.spring_energy(net), common, out);
     }
 }

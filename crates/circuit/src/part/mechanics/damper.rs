@@ -13,10 +13,24 @@ pub(crate) fn account<P: Real, S: Over<P>>(work: S, common: &Common<P>, out: &mu
     out[1] = work / S::from(common.ambient_temperature);
 }
 
-/// Adds the part of the balances outside the integrals. Heat is the work done minus the energy of the springs, J.
-pub(crate) fn standing<P: Real, S: Over<P>>(spring: S, common: &Common<P>, out: &mut [S]) {
-    account(-spring, common, out);
+/// Inside `impl Part`: what a part stores in springs of this energy, and its balances. Heat is the work done minus the
+/// energy of the springs, which is not part of the integrals.
+macro_rules! springs {
+    ($energy:ident) => {
+        fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+            [S::zero(), self.$energy(net), S::zero()]
+        }
+
+        fn channels(&self) -> Vec<(&'static str, $crate::ground::Kind)> {
+            damper::CHANNELS.to_vec()
+        }
+
+        fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+            damper::account(-self.$energy(net), common, out);
+        }
+    };
 }
+pub(crate) use springs;
 
 /// Position of a contact that a mass hits from one side.
 #[derive(Clone, Debug)]

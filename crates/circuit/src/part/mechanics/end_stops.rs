@@ -1,4 +1,4 @@
-use crate::ground::{AxisNode, Common, Kind, Net, Own, Part};
+use crate::ground::{AxisNode, Common, Net, Own, Part};
 use crate::part::mechanics::damper;
 use math::{Gather, Lane, Over, Real};
 use physics::mechanics::EndStop;
@@ -203,13 +203,7 @@ impl<P: Real> Part<P> for EndStops<P> {
         out.copy_from_slice(&self.ahead(net.axis[self.axis].x));
     }
 
-    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        [S::zero(), self.spring_energy(net), S::zero()]
-    }
-
-    fn channels(&self) -> Vec<(&'static str, Kind)> {
-        damper::CHANNELS.to_vec()
-    }
+    damper::springs!(spring_energy);
 
     /// Writes the work done on the stop. A piston that leaves faster than the stop can follow has no contact, and
     /// steps may be long. The energy that the spring holds and gives to the damper is therefore not an integral.
@@ -217,9 +211,5 @@ impl<P: Real> Part<P> for EndStops<P> {
         let node = &net.axis[self.axis];
         let contact = self.contact(node.x, node.v);
         damper::account(self.force(contact) * contact.1, common, out);
-    }
-
-    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        damper::standing(self.spring_energy(net), common, out);
     }
 }

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Input, Kind, Net, Own, Part, gathered};
+use crate::ground::{Common, Kind, Net, Own, Part, gathered, inputs};
 use math::{Over, Real};
 use physics::mechanics::ForceFormula;
 
@@ -13,17 +13,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for FormulaForce<P> {
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "command", unit: "1", bounds: physics::within(-1.0, 1.0) }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.command
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.command
-    }
+    inputs! { command: "command", "1", physics::within(-1.0, 1.0) }
 
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let axis = &net.axis[self.axis];

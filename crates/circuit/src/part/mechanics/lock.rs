@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, clip, gathered};
+use crate::ground::{Common, Net, Own, OwnMut, Part, State, clip, gathered};
 use crate::part::mechanics::damper;
 use math::{Over, Real};
 
@@ -78,19 +78,9 @@ impl<P: Real> Part<P> for Lock<P> {
         dy.set([net.axis[self.axis].v - (z - kept) * S::c(1.0 / FORGETS)]);
     }
 
-    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        [S::zero(), self.energy(net), S::zero()]
-    }
-
-    fn channels(&self) -> Vec<(&'static str, Kind)> {
-        damper::CHANNELS.to_vec()
-    }
+    damper::springs!(energy);
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         damper::account(self.force(net) * net.axis[self.axis].v, common, out);
-    }
-
-    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        damper::standing(self.energy(net), common, out);
     }
 }

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Input, Kind, Net, Own, OwnMut, Part, State, gathered};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, gathered, inputs};
 use math::{Over, Real};
 
 gathered! {
@@ -40,17 +40,7 @@ impl<P: Real> Part<P> for Motor<P> {
         ]
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "velocity", unit: "m/s", bounds: physics::any() }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.velocity
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.velocity
-    }
+    inputs! { velocity: "velocity", "m/s", physics::any() }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {

@@ -1,4 +1,4 @@
-use crate::ground::{Between, Common, Given, Input, Net, Own, OwnMut, Part, State, clip, gathered};
+use crate::ground::{Between, Common, Given, Net, Own, OwnMut, Part, State, clip, gathered, inputs};
 use math::{Over, Real};
 use physics::flow::Iso6358;
 
@@ -44,17 +44,7 @@ impl<P: Real> Part<P> for Regulator<P> {
         vec![State::own("opening", "1", 1.0)]
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "set pressure", unit: "Pa", bounds: physics::above(0.0) }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.set_pressure
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.set_pressure
-    }
+    inputs! { set_pressure: "set pressure", "Pa", physics::above(0.0) }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {

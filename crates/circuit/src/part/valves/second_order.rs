@@ -1,4 +1,4 @@
-use crate::ground::{Common, Given, Input, Net, Own, OwnMut, Part, State, gathered};
+use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
 use math::{Over, Real};
 use physics::constants::P_0;
 
@@ -40,17 +40,7 @@ impl<P: Real> Part<P> for SecondOrder<P> {
         ]
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        const { &[Input { name: "command", unit: "Pa", bounds: physics::above(0.0) }] }
-    }
-
-    fn input(&self, _input: usize) -> P {
-        self.command
-    }
-
-    fn input_mut(&mut self, _input: usize) -> &mut P {
-        &mut self.command
-    }
+    inputs! { command: "command", "Pa", physics::above(0.0) }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {

@@ -1,6 +1,6 @@
 //! Positions of a valve's edges: signals between parts.
 
-use crate::ground::{Common, Given, Input, Net, Own, OwnMut, Part, State, gathered};
+use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
 use crate::part::valves::second_order::follows;
 use math::{Over, Real};
 use physics::flow::leaking;
@@ -14,22 +14,10 @@ const COMMAND: physics::Bounds = physics::within(-1.0, 1.0);
 
 macro_rules! commanded {
     ($acts:literal, $bounds:expr) => {
-        fn inputs(&self) -> &'static [Input] {
-            const {
-                &[
-                    Input { name: $acts, unit: "1", bounds: $bounds },
-                    Input { name: "command behind the play", unit: "1", bounds: COMMAND },
-                    Input { name: "command", unit: "1", bounds: COMMAND },
-                ]
-            }
-        }
-
-        fn input(&self, input: usize) -> P {
-            [self.acts, self.remembered, self.commanded][input]
-        }
-
-        fn input_mut(&mut self, input: usize) -> &mut P {
-            [&mut self.acts, &mut self.remembered, &mut self.commanded][input]
+        inputs! {
+            acts: $acts, "1", $bounds;
+            remembered: "command behind the play", "1", COMMAND;
+            commanded: "command", "1", COMMAND;
         }
     };
 }
