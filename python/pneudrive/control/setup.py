@@ -21,9 +21,11 @@ from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 _Kind = TypeVar("_Kind", bound=Described)
 SETUPS = Path(__file__).with_name("setups")
 LEAST_BITS, MOST_BITS = 4, 32  # like those of a rig's converters
-_ENCODER, _PRESSURE = (
-    {key: kind.__metadata__[0] for key, (kind, _) in KEYS[table].items()} for table in ("encoder", "pressure_sensor")
-)
+
+
+def _mark(table: str, key: str) -> marks.Quantity:
+    """Return the annotation of a key of a rig file."""
+    return KEYS[table][key][0].__metadata__[0]
 
 
 def _bits(given: object) -> int:
@@ -43,7 +45,7 @@ class PositionSensor(Described):
     """Encoder: counts of a resolution, of a position with noise."""
 
     table_name: ClassVar[str] = "sensors.position"
-    resolution_m: Annotated[float | None, _ENCODER["resolution"]] = Field(
+    resolution_m: Annotated[float | None, _mark("encoder", "resolution")] = Field(
         default=None, description="distance of two counts; absent: it shows the position itself"
     )
     noise_m: Annotated[float, marks.Quantity("m", bounds=NOT_NEGATIVE)] = Field(
@@ -59,10 +61,10 @@ class PositionSensor(Described):
 class PressureSensor(Described):
     """Pressure sensor of a chamber, with an amplifier and a converter."""
 
-    range_pa: Annotated[float, _PRESSURE["range"]] = Field(description="above ambient")
+    range_pa: Annotated[float, _mark("pressure_sensor", "range")] = Field(description="above ambient")
     bits: Bits = Field(default=None, description="resolution of the converter; absent: none")
-    noise_pa: Annotated[float, _PRESSURE["noise"]] = Field(default=0.0, description="standard deviation")
-    zero_pa: Annotated[float, _PRESSURE["zero"]] = Field(default=0.0, description="error of the zero")
+    noise_pa: Annotated[float, _mark("pressure_sensor", "noise")] = Field(default=0.0, description="standard deviation")
+    zero_pa: Annotated[float, _mark("pressure_sensor", "zero")] = Field(default=0.0, description="error of the zero")
     gain_error: Annotated[float, marks.Quantity("")] = Field(default=0.0, description="relative")
     lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")

@@ -180,19 +180,18 @@ class Search:
 
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
-        left = sum(pair.count for pair in self.unseen)
         interrupted, complete = False, False
         try:
             self._first_ranking()
             if self.provisional:
-                self._tell(self._made(left, False, False), tell)
+                self._tell(self._made(False, False), tell)
             complete = self._converge()
             self._save_air()
         except (KeyboardInterrupt, Cancelled):
             if not self.provisional:
                 raise
             interrupted = True
-        made = self._made(left, complete, interrupted)
+        made = self._made(complete, interrupted)
         if self.folder is not None:
             made.save(self.folder.folder)
         return made
@@ -203,13 +202,14 @@ class Search:
         if self.folder is not None:
             self.folder.tell(made.answer)
 
-    def _made(self, left: int, complete: bool, interrupted: bool) -> SizingResult:
+    def _made(self, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
         last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
         counts: dict[str, int] = {}
         for one in self.dropped:
             counts[one.limit] = counts.get(one.limit, 0) + one.choices
+        left = self.pruning.enumerated - sum(counts.values())
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
         if not ranked and (self.dropped or short or simulated) and (complete or not self.provisional):

@@ -172,11 +172,10 @@ def _drawn(strokes: Sequence[Mapping[str, Any]], right: float = 0.0) -> Iterator
     """Yield the shapes of strokes, moved to the right."""
     for stroke in strokes:
         if "use" in stroke:
-            part = _TABLES["parts"][stroke["use"]]
-            yield from _drawn(part, right + stroke.get("right", 0.0))
-            continue
-        points = tuple((right + x, float(y)) for x, y in stroke["points"])
-        yield Shape(**stroke | {"points": points})
+            yield from _drawn(_TABLES["parts"][stroke["use"]], right + stroke.get("right", 0.0))
+        else:
+            points = tuple((right + x, float(y)) for x, y in stroke["points"])
+            yield Shape(**{**stroke, "points": points})
 
 
 def _plain(entry: Mapping[str, Any]) -> tuple[list[Shape], list[Place]]:
