@@ -232,7 +232,7 @@ def summary(
         f"| seals | run 1 | run 3 of the same seal | {inside} of {len(run_off)} inside U | U (k = 2) of each run | "
         "differences between runs |",
         "",
-        "The project has one charged recording. Predictions are therefore tested on its halves.",
+        "Only one real recording has charged (pressurised) chambers. Predictions are therefore tested on its halves.",
         "Tanks and tubes are tested on synthetic recordings only.",
         "",
     ]
