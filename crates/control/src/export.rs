@@ -116,7 +116,7 @@ fn inputs(with_pressures: bool) -> Vec<ExportVariable> {
             all.push(given(&format!("{name}_{at}"), unit, &format!("{name} of the reference {when}")));
         }
     }
-    all.push(given("stands", "1", "1 while the reference is at rest from now until then, else 0"));
+    all.push(given("stands", "1", "1 while the reference is at rest until the present command acts, else 0"));
     all.push(given("enabled", "1", "1 while the drive may move, else 0"));
     all
 }

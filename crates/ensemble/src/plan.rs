@@ -237,7 +237,7 @@ fn in_row(member: usize, error: &Error) -> Error {
 fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
     for (member, row) in initial.values.chunks_exact(initial.width.max(1)).enumerate() {
         if let Some((name, value, rule)) = template.impossible_start(row, false) {
-            return refuse(format!("member {member}: the start {name} = {value} must be {rule}"));
+            return refuse(format!("member {member}: the start value {name} = {value} must be {rule}"));
         }
     }
     Ok(())

@@ -55,7 +55,7 @@ impl RunningLaw {
             let sample = Sample { time, position, pressures: a.zip(b).map(|(a, b)| [a, b]) };
             let answer = self.controller.step(&sample, &self.reference);
             if !answer.command.is_finite() {
-                return refuse(format!("the law gives no command at t = {} s", self.t0 + time));
+                return refuse(format!("the controller gives no finite command at t = {} s", self.t0 + time));
             }
             (self.answer, self.tick) = (Some(answer), self.tick + 1);
         }

@@ -63,7 +63,7 @@ pub enum Failure {
     Outside { t: f64 },
     #[error("event {event} fires again and again at t = {t}")]
     Chatter { t: f64, event: usize },
-    #[error("{attempts} attempts did not suffice to pass t = {t}")]
+    #[error("the budget of {attempts} attempts at a step is used up at t = {t}")]
     TooManyAttempts { t: f64, attempts: u64 },
 }
 

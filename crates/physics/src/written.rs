@@ -139,7 +139,7 @@ pub(crate) fn check_names<'a>(
 pub(crate) fn check_counts(counts: &[(&str, usize, usize)]) -> Compiled<()> {
     match counts.iter().find(|(_, count, most)| count > most) {
         Some((what, count, most)) => {
-            refuse(*what, format!("the law has {count} of them, more than the limit {most}"), "")
+            refuse(*what, format!("{what} has {count} entries, more than the limit {most}"), "")
         }
         None => Ok(()),
     }

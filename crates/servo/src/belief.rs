@@ -38,9 +38,9 @@ fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Componen
     let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
     match (each.next(), each.next()) {
         (Some(own), None) => Ok(own),
-        (None, _) => refuse(format!("the circuit has no {what}: a law commands a circuit with one")),
+        (None, _) => refuse(format!("the circuit has no {what}: a controller needs one")),
         (Some(one), Some(other)) => refuse(format!(
-            "the circuit has {} and {}: a law commands a circuit with one {what}. Describe the axis that is controlled alone",
+            "the circuit has {} and {}: a controller needs exactly one {what}. Describe only the controlled axis",
             one.name, other.name
         )),
     }

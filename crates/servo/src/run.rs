@@ -228,7 +228,7 @@ impl Servo {
     ) -> Result<[f64; COLUMNS.len()], Error> {
         let t = turn.sample.time;
         if !command.is_finite() {
-            return Err(Error::Stopped(format!("the law gives no command at t = {t} s: {command}")));
+            return Err(Error::Stopped(format!("the controller gives no command at t = {t} s: {command}")));
         }
         let mut given = controller.give(t, command);
         let specification::Setup { command_bits, computing_time_s, .. } = self.sensors.setup;

@@ -15,7 +15,7 @@ const SWITCHING_22: &str = "valve/switching-2/2";
 const SWITCHING_53: &str = "valve/switching-5/3";
 /// Valves that do not shut a chamber without a command.
 const NEVER_SHUT: [&str; 3] = ["valve/switching-3/2", "valve/switching-5/2", "valve/impulse-5/2"];
-const COMMANDED: &str = "a law commands one proportional 5/3 valve, two proportional 3/2 valves, four 2/2 switching valves or one \
+const COMMANDED: &str = "a controller commands one proportional 5/3 valve, two proportional 3/2 valves, four 2/2 switching valves or one \
                          5/3 switching valve";
 
 /// Returns the valves of a cylinder, in the order of their commands, and their data for the law.
@@ -47,8 +47,8 @@ pub fn valves<'c>(
             let centre = one.choices.get("centre").map_or("closed", String::as_str);
             if centre != "closed" {
                 return refuse(format!(
-                    "{}.centre = \"{centre}\": the valve shuts the chambers in no position, so that the drive cannot rest under \
-                     a law. Take centre = \"closed\"",
+                    "{}.centre = \"{centre}\": no position of the valve shuts the chambers, so that the drive cannot rest under \
+                     a controller. Set centre = \"closed\"",
                     one.name
                 ));
             }
@@ -73,7 +73,7 @@ fn none_of_them(circuit: &Circuit, found: &[&Component]) -> Error {
     let never = circuit.components.iter().find(|own| NEVER_SHUT.contains(&&*own.kind));
     if let Some(own) = never {
         return Error::Specification(format!(
-            "{} is a valve that shuts its chambers in no position, so that a drive on it cannot rest under a law: \
+            "no position of {} shuts the chambers, so that a controller cannot hold the drive at rest: \
              {COMMANDED}",
             own.name
         ));
@@ -111,13 +111,13 @@ fn valve(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Resu
 fn armature(own: &Component) -> Result<Armature, Error> {
     if own.choices.get("pwm_model").is_some_and(|model| model == "averaged") {
         return refuse(format!(
-            "{}.pwm_model = \"averaged\": a law commands pulses. Take pwm_model = \"exact\"",
+            "{}.pwm_model = \"averaged\": a controller commands pulses. Set pwm_model = \"exact\"",
             own.name
         ));
     }
     if own.choices.get("normally").is_some_and(|normally| normally == "open") {
         return refuse(format!(
-            "{} is normally open: a law shuts the chambers without a command. Take normally = \"closed\"",
+            "{} is normally open: without a command, a controller needs shut chambers. Set normally = \"closed\"",
             own.name
         ));
     }
@@ -135,7 +135,7 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         if let Some(key) = keys.into_iter().find(|key| number(own, key) != number(first, key)) {
             let shown = |one| number(one, key).map_or("absent".into(), |value| value.to_string());
             return refuse(format!(
-                "{}.{key} is {}, {}.{key} is {} (SI): a law takes the valves of a drive for equal",
+                "{}.{key} is {}, {}.{key} is {} (SI): a controller assumes that the valves are equal",
                 first.name,
                 shown(first),
                 own.name,
@@ -144,7 +144,7 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         }
         if choices != of_own {
             return refuse(format!(
-                "{} and {} differ in a choice: a law takes the valves of a drive for equal",
+                "{} and {} differ in a choice: a controller assumes that the valves are equal",
                 first.name, own.name
             ));
         }
@@ -157,7 +157,7 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         for (key, usual) in pairs {
             if own.numbers.get(key).is_some_and(|value| Some(*value) != number(own, usual)) {
                 return refuse(format!(
-                    "{0}.{key} differs from {0}.{usual}: a law takes the paths of a valve for equal. Leave it out",
+                    "{0}.{key} differs from {0}.{usual}: a controller assumes that both are equal. Leave it out",
                     own.name
                 ));
             }
@@ -187,7 +187,7 @@ impl<'c> PortJoints<'c> {
 
     fn missing<T>(&self, what: &str) -> Result<T, Error> {
         refuse(format!(
-            "no {what} of {}: a law commands valves that stand at the cylinder, between supply and ambient",
+            "no {what} of {}: a controller needs valves that connect the cylinder with supply and ambient",
             self.cylinder.name
         ))
     }

@@ -208,7 +208,7 @@ fn what_no_law_commands_is_refused() {
                 .insert(key.into(), value);
         }
     };
-    wrong(&number("conductance", 6e-9), four(0.0), "takes the valves of a drive for equal");
+    wrong(&number("conductance", 6e-9), four(0.0), "assumes that the valves are equal");
     let choice = |key: &'static str, option: &'static str| {
         move |own: &mut Circuit| {
             let valves = own.components.iter_mut().filter(|own| own.kind.starts_with("valve"));
@@ -216,12 +216,12 @@ fn what_no_law_commands_is_refused() {
         }
     };
     wrong(&choice("normally", "open"), four(0.0), "normally open");
-    wrong(&choice("pwm_model", "averaged"), four(100.0), "a law commands pulses");
-    wrong(&choice("centre", "exhaust"), five(), "shuts the chambers in no position");
+    wrong(&choice("pwm_model", "averaged"), four(100.0), "a controller commands pulses");
+    wrong(&choice("centre", "exhaust"), five(), "no position of the valve shuts the chambers");
     wrong(
         &|own| own.joints[1] = vec!["valve_a.2".into(), "supply.1".into()],
         pair(),
-        "stand at the cylinder",
+        "connect the cylinder with supply",
     );
     let kind = |own: &mut Circuit| {
         own.components.iter_mut().for_each(|own| {
@@ -230,7 +230,7 @@ fn what_no_law_commands_is_refused() {
             }
         })
     };
-    wrong(&kind, pair(), "cannot rest under a law");
+    wrong(&kind, pair(), "cannot hold the drive at rest");
     let mut fast = told("pid", &four(400.0));
     fast.period_s = 5e-3;
     assert!(controller(&fast, 2e-6).expect_err("pulses").to_string().contains("take a lower pwm_frequency"));

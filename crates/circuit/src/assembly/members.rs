@@ -68,7 +68,7 @@ impl Network {
                     parameters[component].push(parameter.to_string());
                     Ok(MemberNumber::Friction(component, parameter.into()))
                 }
-                _ => refuse(format!("{name} is not a parameter of a described friction law")),
+                _ => refuse(format!("{name} is not a parameter of the friction law in the description")),
             }
         };
         let numbers = names.iter().map(number).collect::<Result<_, Error>>()?;

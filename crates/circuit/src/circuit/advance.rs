@@ -103,7 +103,7 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
         ),
         Failure::TooManyAttempts { t, attempts } => (
             t,
-            format!("its budget of {attempts} attempts at a step is used up"),
+            format!("the budget of {attempts} attempts at a step is used up"),
             "a larger budget (budget = ... in Python, --budget on the command line), a shorter duration or a looser rtol",
         ),
     };

@@ -10,7 +10,7 @@ impl FmuModel {
     /// Returns the whole model as bytes.
     pub fn save(&self) -> Result<Vec<u8>, CallRefusal> {
         if self.plan.law.is_some() {
-            return refuse("the state of a controller is kept by the tool, but not as bytes");
+            return refuse("the state of a controller can be saved in memory, but not as bytes");
         }
         let mut bytes = MAGIC.to_vec();
         let flags = [self.begun, self.outside, self.running.is_some()];

@@ -96,7 +96,7 @@ impl FmuModel {
         let told = self.plan.variables.iter().filter(is_rate).count();
         if told + motion != session.state_names().len() {
             return refuse(format!(
-                "with these values the circuit has {} states, but {told} rates are described. Export the drive with them",
+                "with these values the circuit has {} states, but the description has {told} rates. Export the drive with these values",
                 session.state_names().len() - motion
             ));
         }
