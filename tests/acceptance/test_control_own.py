@@ -74,12 +74,12 @@ WRONG = {
     "no arguments": (["--law", "mine.py:Alone"], "step cannot be called", "step(t, sample, preview)"),
     "input": (["--law", "mine.py:Asks"], "there is no input 'positon'", "'position'"),
     "inputs": (["--law", "mine.py:Text"], "inputs is the text 'position'", "inputs = ('position',)"),
-    "no law": (["--law", "mine.py:Nothing"], "has no inputs: it is no law", "velocity"),
+    "no law": (["--law", "mine.py:Nothing"], "is not a control law: it has no inputs", "velocity"),
     "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
     "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
     "a library": (["--law", "yours.so:law"], "is a compiled library", "ctypes"),
     "a file names code": (["--controller", "own.toml"], "this command or call does not allow", "--allow-code"),
-    "two laws": (["--controller", "own.toml", "--law", "pid"], 'law "pid" and a controller', "Give one"),
+    "two laws": (["--controller", "own.toml", "--law", "pid"], 'law = "pid" contradicts', "Give only one"),
 }
 
 

@@ -488,7 +488,7 @@ def test_what_a_verdict_advises_is_feasible(capsys):
 
 
 SPREADS = {
-    "both": (["--spread", "standard", "--mismatch", "all"], "a spread and a mismatch are given"),
+    "both": (["--spread", "standard", "--mismatch", "all"], "a spread and a mismatch cannot be given"),
     "members": (["--members", "3"], "members = 3 without a spread"),
     "a range as a mismatch": (["--mismatch", "standard"], "is a spread"),
     "unknown": (["--spread", "standards"], "'standard'"),
@@ -533,7 +533,7 @@ WRONG_CALLS = {
         axis, "inversion", [STEP], out=".", seeds=2.0
     ),
     "R1 is a standard reference": lambda _: pn.control.reference("R1"),
-    "law and a tuning of inversion for controlled axis are given": lambda axis: pn.control.run(
+    "law and a tuning of inversion for controlled axis cannot be given together": lambda axis: pn.control.run(
         axis, "pid", reference=STEP, controller=pn.control.tune(axis, "inversion")
     ),
     "believes and a tuning of inversion": lambda axis: pn.control.run(

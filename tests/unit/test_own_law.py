@@ -155,7 +155,7 @@ REFUSED = [
     ('"bristle_deflection_m"', '"position_m"', 'a trajectory already has a column "position_m"', "another name"),
     ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
     ("above = 0, meaning", "over = 0, meaning", "parameters.coulomb.over is not a known key", "above"),
-    ("[output]", "", "force is an output, but stands under [let]", "[output]"),
+    ("[output]", "", "force is an output, but is listed under [let]", "[output]"),
     ("[output]", "[outputs]", "outputs is not a known key of a friction law", "'output'"),
     ('force = "elastic', 'forces = "elastic', "output.forces is not a known key", "force"),
     (

@@ -146,7 +146,7 @@ def run(
         _run_platform(described.circuit, reference, payload, out, plot, options)
         return
     if payload is not None:
-        raise CommandError(f"--payload {payload}", rule="for a platform", remedy="Give a mismatch, such as mass+30.")
+        raise CommandError(f"--payload {payload} is only for platforms", remedy="Give a mismatch, such as mass+30.")
     terminal.check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
     found = loop.run_prepared(prepared, seed, terminal.watch())

@@ -53,7 +53,7 @@ Port = Annotated[int, typer.Option(min=0, max=65535)]
 
 
 def opened_catalogue(folders: Sequence[Path] | None) -> AbstractContextManager[object]:
-    """Return a block in which the folders belong to the catalogue."""
+    """Return a context manager that adds the folders to the catalogue while it is open."""
     return pn.catalogue_folders(*folders) if folders else nullcontext()
 
 

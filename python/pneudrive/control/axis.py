@@ -52,7 +52,7 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
 
 
 def check_valves(belief: Circuit) -> None:
-    """Refuse valves whose flow is a table: laws know one conductance.
+    """Refuse valves whose flow is a table: controllers model a single conductance.
 
     Parameters
     ----------

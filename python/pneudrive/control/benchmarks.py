@@ -61,7 +61,7 @@ _TRUE = "true_"  # prefix of the columns of true values in the tables
 
 
 class ControlledRun(NamedTuple):
-    """One law along one reference with one seed.
+    """Run of a controller along a reference, with one seed.
 
     Attributes
     ----------
@@ -652,7 +652,7 @@ def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mis
     """Read a spread; it takes the place of a mismatch."""
     if spread is not None and mismatch is not None:
         remedy = "Write the values of the mismatch into the spread's file."
-        raise CommandError("a spread and a mismatch are given", remedy=remedy)
+        raise CommandError("a spread and a mismatch cannot be given together", remedy=remedy)
     return None if spread is None else read_mismatch(spread)
 
 

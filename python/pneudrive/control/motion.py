@@ -255,7 +255,7 @@ class Reference(Shown):
 
     @property
     def is_sine(self) -> bool:
-        """Whether it is a sine, which never rests."""
+        """Whether the reference is a sine, which never comes to rest."""
         return self.frequency_hz > 0.0
 
     @property
@@ -267,7 +267,7 @@ class Reference(Shown):
         return max(ends, default=0.0) + self.rest_s
 
     def core(self) -> dict[str, Any]:
-        """Return it in the core's form, SI."""
+        """Return the reference in the core's form, in SI."""
         if self.is_sine:
             sizes = {"amplitude_m": self.amplitude_m, "frequency_hz": self.frequency_hz}
             return {"kind": "sine", "centre_m": self.start_m, **sizes}
@@ -383,14 +383,14 @@ def _turns(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:
-    """Return a sine."""
+    """Return a sinusoidal reference."""
     sizes = f"{units.write(amplitude_m, 'm', 'mm')} {units.write(frequency_hz, '1/s', 'Hz')}"
     text = f"sine {sizes} around {units.write(centre_m, 'm', 'mm')}"
     return Reference(text, centre_m, amplitude_m=amplitude_m, frequency_hz=frequency_hz)
 
 
 def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_S) -> Reference:
-    """Return moves, one after the other."""
+    """Return a reference of moves in sequence."""
     each = (f"{move.begin_s:.9g} s: {units.write(move.to_m, 'm', 'mm')} in {move.duration_s:.9g} s" for move in moves)
     text = "; ".join([units.write(start_m, "m", "mm"), *each])
     return Reference(text, start_m, tuple(moves), rest_s=rest_s)

@@ -38,13 +38,13 @@ class RunningLaw:
     Attributes
     ----------
     call : callable
-        The command for a tuple of numbers; not a number where the law fails.
+        Function that returns the command for a tuple of input values, or NaN if the law fails.
     signals : list of str
-        The numbers.
+        Names of the input values, in their order.
     failure : OwnLawError or None
         The first failure of the law.
     stopped : BaseException or None
-        What stops more than a run, Ctrl-C for instance.
+        Exception that ends more than this run, such as KeyboardInterrupt.
     """
 
     name: str
@@ -88,7 +88,7 @@ class OwnLaw:
     name : str
         ``"mine.py:Law"``, or the name of its class.
     digest : str
-        What tells it from others: the hash of its file. Of an object, which nobody can hash, it is new each time.
+        Identity of the law: the hash of its file. For an object, which cannot be hashed, it is new each time.
     """
 
     name: str
@@ -201,7 +201,7 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
 
 
 def preview_of(motion: Mapping[str, Any]) -> Preview:
-    """Return the wanted states of a motion in the core's form."""
+    """Return the core's evaluator of the reference states of a motion."""
     return _core.ControlReference(_json(motion))
 
 

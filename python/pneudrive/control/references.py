@@ -83,7 +83,7 @@ class ReferenceFile(Described):
     @model_validator(mode="after")
     def _one_kind(self) -> ReferenceFile:
         if self.points and (self.moves or self.start_m is not None):
-            raise wrong("points", "points and moves are given", remedy="Give one: points begin at the first of them.")
+            raise wrong("points", "points exclude start and moves", remedy="Give either points, or start and moves.")
         if not self.points and self.start_m is None:
             raise wrong("start", "start is missing", remedy='For instance start = "220 mm".')
         if len(self.points) == 1:
@@ -104,7 +104,7 @@ class ReferenceFile(Described):
 
 
 def reference(given: motion.Reference | str | Path) -> motion.Reference:
-    """Read a reference.
+    """Read a reference for a drive under control.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class PositionSensor(Described):
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self) -> dict[str, float]:
-        """Return it in the core's form, SI."""
+        """Return the position sensor in the core's form, in SI."""
         return {"resolution_m": self.resolution_m or 0.0, "noise_m": self.noise_m}
 
 
@@ -70,7 +70,7 @@ class PressureSensor(Described):
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
-        """Return it in the core's form, SI, pressures absolute."""
+        """Return the pressure sensor in the core's form, in SI, with absolute pressures."""
         ends = [ambient_pa - BELOW_ZERO * self.range_pa, ambient_pa + self.range_pa]
         own = {name: getattr(self, name) for name in ("noise_pa", "zero_pa", "gain_error", "lag_s")}
         return own | {"range_pa": ends, "bits": self.bits or 0}
@@ -89,7 +89,7 @@ class ControlSensors(Described):
         for one, other in (("a", "b"), ("b", "a")):
             if getattr(self, f"pressure_{one}") is None and getattr(self, f"pressure_{other}") is not None:
                 what = f"sensors.pressure_{other} is given without sensors.pressure_{one}"
-                raise wrong(f"pressure_{other}", what, remedy="Give both, or neither: then the law models them.")
+                raise wrong(f"pressure_{other}", what, remedy="Give both, or neither: both are then simulated.")
         return self
 
 
@@ -172,7 +172,7 @@ class ControlFault(Described):
         return self
 
     def core(self) -> dict[str, Any]:
-        """Return it in the core's form, SI."""
+        """Return the fault in the core's form, in SI."""
         unit = FAULTS[self.kind][1]
         si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
         given = self.value

@@ -95,7 +95,7 @@ def export(
             raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
         return [_unit(tuning, along, read, Path(out), version)]
     if along is not None:
-        raise CommandError(f"{to} of {tuning.law} takes no reference: its inputs are one", remedy="Leave it out.")
+        raise CommandError(f"{to} of {tuning.law} takes no reference: its inputs contain it", remedy="Leave it out.")
     if to == "fmu":
         from pneudrive.fmu.package import check_fmu, write_fmu
 
@@ -177,13 +177,13 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     Raises
     ------
     CommandError
-        The law is one's own, or it commands several or switching valves.
+        The law is custom, or it commands several or switching valves.
     """
     if tuning.own is not None:
-        raise CommandError("a law of one's own cannot be part of an FMU", remedy="Choose a law of pneudrive.")
+        raise CommandError("a custom law cannot be part of an FMU", remedy="Choose a controller of pneudrive.")
     if tuning.valves:
-        what = "the FMU of a law has one command, and this drive several or switching valves"
-        raise CommandError(what, remedy="Tune the law for one proportional 5/3 valve.")
+        what = "the FMU of a controller has one command, but this drive has several or switching valves"
+        raise CommandError(what, remedy="Tune the controller for one proportional 5/3 valve.")
     form = setup.core(0, tuning.belief.ambient.pressure_pa)
     rest_pa = tuning.belief.ambient.pressure_pa
     given = [

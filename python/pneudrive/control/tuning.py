@@ -264,9 +264,9 @@ class LawModel(NamedTuple):
     Attributes
     ----------
     plant : Plant
-        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
+        Properties of the drive that matter for control: natural frequency, speed at full opening, lag, and so on.
     drive : Circuit
-        The drive as the law may believe it to be.
+        Model of the drive that the law may assume.
     """
 
     plant: Plant
@@ -275,26 +275,26 @@ class LawModel(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Viewed):
-    """A law with all its gains, for its model of the drive.
+    """A controller with all its gains, tuned for its model of the drive.
 
     Attributes
     ----------
     law : str
     period_s : float
     hold : HoldBand or None
-        Standing still; None: it never holds.
+        Limits within which the drive is held at rest; None: it is never held.
     adaptation : bool
-        It learns friction, mass and valve of its drive while it runs.
+        Whether the controller learns friction, mass and valve of its drive during a run.
     gains : tuple of TunedGain
     plant : Plant
     belief : Circuit
-        The drive as the law believes it to be.
+        Model of the drive that the controller assumes.
     source : str
-        File of that drive, or its name in the catalogue, where a controller file names one.
+        File or catalogue name of the assumed drive, if the controller file names it.
     limits : tuple of str
-        What limits the law, in words.
+        Limitations of the controller, as sentences.
     own : OwnLaw or None
-        The law, where it is one of one's own: it has no gains here.
+        Custom law, or None. A custom law has no gains here.
     supervision : Supervision
         Limits, when a motion is complete, and what is done about faults.
     valves : tuple of TunedGain
@@ -328,7 +328,7 @@ class Tuning(Viewed):
         return (*self.gains, *self.valves)
 
     def core(self) -> dict[str, Any]:
-        """Return it in the core's form, SI."""
+        """Return the controller in the core's form, in SI."""
         each = {"gains": self.gains, "valves": self.valves}
         numbers = {table: {one.key: one.value for one in own} for table, own in each.items()}
         word = self.law if self.own is None else OWN
@@ -337,7 +337,7 @@ class Tuning(Viewed):
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
     def to_toml(self, folder: str | Path = "") -> str:
-        """Write it as a controller file for a folder, with meaning and rule of each gain."""
+        """Return the text of a controller file for a folder, with meaning and rule of each gain."""
         word = self.law if self.own is None else _code_seen_from(folder, self.law)
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
@@ -360,7 +360,7 @@ class Tuning(Viewed):
         return "\n".join([*lines, ""])
 
     def save(self, path: str | Path) -> Path:
-        """Write it as a controller file. Files that it names are named from its folder.
+        """Write a controller file. Paths in the file are relative to its folder.
 
         If `believes` was a drive object, the output has no file name for it: add one as ``drive``.
 
@@ -513,8 +513,8 @@ def tune(
 def alone(tuning: Tuning, **others: object) -> Tuning:
     """Return a tuning, and reject arguments that the tuning already has."""
     for name in (name for name, one in others.items() if one is not None):
-        what = f"{name} and a tuning of {tuning.law} for {tuning.belief.name} are given"
-        raise CommandError(what, remedy="Give the tuning alone: it has a law and what that believes.")
+        what = f"{name} and a tuning of {tuning.law} for {tuning.belief.name} cannot be given together"
+        raise CommandError(what, remedy="Give only the tuning: it contains the controller and its model of the drive.")
     return tuning
 
 
@@ -539,10 +539,10 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
         {named} if table.law == OWN and isinstance(law, OwnLaw) else set()
     )
     if named is not None and not {named, _beside(str(named), Path())} & fits:
-        what = f'law "{named}" and a controller of law "{table.law}" are given'
-        raise CommandError(what, where=where, remedy="Give one.")
+        what = f'law = "{named}" contradicts the controller file, which has law = "{table.law}"'
+        raise CommandError(what, where=where, remedy="Give only one of them.")
     if table.law == OWN and named is None:
-        raise CommandError(f'law = "{OWN}" is a law that is not given', where=where, remedy="Give it as law.")
+        raise CommandError(f'law = "{OWN}" needs a custom law', where=where, remedy="Pass it as the argument law.")
     return table, folder, path, text
 
 

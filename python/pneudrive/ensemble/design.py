@@ -580,7 +580,7 @@ class EnsembleDesign(Shown):
     def posterior(
         cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0, method: str = "sobol"
     ) -> EnsembleDesign:
-        """Members with the uncertainty of a fit: jointly normal in the coordinates of its intervals.
+        """Draw members from the uncertainty of a fit: jointly normal in the coordinates of its intervals.
 
         Values that the data do not determine, and values that were not free, keep the drive's value.
 

@@ -642,7 +642,7 @@ def simulate_many(
     else:
         found = Members.of(study, frames if store is None else store.frames())
     if found.failed:
-        warn(f"{found.failed} of {size} members failed: see status and reason")
+        warn(f"{found.failed} of {size} members failed: see the columns status and reason")
     return found.dataset()
 
 

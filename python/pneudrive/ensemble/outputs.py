@@ -609,7 +609,7 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
         if names.count(name) > 1:
             raise CommandError(f"outputs: two have the name {name}", remedy='Give one another name: "NAME = ...".')
     if not made:
-        raise CommandError("outputs: nothing is kept", remedy='For instance "final(position)".')
+        raise CommandError("outputs is empty", remedy='Name an output, for instance "final(position)".')
     if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
         raise CommandError("outputs: samples have several rates", rule="all samples(...) need the same rate")
     return made

@@ -127,7 +127,7 @@ class Variation:
         return {} if self.initial is None else self.initial.to_dict()
 
     def reader(self, name: str) -> QuantityReader:
-        """Return the reader for the quantities of one number."""
+        """Return the reader of quantities, such as ``"25 mm"``, for a varied number."""
         ambient = self.drive.ambient.pressure_pa
         gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)

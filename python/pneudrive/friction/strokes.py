@@ -114,7 +114,7 @@ class Strokes:
 
     @property
     def directions(self) -> dict[int, list[int]]:
-        """Rows of the strokes that count, by direction; only directions that have any."""
+        """Indices of the evaluated strokes by direction. A direction without evaluated strokes is left out."""
         counting = [row.stroke.direction if row.means else 0 for row in self.rows]
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 

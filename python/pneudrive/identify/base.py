@@ -553,7 +553,7 @@ class Fit(Viewed):
         return entry | self.details.get(name, {})
 
     def toml(self, folder: Path | None = None) -> str:
-        """Return the text of fit.toml; with the inputs of the fit only for a file in a folder."""
+        """Return the text of fit.toml. It lists the inputs of the fit only if `folder` is given."""
         tables: dict[str, Any] = {"schema": SCHEMA, **self._first()}
         for table, values in zip(self.GROUPS, self._groups(), strict=True):
             tables |= {f"{table}.{toml.key_text(name)}": self._entry(name, value) for name, value in values.items()}

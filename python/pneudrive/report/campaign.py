@@ -106,7 +106,7 @@ def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
 
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
-    """Return statements as findings: doubts about the data are bad, values that the data do not determine are open."""
+    """Return statements as findings: ``bad`` for doubts about the data, ``open`` for undetermined values."""
 
     def state(statement: Statement) -> State:
         return "good" if statement.carried else "bad" if statement.topic == "data" else "open"

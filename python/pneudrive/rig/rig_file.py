@@ -225,7 +225,7 @@ def load_rig(
     found_in: str | None = None,
     allow_code: str | None = None,
 ) -> Rig:
-    """Return a rig.
+    """Open a rig by its name, file, address or code.
 
     Parameters
     ----------

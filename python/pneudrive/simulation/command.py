@@ -33,7 +33,7 @@ FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)],
 
 
 def steps(command: Command, times: Sequence[float] | None = None, signal: CommandInput = None) -> Steps:
-    """Read a command.
+    """Read a command as steps: times and values.
 
     Parameters
     ----------

@@ -207,7 +207,7 @@ EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 
 
 class MachineCheck(NamedTuple):
-    """One check.
+    """Check of a value of a sized drive against its limit.
 
     Attributes
     ----------
@@ -233,7 +233,7 @@ class MachineCheck(NamedTuple):
 
     @property
     def is_open(self) -> bool:
-        """Whether the drive must not be ordered yet: the check is not kept, or not decided."""
+        """Whether the drive must not be ordered yet: the check failed, or cannot be decided."""
         return self.is_kept is not True
 
     @property
@@ -287,7 +287,7 @@ def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | No
 
 
 def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> list[MachineCheck]:
-    """Return the checks of a sized drive: those that are not kept first, then those that are not decided."""
+    """Return the checks of a sized drive: failed ones first, then undecided ones, then passed ones."""
     found, cylinder = [], choice.cylinder
 
     def check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> None:

@@ -79,7 +79,7 @@ def in_words(parts: Mapping[str, str]) -> str:
 
 
 def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
-    """Return the values of a drive at a place of the ranking, from 1."""
+    """Return the values of a drive by its rank, from 1."""
     values = {
         "time out": (drive.time_out, "s"),
         "time back": (drive.time_back, "s"),
@@ -182,12 +182,12 @@ class SizingResult(Viewed):
 
     @property
     def open_checks(self) -> list[MachineCheck]:
-        """Checks of the best drive that are not kept or not decided."""
+        """Checks of the best drive that failed or cannot be decided."""
         return [check for check in self.checks if check.is_open]
 
     @property
     def ready(self) -> bool:
-        """Whether the best drive can be ordered: it meets the task, and each of its checks is kept."""
+        """Whether the best drive can be ordered: it meets the task and passes every check."""
         return self.feasible and not self.open_checks
 
     @property
@@ -285,7 +285,7 @@ class SizingResult(Viewed):
         return [self.answer, *(f"{f.text} {f.remedy}".rstrip() for f in self.findings), *self.remarks]
 
     def circuit(self, place: int = 0) -> Circuit:
-        """Return the circuit at a place of the ranking, with its settings, ready to run."""
+        """Return the circuit at a rank, from 0, with its settings, ready to run."""
         drive = self.ranked[place]
         return circuit_of(self.task, drive.parts, Setting(**drive.setting))
 

@@ -113,7 +113,7 @@ class IdentifiedAxis:
     SCORES = ("assumed drive", "RMSE", "largest error", "RMSE, learning", "largest error, learning")
 
     def section(self) -> Section:
-        """Return the section of a report."""
+        """Return the results as a section of a report."""
         said = (
             "A rodless axis differs from its datasheet. Its friction is measured in a campaign on a rig. Its valve is "
             f"identified from its response to command steps. {LAW} is tuned from the description and runs "

@@ -138,7 +138,7 @@ Value = StrictStr | StrictInt | FiniteFloat
 
 
 def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
-    """Return the check of a number of a request; a text that is not a number is out of bounds, too."""
+    """Return the validator of a number in a request. Text that is not a number is out of bounds."""
 
     def check(given: Any, read: Any, info: Any) -> Any:  # noqa: ANN401 - signature of pydantic
         try:

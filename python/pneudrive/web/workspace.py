@@ -75,7 +75,7 @@ class Workspace:
 
     @classmethod
     def at(cls, folder: Path) -> Workspace:
-        """Open a folder.
+        """Open a folder as a workspace.
 
         Raises
         ------

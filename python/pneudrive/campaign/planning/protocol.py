@@ -66,7 +66,7 @@ class MovingAverage(Quantity):
         return given
 
     def show(self, value: float) -> str | float:
-        """Return it as users write it."""
+        """Return the value as users write it."""
         return "none" if value == 1 else int(value)
 
     def schema(self) -> dict[str, Any]:
@@ -86,7 +86,7 @@ class AxisPosition:
         return low_m + self.value * (high_m - low_m) if self.relative else self.value
 
     def __str__(self) -> str:
-        """Return it as users write it."""
+        """Return the value as users write it."""
         return units.write_share(self.value) if self.relative else units.write(self.value, "m", "mm")
 
     @property
@@ -114,7 +114,7 @@ class PositionMark(Mark):
             raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
 
     def show(self, value: AxisPosition) -> str:
-        """Return it as users write it."""
+        """Return the value as users write it."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
@@ -137,7 +137,7 @@ class BetweenPositions(PositionMark):
         return low, high
 
     def show(self, value: tuple[AxisPosition, AxisPosition]) -> str:  # type: ignore[override]
-        """Return it as users write it."""
+        """Return the value as users write it."""
         return f"{value[0]} .. {value[1]}"
 
     def schema(self) -> dict[str, Any]:
@@ -234,7 +234,7 @@ class ListOf(Mark):
         return tuple(map(self.mark.named, value))
 
     def schema(self) -> dict[str, Any]:
-        """Return the schema of its written forms."""
+        """Return the JSON schema of the forms in which users write levels."""
         entry = self.mark.schema()
         if isinstance(self.mark, Quantity):
             entry.pop("description")

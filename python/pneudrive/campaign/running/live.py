@@ -226,7 +226,7 @@ SHOWN = 4000
 
 
 class LiveFiles(Display):
-    """A display that writes files.
+    """Display of a running campaign that writes its progress to files.
 
     Parameters
     ----------

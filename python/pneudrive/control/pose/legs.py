@@ -140,7 +140,7 @@ def check_path(
     coupled = float(np.abs(needs.couplings).max())
     if coupled > MOST_COUPLED:
         said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
-        warn(f"{said}: the controllers of single legs may oscillate; inversion stands more of it than nmpc")
+        warn(f"{said}: the controllers of single legs may oscillate; inversion tolerates more coupling than nmpc")
     most = {"force": 0.0, "speed": 0.0}
     for i, tuning in enumerate(tunings):
         name, x, v = platform.legs[i].name, needs.positions_m[:, i], needs.velocities_m_s[:, i]

@@ -250,11 +250,11 @@ class Tracked:
 
     @property
     def percent(self) -> float:
-        """Root of the mean square in percent of the amplitude; NaN if the reference stands."""
+        """Root of the mean square in percent of the amplitude; NaN if the reference is at rest."""
         return 100.0 * self.rmse / self.amplitude if self.amplitude > 0.0 else float("nan")
 
     def error(self) -> str:
-        """Return the root of the mean square in percent of the amplitude, or with its unit if the reference stands."""
+        """Return the root of the mean square in percent of the amplitude, or with its unit for a reference at rest."""
         return self._written(self.rmse) if np.isnan(self.percent) else f"{self.percent:.3g} %"
 
     def shown(self, name: str) -> list[ShownValue]:

@@ -117,7 +117,7 @@ class Written(Described):
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
             remedy = "Write [output] above this key, because a key belongs to the table above it."
-            raise wrong(f"let.{misplaced}", f"{misplaced} is an output, but stands under [let]", remedy=remedy)
+            raise wrong(f"let.{misplaced}", f"{misplaced} is an output, but is listed under [let]", remedy=remedy)
         for key in output:
             if key not in outputs:
                 rule = f"it needs {needed}, in {unit}"

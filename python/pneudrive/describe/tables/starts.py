@@ -76,7 +76,7 @@ def start_place(initial: Mapping[str, object], name: str) -> dict[str, float]:
 
 
 def pose_text(platform: Platform, pose: Array) -> str:
-    """Return places, m, and angles, rad, in words."""
+    """Return a pose (m, rad) of a platform as text, in mm and degrees."""
     each = zip(coordinate_keys(platform), pose, platform.coordinates, strict=True)
     shown = (
         (key, 1e3 * value, "mm") if name.endswith(_METRES) else (key, degrees(value), "deg")

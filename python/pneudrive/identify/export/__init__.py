@@ -505,7 +505,7 @@ def check_tool(to: str) -> None:
 
 
 def export(curve: SlidingCurve, to: str) -> Exported:
-    """Convert a curve.
+    """Convert a friction curve to the format of another tool.
 
     Parameters
     ----------

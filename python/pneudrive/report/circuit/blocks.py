@@ -101,7 +101,7 @@ class Block:
         return self.x + self.ports[name][0], self.y + self.ports[name][1]
 
     def rectangle(self) -> Box:
-        """Return its rectangle."""
+        """Return the bounding box at the position of the block."""
         low_x, low_y, high_x, high_y = self.box
         return self.x + low_x, self.y + low_y, self.x + high_x, self.y + high_y
 
@@ -146,7 +146,7 @@ def text_width(text: str, points: float) -> float:
 
 
 def blocks(circuit: Circuit) -> dict[str, Block]:
-    """Return a block for each component, without a place."""
+    """Return a block for each component. Positions are set later."""
     return {name: _block(name, one) for name, one in circuit.components.items()}
 
 

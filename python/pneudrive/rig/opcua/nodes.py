@@ -41,7 +41,7 @@ STEPS = {"step.position": "to_m", "step.speed": "speed_m_s", "step.duration": "d
 
 
 class Verb(IntEnum):
-    """Verb of a command. From 101 on: simulated rigs only."""
+    """Code of a command. Codes from 101 are for simulated rigs only."""
 
     HOME = 1
     MOVE = 2

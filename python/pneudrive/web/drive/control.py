@@ -105,7 +105,7 @@ class ControlRequest(PageRequest):
         )
 
     def run(self, workspace: Workspace, limit: RunLimit | None = None) -> tuple[Prepared, Run]:
-        """Run it.
+        """Run the drive under control.
 
         Raises
         ------

@@ -249,7 +249,7 @@ def edited(text: str, key: str, value: str | float) -> str:
         at = at[name]
         if (file := str(at)).startswith(FILE_PREFIX):
             file = file.removeprefix(FILE_PREFIX).strip()
-            raise CommandError(f"{key} stands in {file}", remedy="Change it in that file.")
+            raise CommandError(f"{key} is set in {file}", remedy="Change it in that file.")
         if hasattr(at, "keys") and hasattr(at.get("value"), "keys"):
             at = at["value"]  # a table with one origin: { value = { a = ..., b = ... }, assumed = ... }
         if not hasattr(at, "keys"):

@@ -73,7 +73,7 @@ class RunLimit:
 
 
 class RunRequest(PageRequest):
-    """A run, checked as far as possible without its drive.
+    """Request for a run, checked as far as possible before its drive is read.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ class CircuitText:
         self.added: dict[str, str] = {}  # name -> kind
         self.gone: set[str] = set()
         if "connections" not in self.document:
-            raise CommandError("this file gives no connections", remedy="Change it in the text.")
+            raise CommandError("this file has no list of connections", remedy="Edit the text instead.")
 
     @property
     def _chains(self) -> Any:  # noqa: ANN401 - an array of tomlkit

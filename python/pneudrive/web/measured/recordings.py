@@ -219,7 +219,7 @@ class ViewRequest(PageRequest):
 
     @property
     def span(self) -> tuple[float, float]:
-        """From and to.
+        """Start and end of the view, s.
 
         Raises
         ------
