@@ -283,7 +283,7 @@ formula = "file:flow.toml"
 flow_table = [{ opening = -1 }, { opening = 1 }]
 """
     said = {
-        "components.hose.formula.name": "components.hose.formula.name stands in flow.toml",
+        "components.hose.formula.name": "components.hose.formula.name is set in flow.toml",
         "components.valve.flow_table": "components.valve.flow_table is a table of points",
     }
     for key, what in said.items():
