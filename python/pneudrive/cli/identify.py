@@ -83,7 +83,7 @@ def fit(
     laws : LAW,...
         Laws to compare, separated by commas; a single law is fitted. Default: all.
     pressure
-        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
+        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all but none.
     hold_out
         Groups for cross-validation: pressure, speed, recording, or a column of the map.
     direction

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -429,22 +428,12 @@ def _mixed(scores: Array, by: Array) -> Array:
 
 
 def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
-    del size
-    sequence = _sequence(d, seed, threading.get_ident())
-    if sequence.num_generated > first:
-        sequence.reset()
-    if sequence.num_generated < first:
-        sequence.fast_forward(first - sequence.num_generated)
+    sequence = qmc.Sobol(d, scramble=True, rng=seed)
+    if first:
+        sequence.fast_forward(first)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # SciPy warns if a chunk is not a power of 2
         return sequence.random(last - first) + HALF_CELL
-
-
-@lru_cache(maxsize=4)
-def _sequence(d: int, seed: int, thread: int) -> qmc.Sobol:
-    """Return the sequence of a thread. Chunks mostly come in order, and it goes on from the last one."""
-    del thread
-    return qmc.Sobol(d, scramble=True, rng=seed)
 
 
 @lru_cache(maxsize=2)

@@ -219,6 +219,9 @@ def _with_stops(
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
+#: Forces of a cycle in SUMMARY, and the values of a cycle without both directions: forces, and the reason.
+FORCES = ("friction_n", "offset_n", "stderr_n")
+NO_POINT = (np.nan, np.nan, np.nan, "")
 #: Columns of the cycles of a campaign -> their types. `friction_n` and `offset_n` are half the difference and half the
 #: sum of both directions over the common range of position, NaN if a direction is missing; `stderr_n` is the standard
 #: error of `friction_n` from noise within the cycle only. `began_s` counts from the first cycle, `travel_m` up to the
@@ -227,17 +230,8 @@ SUMMARY = {
     **dict.fromkeys(("index", "block", "repeat", "day"), "Int64"),
     **dict.fromkeys(("key", "kind", *LEVELS), "String"),
     **dict.fromkeys(("pressure_a_pa", "pressure_b_pa", "speed_m_s", "began_s", "travel_m", "temperature_k"), "Float64"),
-    **dict.fromkeys(("friction_n", "offset_n", "stderr_n"), "Float64"),
+    **dict.fromkeys(FORCES, "Float64"),
     "flags": "List",
-}
-
-
-#: Values of a cycle without both directions.
-NO_POINT = {
-    "friction_n": float("nan"),
-    "offset_n": float("nan"),
-    "stderr_n": float("nan"),
-    "reason": "",
 }
 
 
@@ -246,21 +240,19 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     import polars as pl
 
     types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in SUMMARY.items()}
-    names = {
-        "friction_n": "friction_n",
-        "offset_n": "offset_n",
-        "stderr_n": "friction_stderr_n",
-        "reason": "reason",
-    }
-    of_points = {} if points is None else {name: points[column] for name, column in names.items()}
-    at = {} if points is None else {key: row for row, key in enumerate(points["key"])}
+    point_of = {}
+    if points is not None:
+        columns = (points[name] for name in ("key", "friction_n", "offset_n", "friction_stderr_n", "reason"))
+        point_of = {key: values for key, *values in zip(*columns, strict=True)}
     rows = []
     for cycles in (reading.sliding, reading.tares):
         found = cycles.columns | {"began_s": cycles["elapsed_s"], "speed_m_s": cycles.over_sides("velocity_m_s")}
         for i, (key, condition) in enumerate(zip(cycles["key"], cycles["condition"], strict=True)):
             row = {name: values[i] for name, values in found.items() if name in SUMMARY} | vars(condition)
-            point = {name: values[at[key]] for name, values in of_points.items()} if key in at else NO_POINT
-            rows.append(row | point | {"flags": [*row["flags"], *filter(None, [point["reason"]])]})
+            *forces, reason = point_of.get(key, NO_POINT)
+            row |= dict(zip(FORCES, forces, strict=True))
+            row["flags"] = [*row["flags"], *filter(None, [reason])]
+            rows.append(row)
     return pl.DataFrame(rows, schema=types).sort("index", maintain_order=True)
 
 

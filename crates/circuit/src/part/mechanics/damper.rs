@@ -13,8 +13,8 @@ pub(crate) fn account<P: Real, S: Over<P>>(work: S, common: &Common<P>, out: &mu
     out[1] = work / S::from(common.ambient_temperature);
 }
 
-/// Inside `impl Part`: what a part stores in springs of this energy, and its balances. Heat is the work done minus the
-/// energy of the springs, which is not part of the integrals.
+/// Inside `impl Part`: the energy that the springs of a part store, and the part of its balances outside the integrals.
+/// Heat is the work done minus this energy.
 macro_rules! springs {
     ($energy:ident) => {
         fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
