@@ -17,7 +17,7 @@ COVERAGE = Path(__file__).parent / "coverage.json"
 CASES = {
     "A": "full stroke of a drive, 2 s",
     "B": "creeping with stick-slip, 5 s",
-    "C": "10 s of position control at 1 kHz, former loop inside the core",
+    "C": "10 s of position control at 1 kHz",
 }
 SOLVERS = (
     "numbalsoda LSODA, controller in Numba",

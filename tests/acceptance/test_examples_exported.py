@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -60,6 +61,10 @@ def test_an_example_is_exported(path, tmp_path, export):
         export(path, "--to", "fmu", "--fmi", version, "--out", file)
         assert validate_fmu(str(file)) == []
     export(path, "--to", "c", "--out", tmp_path / "c")
+    link = ("example.c", "-L.", "-lpneudrive", "-Wl,-rpath,$ORIGIN", "-o", "example")
+    subprocess.run(["gcc", *link], cwd=tmp_path / "c", check=True)
+    done = subprocess.run(["./example"], cwd=tmp_path / "c", check=True, capture_output=True)
+    assert len(done.stdout.splitlines()) == 101
     (plan,) = [json.loads(file.read_text()) for file in (tmp_path / "c").rglob("*.json")]
     names = [variable["name"] for variable in plan["variables"]]
     assert len(names) == len(set(names))

@@ -41,8 +41,8 @@ def test_the_example_moves_as_a_session_does(folder):
     lines = compiled(folder, "example")
     session = DRIVE.start(rtol=1e-7)
     for k, line in enumerate(lines):
-        assert float(line.split()[2]) == session.read("position_m"), line
-        session.set("command", 0.6 if k < 50 else -0.4)
+        assert float(line.split()[4]) == session.read("position_m"), line
+        session.set("command", 1.0 if k < 50 else 0.0)
         session.advance(session.time + 1e-3)
     assert len(lines) == 101
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import pneudrive as pn
-from page.test_journeys import Open
+from page.test_journeys import Open, reach
 from pneudrive.fmu.description import read_fmu
 
 if TYPE_CHECKING:
@@ -49,22 +49,13 @@ class Mouse:
 class Keyboard(Mouse):
     """Hands that never touch the mouse: Tab to what is wanted, then Enter, Space or arrows."""
 
-    def focus(self, selector: str) -> None:
-        wanted = self.page.locator(selector).first
-        wanted.wait_for()
-        for _ in range(300):
-            if wanted.evaluate("(element) => element === document.activeElement"):
-                return
-            self.page.keyboard.press("Tab")
-        raise AssertionError(f"Tab does not reach {selector}")
-
     def click(self, selector: str) -> None:
-        self.focus(selector)
+        reach(self.page, selector)
         if self.page.evaluate("!document.activeElement.matches('input, textarea')"):
             self.page.keyboard.press("Enter")
 
     def drag(self, selector: str, by: float) -> None:
-        self.focus(selector)
+        reach(self.page, selector)
         self.page.keyboard.press("ArrowLeft" if by > 0 else "ArrowRight")
 
 

@@ -384,22 +384,26 @@ COLUMN_OF_DARK_PIXELS = """(share) => {
 }"""
 
 
+def reach(page: object, selector: str) -> None:
+    """Move the focus to an element with Tab, from where it is."""
+    target = page.locator(selector).first
+    target.wait_for(timeout=60_000)
+    for _ in range(400):
+        if target.evaluate("element => element === element.getRootNode().activeElement"):
+            return
+        page.keyboard.press("Tab")
+    raise AssertionError(f"Tab does not reach {selector}")
+
+
 def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
     tab = open_tab(server.address)
     page = tab.page
-    page.wait_for_selector("text=axis.toml")
-    for _ in range(40):
-        page.keyboard.press("Tab")
-        if page.evaluate("() => document.activeElement.textContent") == "axis.toml":
-            break
+    reach(page, "a:text-is('axis.toml')")
     page.keyboard.press("Enter")
     page.wait_for_selector("[data-end=position_m]")
     settled(tab)
     before = at_end(tab, "pressure_b_pa")
-    for _ in range(20):
-        page.keyboard.press("Tab")
-        if page.evaluate("() => document.activeElement.id") == "slider-supply.pressure":
-            break
+    reach(page, "#slider-supply\\.pressure")
     for _ in range(5):
         page.keyboard.press("ArrowRight")
     settled(tab)

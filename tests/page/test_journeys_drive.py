@@ -9,11 +9,10 @@ from playwright.sync_api import expect
 
 import pneudrive as pn
 from page.conftest import Server, Tab
-from page.test_journeys import Open, settled, violations
+from page.test_journeys import Open, reach, settled, violations
 from page.test_model_journeys import LIFT, LONG
 
 MOST_CLICKS = 12
-MOST_TABS = 400
 
 
 class Hand:
@@ -24,15 +23,10 @@ class Hand:
 
     def reach(self, selector: str) -> None:
         """Move the focus to an element, as Tab does it."""
-        target = self.page.locator(selector).first
-        target.wait_for(timeout=LONG)
         if self.has_mouse:
-            return target.focus()
-        for _ in range(MOST_TABS):
-            if target.evaluate("(element) => element === element.getRootNode().activeElement"):
-                return None
-            self.page.keyboard.press("Tab")
-        raise AssertionError(f"Tab does not reach {selector}")
+            self.page.locator(selector).first.focus(timeout=LONG)
+        else:
+            reach(self.page, selector)
 
     def press(self, selector: str) -> None:
         """Press a button or a link."""

@@ -12,7 +12,7 @@ from playwright.sync_api import expect
 import pneudrive as pn
 from oracle.drive_records import drive, record
 from page.conftest import ROOT, Server, Tab
-from page.test_journeys import Open, violations
+from page.test_journeys import Open, reach, violations
 
 MEASURED = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 MOST_CLICKS = 12
@@ -33,7 +33,8 @@ class Hand:
         if self.by == "mouse":
             self.page.click(selector)
         else:
-            is_box = self._reach(selector).get_attribute("type") == "checkbox"
+            reach(self.page, selector)
+            is_box = self.page.locator(selector).first.get_attribute("type") == "checkbox"
             self.page.keyboard.press("Space" if is_box else "Enter")
 
     def choose(self, selector: str, words: str) -> None:
@@ -43,18 +44,9 @@ class Hand:
         if self.by == "mouse":
             self.page.select_option(selector, words)
         else:
-            self._reach(selector)
+            reach(self.page, selector)
             self.page.keyboard.type(words)
         assert self.page.eval_on_selector(selector, "at => at.selectedOptions[0].textContent") == words
-
-    def _reach(self, selector: str) -> object:
-        """Move the focus to a control with Tab from where it is."""
-        target = self.page.locator(selector).first.element_handle()
-        for _ in range(400):
-            if target.evaluate("at => at === document.activeElement"):
-                return target
-            self.page.keyboard.press("Tab")
-        raise AssertionError(f"Tab does not reach {selector}")
 
 
 def seals(folder: Path, names: tuple[str, ...]) -> int:

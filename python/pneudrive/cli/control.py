@@ -302,5 +302,5 @@ def export(
     found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
     written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
     if found.adaptation and (to != "fmu" or found.law != "nmpc"):
-        typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
+        typer.echo("The exported controller does not adapt; `pneudrive control tune` prints its error.")
     terminal.show_paths(*written)

@@ -83,7 +83,7 @@ def fit(
     laws : LAW,...
         Laws to compare, separated by commas; a single law is fitted. Default: all.
     pressure
-        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all but none.
+        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
     hold_out
         Groups for cross-validation: pressure, speed, recording, or a column of the map.
     direction
@@ -113,7 +113,7 @@ def fit(
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
     options: dict[str, Any] = {"direction": DIRECTIONS[direction], "ambient_pressure_pa": _ambient(curves, ambient)}
-    left_out = () if campaign is None else characteristics.NO_POINTS  # as characterise does
+    left_out = model.NOT_SLIDING if campaign is None else characteristics.NO_POINTS  # as characterise does
     choices = {"pressure": pressure, "hold_out": hold_out, "loss": loss}
     fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
     for note in _averaged(curves, by):

@@ -169,6 +169,7 @@ def view_of_score(about: Mapping[str, Any]) -> View:
     findings = [Finding(f"Lost: an error exceeded {1e3 * LOST_M:g} mm.", "bad")] if score.lost else []
     if "law_failure" in about:
         findings.append(Finding(f"{about['law_failure']} Another law took over.", "bad"))
+    is_sine = about.get("motion", {}).get("kind") == "sine"
     return View(
         run_title(about) if "law" in about else "Score, simulated",
         tuple(values.values()),
@@ -178,6 +179,7 @@ def view_of_score(about: Mapping[str, Any]) -> View:
             for name in LEADING
             if name in values
         ),
+        notes=(f"RMSE and largest error are of the last {LAST_S:g} s, or of the last period.",) * is_sine,
         findings=tuple(findings),
         tables=tuple(event_table(about.get("events") or ())),
     )

@@ -1,4 +1,4 @@
-/* Moves the drive of drive.json, beside this program, for 0.1 s, and prints time, position and pressures.
+/* Moves the drive of drive.json, beside this program, for 0.1 s, and prints some of its variables.
 
        cc example.c -L. -lpneudrive -Wl,-rpath,'$ORIGIN' -o example && ./example drive.json
 */
@@ -6,6 +6,10 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+
+/* The inputs that get the command, and the printed variables, by their names in drive.json. */
+static const char *const COMMANDS[] = {"command", NULL};
+static const char *const SHOWN[] = {"position", "pressure_a", "pressure_b", NULL};
 
 /* The text of a file, or NULL. */
 static char *read_text(const char *path)
@@ -39,6 +43,8 @@ int main(int count, char **words)
     char message[1000];
     char *json = read_text(count > 1 ? words[1] : "drive.json");
     pneudrive *drive;
+    const char *const *name;
+    double value;
     int k;
     if (json == NULL) {
         fprintf(stderr, "there is no drive.json\n");
@@ -51,13 +57,15 @@ int main(int count, char **words)
         return 1;
     }
     for (k = 0; k <= 100; k++) {
-        double t, x, a, b;
-        check(drive, pneudrive_read(drive, "time", &t));
-        check(drive, pneudrive_read(drive, "position", &x));
-        check(drive, pneudrive_read(drive, "pressure_a", &a));
-        check(drive, pneudrive_read(drive, "pressure_b", &b));
-        printf("%.3f s  %.17g m  %.0f Pa  %.0f Pa\n", t, x, a, b);
-        check(drive, pneudrive_command(drive, k < 50 ? 0.6 : -0.4));
+        check(drive, pneudrive_read(drive, "time", &value));
+        printf("time %.3f s", value);
+        for (name = SHOWN; *name != NULL; name++) {
+            check(drive, pneudrive_read(drive, *name, &value));
+            printf("  %s %.17g", *name, value);
+        }
+        printf("\n");
+        for (name = COMMANDS; *name != NULL; name++)
+            check(drive, pneudrive_set(drive, *name, k < 50 ? 1.0 : 0.0));
         check(drive, pneudrive_step(drive, 1e-3));
     }
     pneudrive_free(drive);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -357,10 +358,20 @@ def export_c(
     library = binary_path().read_bytes()
     try:
         target.mkdir(parents=True, exist_ok=True)
-        texts = {PLAN: plan.json().encode(), **{name: (own / name).read_bytes() for name in (HEADER, EXAMPLE)}}
-        for name, data in {binary_name(): library, **texts}.items():
+        files = {PLAN: plan.json().encode(), HEADER: (own / HEADER).read_bytes(), binary_name(): library}
+        files[EXAMPLE] = _example((own / EXAMPLE).read_text("utf-8"), plan).encode()
+        for name, data in files.items():
             with whole(target / name) as temporary:
                 temporary.write_bytes(data)
     except OSError as error:
         raise CommandError(f"{target} cannot be written: {error.strerror}") from None
     return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))
+
+
+def _example(text: str, plan: FmuPlan) -> str:
+    """Return the example in C with the names of a plan: its commands, positions and pressures."""
+    for kind, ends, table in (("input", ("command",), "COMMANDS"), ("output", ("position", "pressure"), "SHOWN")):
+        chosen = [v.name for v in plan.variables if v.causality == kind and v.name.rpartition(".")[2].startswith(ends)]
+        names = "".join(f'"{name}", ' for name in chosen)
+        text = re.sub(rf"{table}\[\] = {{.*}}", f"{table}[] = {{{names}NULL}}", text)
+    return text

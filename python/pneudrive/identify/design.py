@@ -144,7 +144,7 @@ def select_friction_law(
     hold_out: str | Sequence[str] | None = None,
     direction: int | None = None,
     ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = (),
+    exclude_flags: Collection[str] = sliding.NOT_SLIDING,
     loss: str = "huber",
     probability: float = 0.9,
     progress: Callable[[float, float, str], None] | None = None,
@@ -159,7 +159,8 @@ def select_friction_law(
     laws : sequence of str
         ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each combined with each law; by default all if the pressure was varied. Empty: none.
+        Dependences on pressure, each combined with each law; by default none and all if the pressure was
+        varied. Empty: none.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
@@ -229,7 +230,8 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
                 )
         return tuple(wanted) or (None,)
     varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
-    return (None,) if not any(varied) else sliding.PRESSURE_FORMS if all(varied) else sliding.PRESSURE_FORMS[:3]
+    forms = sliding.PRESSURE_FORMS if all(varied) else sliding.PRESSURE_FORMS[:3]
+    return (None, *(forms if any(varied) else ()))
 
 
 def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None) -> tuple[str, Ints]:

@@ -361,6 +361,8 @@ def nearest_miss(
         drive = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
         value, limit, unit = drive.worst[drive.binding]
         gives = _gives(drive.binding, limit, value, unit, "1 % of the draws pass")
+        if drive.margin >= 0.0:
+            gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
         return NearestMiss(drive.parts, drive.binding, gives)
     if short:
         choice, tuned = max(short, key=lambda pair: pair[1].nominal)

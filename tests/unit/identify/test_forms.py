@@ -172,6 +172,12 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     assert any("linear represents quadratic in pressure" in said for said in found.statements)
 
 
+@pytest.mark.parametrize(("slope", "form"), [(0.0, None), (2e-5, "linear")])
+def test_a_law_without_pressure_is_compared_too(make_map, slope, form):
+    curves = at_pressures(make_map, lambda a, b: 20.0 + slope * (a + b))
+    assert select_friction_law(curves, ["stribeck gaussian"]).recommended.pressure == form
+
+
 def test_slopes_of_a_saturating_dependence_know_that_the_knee_was_sought(make_map):
     """At the best knee alone the intervals of the slopes held the truth in one of ten maps."""
 

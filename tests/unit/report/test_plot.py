@@ -62,6 +62,8 @@ def test_wrong_names_are_one_message(run, tmp_path):
         pn.report.plot(run, tmp_path / "run.bmp")
     with pytest.raises(CommandError, match="does not exist"):
         pn.report.plot(run, tmp_path / "nowhere" / "run.png")
+    with pytest.raises(CommandError, match="not the dataset of a run"):
+        pn.report.plot(run.drop_vars("time"))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 # --- Frequency response of the linear model, and of the nonlinear drive at finite amplitudes.
 
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
+FINE = 201  # frequencies between the neighbours of the largest response
 SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
@@ -97,12 +98,16 @@ def _bode(
     gas = moving_gas(plant, x) if pressures is None else gas_at(plant, pressures)
     linear = linear_model(plant, open_command(plant, command), x, gas, 0.0, friction)
     f = np.array(FREQUENCIES)
-    velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
+    output = f"{plant.piston}.velocity_m_s"
+    velocity = response(linear, output, f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
-    gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
+    gain = abs(response(linear, output, np.array([SLOW]))[0])
+    peak = int(np.argmax(size))
+    near = np.geomspace(f[max(peak - 1, 0)], f[min(peak + 1, f.size - 1)], FINE)
+    resonance = near[int(np.argmax(np.abs(response(linear, output, near))))]
     displacement, difference = size / (2.0 * math.pi * f), np.abs(a - b)
-    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, f[int(np.argmax(size))]
+    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, resonance
 
 
 @characteristic(

@@ -56,7 +56,7 @@ def fit_friction(
     robust: bool = True,
     loss: str = "huber",
     ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = (),
+    exclude_flags: Collection[str] = sliding.NOT_SLIDING,
 ) -> FrictionFit:
     """Fit a sliding friction law to a friction map by weighted robust least squares.
 
@@ -93,7 +93,7 @@ def fit_friction(
         Reference of gauge pressures; None takes ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
         `pressure_dependence`.
     exclude_flags : collection of str
-        Rows with any of these flags are left out.
+        Rows with any of these flags are left out; by default those of stick-slip.
 
     Returns
     -------
@@ -276,7 +276,7 @@ def fit_any_law(
     *,
     direction: int | None = None,
     ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = (),
+    exclude_flags: Collection[str] = sliding.NOT_SLIDING,
     loss: str = "huber",
     seed: int = 1,
 ) -> LawFit:
@@ -421,7 +421,7 @@ def fit_file(group: str) -> str:
 
 
 def fit_groups(
-    groups: Mapping[str, xr.Dataset], laws: Sequence[str], exclude_flags: Sequence[str] = ()
+    groups: Mapping[str, xr.Dataset], laws: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     """Fit laws to each of several friction maps: group -> law -> fit, and notes on failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
@@ -438,7 +438,7 @@ def fit_groups(
     return fits, problems
 
 
-def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = ()) -> FrictionFit:
+def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = sliding.NOT_SLIDING) -> FrictionFit:
     """Fit a law to a friction map. Friction may depend on pressure if the map has several pressures."""
     spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
     return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)

@@ -29,7 +29,7 @@ from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import FrictionModel, at_conditions, selected
+from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, at_conditions, selected
 from pneudrive.identify.static.result import Prediction
 from pneudrive.repr_tables import Shown
 
@@ -375,7 +375,7 @@ def survey(
     law: str | None = None,
     direction: int | None = None,
     ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = (),
+    exclude_flags: Collection[str] = NOT_SLIDING,
 ) -> Survey:
     """Fit each seal of a friction map.
 
