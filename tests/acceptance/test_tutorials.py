@@ -104,7 +104,7 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
         "paper",
         "stick-slip",
         "chambers",
-        "identified-axis",
+        "controlled-axis",
         "provenance",
     ):
         assert f'<section id="{key}">' in page

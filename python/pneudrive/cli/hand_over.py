@@ -21,9 +21,11 @@ with used_later(__name__):
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
+    from pneudrive.report import control as control_pages
     from pneudrive.report import fit as fit_pages
+    from pneudrive.report import page as pages
     from pneudrive.report import recordings as recordings_page
-    from pneudrive.studies import bracha, identified_axis
+    from pneudrive.studies import bracha
     from pneudrive.studies.bracha import reproduction
 
 #: Tools that take a whole drive, and those that take its friction.
@@ -159,7 +161,8 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
         if "stribeck" in by_law:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
     made = reproduction.reproduce(folder / bracha.FOLDER)
-    sections = (identified_axis.identify_axis(pn.Circuit.load(AXIS)).section(),)
+    axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
+    sections = (pages.view_section("controlled-axis", control_pages.view_of_controlled_run(axis), synthetic=True),)
     report = recordings_page.recordings_report(found, fits, fit_pages.WithSections(made, sections))
     page = report.write(folder)
     typer.echo(f"{report.title}: {len(found.results)} recordings")

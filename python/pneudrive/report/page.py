@@ -45,7 +45,7 @@ TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("h
 FIGURES, REPORT = "figures", "report.html"
 #: Sections that a long report folds: details, which few readers need. A page of few sections shows them.
 DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
-DETAILS += ("paper", "stick-slip", "chambers", "identified-axis")
+DETAILS += ("paper", "stick-slip", "chambers", "controlled-axis")
 MOST_OPEN = 8
 MOST_ROWS = 12  # of a table that is not folded, in a report that folds
 #: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
