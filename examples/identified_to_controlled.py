@@ -121,9 +121,13 @@ def friction_of(axis: pn.Circuit) -> dict[str, float]:
 
 def controlled(truth: pn.Circuit, believed: pn.Circuit, *, adaptation: bool) -> list[xr.Dataset]:
     """Return the runs of the true axis under a controller that is tuned from a description."""
-    options = {"controller": pn.control.Controller(law=LAW, adaptation=adaptation), "believes": believed}
-    options |= {"setup": "real", "reference": REFERENCE, "duration": DURATION}
-    return [pn.control.run(truth, seed=seed, **options) for seed in SEEDS]
+    controller = pn.control.Controller(law=LAW, adaptation=adaptation)
+    return [
+        pn.control.run(
+            truth, controller=controller, believes=believed, reference=REFERENCE, duration=DURATION, seed=seed
+        )
+        for seed in SEEDS
+    ]
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -135,8 +139,8 @@ def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 def main() -> None:
     sheet = pn.Circuit.load(Path(__file__).parent / "controlled_axis.toml")
     sheet = sheet.replace({f"{FRICTION}.damping_fade_velocity": SEAL["damping_fade_velocity"]})
-    truth = {f"{FRICTION}.{key}": value for key, value in SEAL.items()}
-    truth = sheet.replace(truth | {f"{VALVE}.{key}": value for key, value in TRUE_VALVE.items()})
+    true_friction = {f"{FRICTION}.{key}": value for key, value in SEAL.items()}
+    truth = sheet.replace(true_friction).replace({f"{VALVE}.{key}": value for key, value in TRUE_VALVE.items()})
     with tempfile.TemporaryDirectory() as folder:
         friction = measured_friction(Path(folder))
     with_friction = sheet.replace({f"{FRICTION}.{key}": f"{friction[key]!r} {FITTED[key][0]}" for key in FITTED})
@@ -147,13 +151,14 @@ def main() -> None:
     values = {key: (friction_of(sheet)[key], friction[key], friction_of(truth)[key]) for key in FITTED}
     for key, (unit, *_, start) in SOUGHT.items():
         values[key] = (start, valve[key], float(str(TRUE_VALVE[key]).removesuffix(unit)))
-    rows = [(key, *(FITTED | SOUGHT)[key][1:4]) for key in values]
-    rows = [(title, *(form.format(factor * value) for value in values[key])) for key, title, form, factor in rows]
-    print_table(("", "datasheet", "identified", "truth"), rows)
+    forms = [(key, *(FITTED | SOUGHT)[key][1:4]) for key in values]
+    numbers = [(title, *(form.format(factor * value) for value in values[key])) for key, title, form, factor in forms]
+    print_table(("", "datasheet", "identified", "truth"), numbers)
 
     drives = {"the datasheet": sheet, "and the friction": with_friction, "and the valve": identified}
     drives["the truth"] = truth
-    rows, curves = [], {}
+    rows: list[list[str]] = []
+    curves: dict[str, xr.Dataset] = {}
     for name, believed in drives.items():
         row = [name]
         for adaptation in (False, True):
