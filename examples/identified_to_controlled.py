@@ -9,6 +9,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import matplotlib.figure
@@ -122,12 +123,8 @@ def friction_of(axis: pn.Circuit) -> dict[str, float]:
 def controlled(truth: pn.Circuit, believed: pn.Circuit, *, adaptation: bool) -> list[xr.Dataset]:
     """Return the runs of the true axis under a controller that is tuned from a description."""
     controller = pn.control.Controller(law=LAW, adaptation=adaptation)
-    return [
-        pn.control.run(
-            truth, controller=controller, believes=believed, reference=REFERENCE, duration=DURATION, seed=seed
-        )
-        for seed in SEEDS
-    ]
+    drive = partial(pn.control.run, truth, controller=controller, believes=believed)
+    return [drive(reference=REFERENCE, duration=DURATION, seed=seed) for seed in SEEDS]
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
