@@ -154,6 +154,8 @@ def notes_of(
     notes += [sentence("note.one_side")] if len(under_pressure) == 1 else []
     notes += _doubts(levels)
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
+    massless = not any(result.recording.mass_beyond_sensor_kg for result in results)
+    assumed |= {"mass between force sensor and piston (`mass_beyond_sensor`): 0 kg"} if massless else set()
     doubts = {
         "negative": [level.recording for level in levels if "negative_friction" in level.flags],
         "assumed": sorted(assumed),
