@@ -16,14 +16,16 @@ pub(crate) use advance::settled;
 pub use advance::{Look, advance, budget, failure_of};
 pub(crate) use drawn::Drawn;
 pub(crate) use fused::glance::{Glance, place};
-pub use handles::{CarriageId, Path};
+pub use handles::CarriageId;
 pub use impacts::Impact;
 pub(crate) use impacts::Impacts;
 pub use ledger::{Balance, balance};
 pub(crate) use ledger::{Entry, closed};
 
+pub use crate::part::Path;
+
 use crate::ground::{Channel, Common, GasId, Input};
-use crate::part::{Called, EventId, InputId, PartKind, Parts, Restriction};
+use crate::part::{Called, EventId, InputId, PartId, PartKind, Parts, Restriction};
 use fused::{Fused, Whole};
 use math::{Gather, Lane};
 use ode::Structure;
@@ -108,14 +110,14 @@ impl<R: Lane> Circuit<R> {
 
     /// Sets an input in one lane, including derivatives.
     pub fn set_input(&mut self, id: InputId, lane: usize, value: R) {
-        if id.kind == PartKind::Restriction {
-            if self.set_opening(id.index, lane, value) {
+        if id.part.kind == PartKind::Restriction {
+            if self.set_opening(id.part.index, lane, value) {
                 self.connect();
             }
             return;
         }
         self.parts.input_mut(id).take(lane, &value);
-        if id.kind == PartKind::Reservoir {
+        if id.part.kind == PartKind::Reservoir {
             self.filled = next_filling();
             self.connect();
         }
@@ -124,11 +126,11 @@ impl<R: Lane> Circuit<R> {
     /// Opens edges of one valve. They have the same kind.
     #[inline(always)]
     pub(crate) fn set_openings(&mut self, edges: &[InputId; 4], lane: usize, values: [R; 4]) {
-        let is_usual = edges[0].kind == PartKind::Restriction;
+        let is_usual = edges[0].part.kind == PartKind::Restriction;
         let mut others_open = false;
         for (edge, value) in edges.iter().zip(values) {
             if is_usual {
-                others_open |= self.set_opening(edge.index, lane, value);
+                others_open |= self.set_opening(edge.part.index, lane, value);
             } else {
                 self.set_input(*edge, lane, value);
             }
@@ -182,7 +184,7 @@ impl<R: Lane> Circuit<R> {
     pub fn boundary(&self, reservoir: GasId) -> [InputId; 2] {
         let index = self.parts.reservoirs.iter().position(|(_, part)| part.node == reservoir.0);
         let index = index.expect("a reservoir of this circuit");
-        [0, 1].map(|input| InputId { kind: PartKind::Reservoir, index, input })
+        [0, 1].map(|input| PartId { kind: PartKind::Reservoir, index }.input(input))
     }
 
     /// Returns whether it is evaluated without nodes in memory.

@@ -11,6 +11,7 @@ mod instance;
 mod kind;
 mod kinds;
 pub(crate) mod mechanics;
+mod prelude;
 mod quantity;
 mod series;
 mod table;
@@ -25,15 +26,12 @@ pub use extra::{Extra, Points};
 pub(crate) use instance::Given;
 pub use instance::{Brings, Instance, Node, Terminals, Vessel, WallHeat};
 pub(crate) use kind::joint_volume;
-pub use kind::{
-    Choice, FrictionTable, Holds, Kind, Port, PortKind, Variable, axis, chamber, exhaust, gas, pilot,
-};
+pub use kind::{Choice, FrictionTable, Holds, Kind, Port, PortKind, axis, gas};
 pub use kinds::{KINDS, formula_kind};
 pub(crate) use kinds::{bring, check, compose, series};
 pub use quantity::{Quantity, Starting};
 pub(crate) use series::{Chain, PortId};
-pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
+pub use table::{Row, count, join};
 pub(crate) use timing::average;
 pub use timing::{Pulses, Timing};
 pub(crate) use walls::tube_wall;
-use walls::{HEAT_SCALE, TUBE_WALL, WALL, tube_heat};

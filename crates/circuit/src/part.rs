@@ -24,7 +24,7 @@ pub use gas::reservoir::Reservoir;
 pub use gas::volume::{ChamberLaw, Volume};
 pub use gas::wall::Wall;
 pub(crate) use kinds::{EventId, PartKind, Parts, StoredPart};
-pub use kinds::{InputId, PartId};
+pub use kinds::{InputId, PartId, Path};
 pub use mechanics::axis::Axis;
 pub use mechanics::bumper::Bumper;
 pub use mechanics::carriage::Carriage;

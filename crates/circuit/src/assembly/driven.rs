@@ -2,10 +2,10 @@
 
 use super::session::Session;
 use crate::assembly::recorder::{States, sample_times};
-use crate::assembly::variables::{Assembly, Target};
+use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Look};
 use crate::component::Starting;
-use crate::ground::{AxisId, Error, GasId};
+use crate::ground::{AxisId, Error, GasId, refuse};
 use ode::System;
 
 /// Inputs that are the openings of its edges.
@@ -23,20 +23,15 @@ pub struct Driven<'a> {
 
 impl<'a> Driven<'a> {
     pub(super) fn of(assembly: &'a Assembly, stroke: f64) -> Result<Self, Error> {
-        let starts = &assembly.variables.starts[..];
-        let [(Starting::Axis(axis), _), (Starting::Gas(a), _), (Starting::Gas(b), _), ..] = *starts else {
-            return refuse();
-        };
         let inputs = assembly.variables.inputs.get(..=*EDGES.end()).unwrap_or_default();
-        let is_edge = |target: &Target| matches!(target, Target::Input(_));
-        match inputs.split_first() {
-            Some((command, edges))
-                if matches!(command.target, Target::Edges(_))
-                    && edges.iter().all(|own| is_edge(&own.target)) =>
-            {
+        match (&assembly.variables.starts[..], inputs) {
+            (
+                &[(Starting::Axis(axis), _), (Starting::Gas(a), _), (Starting::Gas(b), _), ..],
+                [Settable { target: Target::Edges(_), .. }, edges @ ..],
+            ) if edges.iter().all(|edge| matches!(edge.target, Target::Input(_))) => {
                 Ok(Driven { assembly, axis, chambers: [a, b], stroke })
             }
-            _ => refuse(),
+            _ => refuse("this needs one piston between two chambers on a 5/3 valve"),
         }
     }
 
@@ -66,8 +61,4 @@ impl<'a> Driven<'a> {
         }
         gas
     }
-}
-
-fn refuse<T>() -> Result<T, Error> {
-    Err(Error::Specification("this needs one piston between two chambers on a 5/3 valve".into()))
 }

@@ -1,7 +1,7 @@
 //! The friction of a description: a law and its modifiers, with every value checked.
 
 use super::own_law::{check_levels, own_law};
-use crate::ground::{DIRECTIONS, Error, Lifted, seeds};
+use crate::ground::{DIRECTIONS, Error, Lifted, refuse, seeds};
 use crate::specification::{self, Friction, Numbers, StribeckShape};
 use math::{Dual, Lane};
 use physics::Parameter;
@@ -20,10 +20,6 @@ const MOST_HARMONICS: usize = 4;
 
 /// Largest deviation of the sum of fractions from 1: rounding to four digits.
 const SHARES_WITHIN: f64 = 1e-3;
-
-fn refuse<T>(message: String) -> Result<T, Error> {
-    Err(Error::Specification(message))
-}
 
 /// Reads the friction of a description. An error for an unknown name lists the choices.
 pub fn friction_law(spec: &Friction) -> Result<Contact<f64>, Error> {
@@ -187,7 +183,7 @@ fn shape(spec: &Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error>
         ));
     }
     if shape != StribeckShape::Free && spec.parameters.get("stribeck_exponent").is_some_and(|n| *n != 2.0) {
-        return refuse("friction.stribeck_exponent needs friction.stribeck_shape = \"free\"".into());
+        return refuse("friction.stribeck_exponent needs friction.stribeck_shape = \"free\"");
     }
     let shape = match shape {
         StribeckShape::Gaussian => Some(Shape::Gaussian),
@@ -209,14 +205,12 @@ fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
         (false, true, _) | (true, true, Some(_)) => return Ok(Vec::new()),
         (true, true, None) => {
             return refuse(
-                "friction.bristle_stiffness is missing: give it, or the elements themselves as friction.elements"
-                    .into(),
+                "friction.bristle_stiffness is missing: give it, or the elements themselves as friction.elements",
             );
         }
         (true, false, Some(_)) => {
             return refuse(
-                "friction.bristle_stiffness and friction.elements both give the stiffness: give one of them"
-                    .into(),
+                "friction.bristle_stiffness and friction.elements both give the stiffness: give one of them",
             );
         }
         (true, false, None) => {}

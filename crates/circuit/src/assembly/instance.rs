@@ -1,9 +1,9 @@
 //! A component from its description, checked.
 
 use super::friction::contact;
-use super::joints::{one_of, refuse};
+use super::joints::one_of;
 use crate::component::{Choice, FrictionTable, Given, Instance, KINDS, Kind, Row, check};
-use crate::ground::{Error, Lifted, with_unit};
+use crate::ground::{Error, Lifted, refuse, with_unit};
 use crate::specification::Component;
 
 /// A component with its numbers, checked.

@@ -4,7 +4,7 @@ use crate::component::{
     Brings, Build, Chain, Instance, Leg, Node, PortId, PortKind, Starting, Vessel, WallHeat, bring,
     joint_volume,
 };
-use crate::ground::{AxisId, Error, GasId};
+use crate::ground::{AxisId, Error, GasId, refuse};
 use crate::part::ChamberLaw;
 use crate::specification::Junctions;
 use math::{Deps, Lane, Over};
@@ -35,10 +35,6 @@ impl Joints {
         }
         Chain::find(each, self.each.iter().filter(|joint| !joint.ambient).map(|joint| &joint.ports[..]))
     }
-}
-
-pub(super) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
-    Err(Error::Specification(message.into()))
 }
 
 pub(super) fn one_of<T: Into<String>>(names: impl Iterator<Item = T>) -> String {

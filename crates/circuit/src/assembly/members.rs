@@ -4,11 +4,11 @@ use super::friction::{contact, meta, with_values};
 use super::gas::gas;
 use super::joints::Joints;
 use super::network::Network;
-use super::numbers::{place, refuse, split, unfit};
+use super::numbers::{place, split};
 use super::variables::Assembly;
 use super::wiring::wire;
 use crate::component::{Instance, check};
-use crate::ground::{Error, Lifted, Seeds, seeds, with_unit};
+use crate::ground::{Error, Lifted, Seeds, refuse, seeds, unfit, with_unit};
 use crate::specification::{self, Friction, FromJson};
 use physics::Gas;
 use serde_json::Value;
@@ -50,7 +50,7 @@ impl Network {
     /// circuit.
     pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
         check_names(names)?;
-        let spec = specification::Circuit::from_json(json).map_err(|error| unfit(&error))?;
+        let spec = specification::Circuit::from_json(json).map_err(unfit)?;
         let mut parameters = vec![Vec::new(); spec.components.len()];
         let number = |name: &String| {
             if let Some(own) =
@@ -72,7 +72,7 @@ impl Network {
             }
         };
         let numbers = names.iter().map(number).collect::<Result<_, Error>>()?;
-        let table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let table: Value = serde_json::from_str(json).map_err(unfit)?;
         let friction = parameters.iter().enumerate().map(|(i, names)| {
             let own = &table["components"][i]["friction"];
             (!own.is_null()).then(|| friction_of(own, names)).transpose()

@@ -4,7 +4,7 @@ use super::driven::Driven;
 use super::friction_law;
 use super::gas::{VIRIAL_SOURCE, gas, virial_warning};
 use super::instance::instance;
-use super::joints::{AMBIENT, Joint, Joints, one_of, refuse};
+use super::joints::{AMBIENT, Joint, Joints, one_of};
 use super::names::Names;
 use super::session::Session;
 use super::variables::Assembly;
@@ -14,7 +14,7 @@ use crate::assembly::warnings::{HAZARD, impact_warning, stop_warning, through_wa
 use crate::circuit::{Impact, Look};
 use crate::component::mechanics::end_stop::Taken;
 use crate::component::{Instance, Piston, PortId, PortKind};
-use crate::ground::{AxisId, Error, Lifted, with_unit};
+use crate::ground::{AxisId, Error, Lifted, refuse, with_unit};
 use crate::specification;
 use ode::Options;
 use physics::above;

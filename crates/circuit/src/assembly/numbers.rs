@@ -7,18 +7,10 @@ use super::network::Network;
 use super::variables::Assembly;
 use super::wiring::wire;
 use crate::component::Instance;
-use crate::ground::{DIRECTIONS, Error, Lifted, Sensitive, seeds};
+use crate::ground::{DIRECTIONS, Error, Lifted, Sensitive, refuse, seeds, unfit};
 use crate::specification;
 use math::{Deps, Dual, Lane, Over};
 use serde_json::Value;
-
-pub(super) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
-    Err(Error::Specification(message.into()))
-}
-
-pub(super) fn unfit(error: &serde_json::Error) -> Error {
-    Error::Specification(format!("the core cannot read the description: {error}"))
-}
 
 /// Splits a name into its component and the rest: "left.friction.parameters.coulomb".
 pub(super) fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize, &'a str), Error> {
@@ -100,7 +92,7 @@ where
 impl Network {
     /// Returns the description with a value for each differentiated number, and its path.
     fn paths(&self, json: &str, names: &[String]) -> Result<(String, Vec<String>), Error> {
-        let mut table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
+        let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
         let path = |name: &String| {
             if name.starts_with("ambient.") || name.starts_with("gas.") {
                 return Ok(name.clone());

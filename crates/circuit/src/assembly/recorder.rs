@@ -4,7 +4,7 @@ use super::evaluate::glances::Glances;
 use super::session::Session;
 use super::variables::{Assembly, Variables};
 use crate::circuit::{Balance, Circuit, Entry, Impact, Impacts, Look, closed};
-use crate::ground::{Error, Net};
+use crate::ground::{Error, Net, refuse};
 use ode::{Accepted, Output, Statistics, System};
 use std::sync::Arc;
 
@@ -196,7 +196,7 @@ impl Session {
     ) -> Result<Run, Error> {
         if !times.is_sorted() || times.first().is_some_and(|first| *first < self.time()) {
             let what = "the times of samples must ascend, and none may have passed";
-            return Err(Error::Specification(what.into()));
+            return refuse(what);
         }
         if until.is_finite() {
             self.allow_until(until);

@@ -15,7 +15,7 @@ use crate::assembly::schedule::{Due, ScheduledAction};
 use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::component::{Starting, Timing};
-use crate::ground::{Error, Net, with_unit};
+use crate::ground::{Error, Net, refuse, with_unit};
 use crate::part::InputId;
 use calls::ShortCalls;
 use math::Lane;
@@ -46,10 +46,6 @@ pub struct Session<R: Lane = f64> {
 /// Returns whether two times are equal within the resolution of the clock.
 fn has_come(time: f64, at: f64) -> bool {
     time <= at || same_time(time, at)
-}
-
-fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
-    Err(Error::Specification(message.into()))
 }
 
 impl<R: Lane> Session<R> {

@@ -1,11 +1,10 @@
 //! Starts of a circuit by name, and sessions from them.
 
-use super::joints::refuse;
 use super::session::Session;
 use crate::assembly::variables::{Assembly, Target};
 use crate::circuit::Circuit;
 use crate::component::Starting;
-use crate::ground::Error;
+use crate::ground::{Error, refuse};
 use crate::part::mechanism::Unreached;
 use ode::Options;
 use physics::is_huge;

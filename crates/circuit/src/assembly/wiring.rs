@@ -1,12 +1,12 @@
 //! Turns components and their joints into equations.
 
-use super::joints::{Joints, Wiring, one_of, refuse};
+use super::joints::{Joints, Wiring, one_of};
 use crate::assembly::variables::{Assembly, Settable, Target, Variables};
 use crate::circuit::Circuit;
 use crate::component::{
     Acts, Build, FrictionTable, Instance, Node, Piston, Quantity, Starting, Terminals, compose,
 };
-use crate::ground::Error;
+use crate::ground::{Error, refuse};
 use crate::part::InputId;
 use math::{Deps, Lane, Over};
 use ode::Structure;
@@ -92,7 +92,7 @@ where
         }
     }
     if !P::GENERAL {
-        return Err(Error::Specification("these numbers belong to a circuit of another structure".into()));
+        return refuse("these numbers belong to a circuit of another structure");
     }
     let Joined { build, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;

@@ -1,7 +1,7 @@
 //! Gas that a run draws from outside, computed from the accepted steps.
 
 use super::Circuit;
-use super::handles::Path;
+use super::Path;
 use crate::ground::Net;
 use math::Lane;
 use ode::{Accepted, Output, System};

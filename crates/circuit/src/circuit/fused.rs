@@ -209,7 +209,7 @@ impl<P: Real> Fused<P> {
     }
 }
 
-impl<P: Real> Cylinder<P> {
+impl<P: Lane> Cylinder<P> {
     /// Returns the axis at (x, v). Call this function before the chambers: the exponential of a friction law takes as
     /// long as the
     /// chambers, and the two then run in parallel.
@@ -239,7 +239,7 @@ impl<P: Real> Cylinder<P> {
     }
 }
 
-impl<R: Real> Cylinder<R> {
+impl<R: Lane> Cylinder<R> {
     /// Writes the rates of the velocity and of an inner state, if any, and their rows of the Jacobian. The axis is
     /// given at (x, v), which are directions 0 and 1. The slopes of both pressures by x and U are given.
     #[inline(always)]

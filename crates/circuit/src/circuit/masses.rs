@@ -2,24 +2,26 @@
 
 use super::Circuit;
 use crate::ground::{AxisId, AxisNode, Place};
-use crate::part::mechanics;
+use crate::part::mechanics::axis::at;
 use crate::part::mechanics::cylinder::{CHAMBERS, INNER};
-use crate::part::{Axis, EndStops, InputId, PartKind, Platform, Volume};
-use math::{Lane, Over, Real};
+use crate::part::{Axis, EndStops, InputId, PartId, PartKind, Platform, Volume};
+use math::{Lane, Over};
 
-/// A mass: the kind and index of its part, the index of its state, the mass, and the offset of its inner states.
-pub(super) type Mass<'c, P> = (PartKind, usize, Place, &'c Axis<P>, usize);
+/// A mass: its part, the indices of its states (x and v first), the mass, and the offset of the inner states of its
+/// friction.
+pub(super) type Mass<'c, P> = (PartId, Place, &'c Axis<P>, usize);
 
-impl<P: Real> Circuit<P> {
-    /// Returns every mass: the kind and index of its part, its first state (x and v), the mass, and the offset of the
-    /// inner states of its friction.
+impl<P: Lane> Circuit<P> {
+    /// Returns every mass.
     pub(super) fn masses(&self) -> impl Iterator<Item = Mass<'_, P>> {
+        let id = |kind, index| PartId { kind, index };
         let axes = self.parts.axes.iter().enumerate();
         let usual = self.parts.cylinders.iter().enumerate();
         let others = self.parts.other_cylinders.iter().enumerate();
-        let axes = axes.map(|(i, (place, axis))| (PartKind::Axis, i, *place, axis, 2));
-        let usual = usual.map(|(i, (place, part))| (PartKind::Cylinder, i, *place, &part.axis, INNER));
-        let others = others.map(|(i, (place, part))| (PartKind::OtherCylinder, i, *place, &part.axis, INNER));
+        let axes = axes.map(move |(i, (place, own))| (id(PartKind::Axis, i), *place, own, 2));
+        let usual = usual.map(move |(i, (place, own))| (id(PartKind::Cylinder, i), *place, &own.axis, INNER));
+        let others =
+            others.map(move |(i, (place, own))| (id(PartKind::OtherCylinder, i), *place, &own.axis, INNER));
         axes.chain(usual).chain(others)
     }
 
@@ -32,24 +34,22 @@ impl<P: Real> Circuit<P> {
     }
 
     fn mass(&self, id: AxisId) -> Mass<'_, P> {
-        self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
+        self.masses().find(|(_, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
     }
 
     /// Returns the state index of an axis' position. Its velocity follows. `None` if the motion of the axis is
     /// commanded.
     pub fn position_state(&self, axis: AxisId) -> Option<usize> {
         let mut masses = self.masses();
-        masses.find(|(.., own, _)| own.node == axis.0).map(|(_, _, place, ..)| place.first)
+        masses.find(|(.., own, _)| own.node == axis.0).map(|(_, place, ..)| place.first)
     }
 
     /// Returns the friction of steady sliding of an axis at the position, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
         if let Some((_, leg, _, platform)) = self.leg(axis) {
-            return platform.contacts[leg]
-                .as_ref()
-                .map_or(S::zero(), |own| own.steady(&mechanics::axis::at(node)));
+            return platform.contacts[leg].as_ref().map_or(S::zero(), |own| own.steady(&at(node)));
         }
-        self.mass(axis).3.steady_friction(node)
+        self.mass(axis).2.steady_friction(node)
     }
 
     /// Returns every volume with the index of its two states, and its name for users.
@@ -68,7 +68,7 @@ impl<P: Real> Circuit<P> {
 impl<R: Lane> Circuit<R> {
     /// Returns the mode of an axis' friction: -1, 0, +1. The friction of a leg has no mode.
     pub fn mode(&self, axis: AxisId) -> R {
-        self.leg(axis).map_or_else(|| self.mass(axis).3.mode, |_| R::zero())
+        self.leg(axis).map_or_else(|| self.mass(axis).2.mode, |_| R::zero())
     }
 
     /// Returns the inner states of an axis' friction within `y`.
@@ -76,17 +76,16 @@ impl<R: Lane> Circuit<R> {
         if let Some((_, leg, first, platform)) = self.leg(axis) {
             return &y[first..][platform.inner_range(leg)];
         }
-        let (.., place, _, inner) = self.mass(axis);
+        let (_, place, _, inner) = self.mass(axis);
         &y[place.first + inner..place.first + place.count]
     }
 
     /// Returns the input for the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
         if let Some((index, input, ..)) = self.leg(axis) {
-            return InputId { kind: PartKind::Platform, index, input };
+            return PartId { kind: PartKind::Platform, index }.input(input);
         }
-        let (kind, index, ..) = self.mass(axis);
-        InputId { kind, index, input: 0 }
+        self.mass(axis).0.input(0)
     }
 
     /// Returns whether `meet` has added contacts far behind the end of a stroke, in any lane.

@@ -41,35 +41,29 @@ impl<R: Lane> Circuit<R> {
 
     /// Returns the mass flow through a path at the nodes, kg/s.
     pub fn flow(&self, path: Path, net: &Net<R>) -> R {
-        let flow = self.parts.flow((path.kind, path.index, path.path), net);
-        if path.backward { -flow } else { flow }
+        let flow = self.parts.flow(path, net);
+        if path.is_backward { -flow } else { flow }
     }
 
     /// Returns every path over the boundary, positive inward: paths that end in a reservoir, and compressors.
     pub(crate) fn inlets(&self) -> impl Iterator<Item = Path> {
-        let paths = self.parts.paths().filter_map(|(kind, index, path, ends)| match ends.boundary {
-            [true, false] => Some(Path { kind, index, path, backward: false }),
-            [false, true] => Some(Path { kind, index, path, backward: true }),
+        let paths = self.parts.paths().filter_map(|(path, ends)| match ends.boundary {
+            [true, false] => Some(path),
+            [false, true] => Some(path.backward()),
             _ => None,
         });
         let compressors = self.parts.compressors.iter().enumerate();
-        let compressors = compressors.filter(|(_, (_, own))| !own.boundary).map(|(index, _)| Path {
-            kind: PartKind::Compressor,
-            index,
-            path: 0,
-            backward: false,
-        });
-        paths.chain(compressors)
+        let compressors = compressors.filter(|(_, (_, own))| !own.boundary);
+        paths
+            .chain(compressors.map(|(index, _)| Path::along(PartId { kind: PartKind::Compressor, index }, 0)))
     }
 
     /// Returns the mass flow out of a node through all paths, kg/s, for a reservoir.
     pub fn flow_out_of(&self, node: GasId, net: &Net<R>) -> R {
-        self.parts.paths().fold(R::zero(), |sum, (kind, index, path, ends)| {
-            match (ends.from == node, ends.to == node) {
-                (true, false) => sum + self.parts.flow((kind, index, path), net),
-                (false, true) => sum - self.parts.flow((kind, index, path), net),
-                _ => sum,
-            }
+        self.parts.paths().fold(R::zero(), |sum, (path, ends)| match (ends.from == node, ends.to == node) {
+            (true, false) => sum + self.flow(path, net),
+            (false, true) => sum - self.flow(path, net),
+            _ => sum,
         })
     }
 

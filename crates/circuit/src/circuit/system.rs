@@ -9,7 +9,7 @@ use math::{Lane, Over, Real};
 use ode::{Accepted, Dense, Structure, System};
 use std::sync::Arc;
 
-impl<P: Real> Circuit<P> {
+impl<P: Lane> Circuit<P> {
     /// This function is rarely needed, and therefore compiled separately from the code of each step.
     #[inline(never)]
     fn fill_reservoirs<S: Over<P>>(&self, net: &mut Net<S>) {

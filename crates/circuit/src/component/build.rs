@@ -247,18 +247,8 @@ impl<P: Lane> Build<P> {
 
     /// Adds the columns of a motion: position, velocity, acceleration and friction, the first four outputs.
     pub fn motion(&mut self, of: &Instance<P>, axis: AxisId) {
-        if self.is_like {
-            return;
-        }
-        let quantities = [
-            Quantity::Position(axis),
-            Quantity::Velocity(axis),
-            Quantity::Acceleration(axis),
-            Quantity::Friction(axis),
-        ];
-        for (output, quantity) in quantities.into_iter().enumerate() {
-            self.column(of, output, quantity);
-        }
+        let motion = [Quantity::Position, Quantity::Velocity, Quantity::Acceleration, Quantity::Friction];
+        self.columns(of, 0, motion.map(|quantity| quantity(axis)));
     }
 
     /// Adds the columns of the inner states of friction.
@@ -298,6 +288,24 @@ impl<P: Lane> Build<P> {
         }
         let (name, ..) = of.kind().outputs[output];
         self.columns.push((format!("{}.{name}", of.name), quantity));
+    }
+
+    /// Adds the outputs from this index of the kind's table on.
+    pub fn columns(
+        &mut self,
+        of: &Instance<P>,
+        first: usize,
+        quantities: impl IntoIterator<Item = Quantity>,
+    ) {
+        for (output, quantity) in (first..).zip(quantities) {
+            self.column(of, output, quantity);
+        }
+    }
+
+    /// Returns the law of a flow path with the subsonic index 0.5, from its sonic conductance, m3/(s Pa), and its
+    /// critical pressure ratio.
+    pub fn usual_path(&self, [conductance, ratio]: [P; 2], linear_above: P) -> Iso6358<P> {
+        Iso6358::for_gas(conductance, ratio, P::c(0.5), linear_above, true, &self.gas, self.is_air)
     }
 }
 

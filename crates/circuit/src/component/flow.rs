@@ -8,6 +8,5 @@ pub(crate) mod line;
 pub(crate) mod lumped;
 pub(crate) mod orifice;
 pub(crate) mod quick_exhaust;
-pub(crate) mod seal;
 pub(crate) mod silencer;
 pub(crate) mod tube;

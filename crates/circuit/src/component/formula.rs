@@ -87,7 +87,7 @@ impl Component for FormulaRestriction {
         if !own.kind().inputs.is_empty() {
             build.input(own, 0, Acts::On(part.input(0)));
         }
-        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+        build.column(own, 0, Quantity::along(Path::along(part, 0)));
     }
 }
 

@@ -4,14 +4,14 @@ use super::extra::{Extra, Points};
 use super::formula::written;
 use super::instance::Given;
 use super::kind::Kind;
-use crate::ground::Error;
+use crate::ground::{Error, refuse};
 use crate::specification;
 use physics::Parameter;
 
 impl Given<f64> {
     /// Checked additions of a component of a kind.
     pub fn of(base: &'static Kind, spec: &specification::Component) -> Result<Self, Error> {
-        let refuse = |what: String| Err(Error::Specification(format!("{}{what}", spec.name)));
+        let refuse = |what: String| refuse(format!("{}{what}", spec.name));
         match (base.extra, &spec.formula, &spec.points) {
             (Extra::Nothing, None, None) => Ok(Given::Nothing),
             (Extra::Formula(role), Some(formula), None) => match written(base, role, formula) {

@@ -114,6 +114,12 @@ impl<P: Lane> Instance<P> {
         each.any(|(row, number)| row.key == "heat_transfer" && number.is_none())
     }
 
+    /// Returns a mass on a line with an incline, with friction.
+    pub(super) fn guided_mass(&self, mass: &str) -> Brings<P> {
+        let (mass, incline) = (self.number(mass), Some(self.number("incline")));
+        Brings::Mass { mass, incline, force: P::zero(), friction: self.friction.clone() }
+    }
+
     /// Returns the contribution of a path with a sonic conductance to others in series. Such paths are merged by a rule
     /// for the subsonic index 0.5.
     pub fn in_series(&self, conductance: P) -> Option<[P; 2]> {

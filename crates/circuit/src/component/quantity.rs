@@ -43,6 +43,13 @@ pub enum Quantity {
     Inner(AxisId, usize),
 }
 
+impl Quantity {
+    /// Mass flow through one path.
+    pub fn along(path: Path) -> Self {
+        Quantity::Flow([Some(path), None])
+    }
+}
+
 /// Start values that belong together.
 #[derive(Clone, Copy, Debug)]
 pub enum Starting {

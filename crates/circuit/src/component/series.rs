@@ -3,10 +3,10 @@
 use super::{Brings, Build, Instance, Node, bring, series};
 use crate::circuit::Path;
 use crate::component::{Quantity, tube_wall};
-use crate::ground::Error;
+use crate::ground::{Error, refuse};
 use crate::part::Series;
 use math::{Deps, Lane, Over};
-use physics::flow::{Iso6358, in_series};
+use physics::flow::in_series;
 use std::collections::BTreeMap;
 
 /// A component of a circuit, and one of its ports.
@@ -88,16 +88,13 @@ impl Chain {
         let members = || self.0.iter().map(|(own, _)| &each[*own]);
         if let Some(own) = members().find(|own| own.varies("subsonic_index")) {
             let what = "restrictions in series need 0.5: other values and derivatives by it are not possible";
-            return Err(Error::Specification(format!("{}.subsonic_index: {what}", own.name)));
+            return refuse(format!("{}.subsonic_index: {what}", own.name));
         }
         let laws: Vec<[P; 2]> = members().filter_map(series).collect();
         let merged = |laws: &mut dyn Iterator<Item = [P; 2]>| laws.reduce(in_series).expect("two or more");
         let numbers = [merged(&mut laws.iter().copied()), merged(&mut laws.iter().rev().copied())];
         let above = members().map(|own| own.number("linear_above")).reduce(|one, other| one.min(other));
-        let [forward, backward] = numbers.map(|[conductance, ratio]| {
-            let above = above.expect("two or more");
-            Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
-        });
+        let [forward, backward] = numbers.map(|law| build.usual_path(law, above.expect("two or more")));
         let path = build.between(from, to);
         let most = forward.conductance.max(backward.conductance);
         let ambient = build.ambient[1];
@@ -107,7 +104,7 @@ impl Chain {
             let path = Path::along(part, 0);
             let path = if entered == 0 { path } else { path.backward() };
             for output in 0..each[own].kind().outputs.len() {
-                build.column(&each[own], output, Quantity::Flow([Some(path), None]));
+                build.column(&each[own], output, Quantity::along(path));
             }
         }
         Ok(())

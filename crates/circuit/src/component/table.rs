@@ -40,31 +40,30 @@ impl Deref for Row {
 }
 
 /// Declares the parameters of a component as rows of a table. Rows that several kinds share are named: `NAME;` for one
-/// row,
-/// `..NAMES;` for several.
+/// row, `..NAMES;` for several. A key that is put together stands in brackets behind its row's name.
 #[macro_export]
 macro_rules! table {
-    ($($(..$rows:ident)? $($key:ident $(: $unit:literal, $bounds:expr $(, default $default:expr)?
-        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:literal)? $(, unless $unless:literal)?
+    ($($(..$rows:ident)? $($key:ident $([$composed:expr])? $(: $unit:literal, $bounds:expr $(, default $default:expr)?
+        $(, assumed $assumed:literal)? $(, follows $follows:literal)? $(, within $within:expr)? $(, unless $unless:literal)?
         $(, only $only:literal)? $(, was $was:literal)?,
         $meaning:literal)?)?;)*) => {{
         const PARTS: &[&[$crate::component::Row]] = &[$(
             $(&$rows)?
             $(&[$crate::table!(
-                @row $key $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?],
+                @row $key [$($composed)?] $($unit, $bounds, [$($default)?], [$($assumed)?], [$($follows)?], [$($within)?], [$($unless)?],
                 [$($only)?], [$($was)?], $meaning)?
             )])?
         ),*];
         const ROWS: [$crate::component::Row; $crate::component::count(PARTS)] = $crate::component::join(PARTS);
         &ROWS
     }};
-    (@row $shared:ident) => { $shared };
-    (@row $key:ident $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
-        [$($follows:literal)?], [$($within:literal)?], [$($unless:literal)?], [$($only:literal)?], [$($was:literal)?],
+    (@row $shared:ident []) => { $shared };
+    (@row $key:ident [$($composed:expr)?] $unit:literal, $bounds:expr, [$($default:expr)?], [$($assumed:literal)?],
+        [$($follows:literal)?], [$($within:expr)?], [$($unless:literal)?], [$($only:literal)?], [$($was:literal)?],
         $meaning:literal) => {
         $crate::component::Row {
             parameter: ::physics::Parameter {
-                key: stringify!($key),
+                key: $crate::table!(@key $key $($composed)?),
                 unit: $unit,
                 bounds: $bounds,
                 default: $crate::table!(@or None $(Some($default))?),
@@ -78,6 +77,8 @@ macro_rules! table {
             was: $crate::table!(@or "" $($was)?),
         }
     };
+    (@key $key:ident) => { stringify!($key) };
+    (@key $key:ident $composed:expr) => { $composed };
     (@or $other:tt) => { $other };
     (@or $other:tt $own:expr) => { $own };
 }

@@ -17,6 +17,11 @@ pub enum Error {
     },
 }
 
+/// Refuses a description or a request with a reason.
+pub(crate) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
+    Err(Error::Specification(message.into()))
+}
+
 /// Writes a number with its unit.
 pub(crate) fn with_unit(value: f64, unit: &str) -> String {
     if unit == "1" { value.to_string() } else { format!("{value} {unit}") }

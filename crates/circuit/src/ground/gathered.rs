@@ -36,3 +36,13 @@ macro_rules! inputs {
     };
 }
 pub(crate) use inputs;
+
+/// Inside `impl Part`: the single flow path of a part.
+macro_rules! one_path {
+    ($path:ident) => {
+        fn paths(&self) -> &[$crate::ground::Between] {
+            std::slice::from_ref(&self.$path)
+        }
+    };
+}
+pub(crate) use one_path;

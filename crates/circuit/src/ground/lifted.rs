@@ -1,6 +1,6 @@
 //! A description whose numbers carry derivatives.
 
-use crate::ground::Error;
+use crate::ground::{Error, refuse};
 use math::{Dual, Lane};
 use serde_json::Value;
 use specification::FromJson;
@@ -82,7 +82,6 @@ impl<'a, T> Lifted<'a, T> {
 /// Returns a table whose numbers `names` are free. The names are paths of the core's JSON below `root`, such as
 /// "friction.parameters.coulomb".
 pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Result<Seeds<T>, Error> {
-    let unfit = |error| Error::Specification(format!("the core cannot read the description: {error}"));
     let mut table: Value = serde_json::from_str(json).map_err(unfit)?;
     let paths: Vec<String> = names.iter().map(|name| below(root, name)).collect::<Result<_, _>>()?;
     for path in &paths {
@@ -92,9 +91,7 @@ pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Re
     for (path, name) in paths.iter().zip(names) {
         if path.starts_with("gas.") {
             // A component is measured with air. Another gas needs another flow law.
-            return Err(Error::Specification(format!(
-                "\"{name}\" is a number of the gas and cannot be free"
-            )));
+            return refuse(format!("\"{name}\" is a number of the gas and cannot be free"));
         }
         // A parameter that is not given has its default, and is still a number.
         let may_be_absent = path
@@ -112,6 +109,11 @@ pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Re
     let free = free.map(|index| index.expect("numbered")).collect();
     let read = |table: Value| T::from_json(&table.to_string()).map_err(unfit);
     Ok(Seeds { value: read(table)?, index: read(index)?, free })
+}
+
+/// Says that JSON is not a description.
+pub(crate) fn unfit(error: serde_json::Error) -> Error {
+    Error::Specification(format!("the core cannot read the description: {error}"))
 }
 
 /// Numbers that a description omits if zero, but that may be free.

@@ -149,9 +149,20 @@ impl<'y, S: Copy> OwnMut<'y, S> {
     }
 }
 
+/// An event of a part in one lane, and what the change of its mode needs.
+pub struct Switching<'s, P> {
+    pub event: usize,
+    pub lane: usize,
+    pub y: OwnMut<'s, P>,
+    pub net: &'s Net<P>,
+    pub common: &'s Common<P>,
+    /// Balances of the part; empty if the circuit keeps none.
+    pub accounts: &'s mut [P],
+}
+
 /// A part of a circuit. The right-hand side runs through all parts five times: positions, the volumes that they leave,
 /// pressures, exchange of gas and forces, rates. An omitted phase costs nothing.
-pub trait Part<P: Real> {
+pub trait Part<P: Lane> {
     /// Returns names and scales of the part's states.
     fn states(&self) -> Vec<State> {
         Vec::new()
@@ -239,50 +250,29 @@ pub trait Part<P: Real> {
     /// Functions that are positive before each surface and negative after it.
     fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
 
-    /// Number of events of the part. Each has its own mode, with a number in each lane.
-    fn n_events(&self) -> usize {
-        0
+    /// Events of the part, each by the depth below zero at which it may be located, in its unit. Each has its own mode,
+    /// with a number in each lane.
+    fn events(&self) -> &'static [f64] {
+        &[]
     }
     /// The event function: positive while the present mode holds.
     fn event(&self, event: usize, _y: Own<P>, _net: &Net<P>) -> P {
         unreachable!("there is no event {event}")
     }
-    /// Depth below zero at which the event may be located, in its unit.
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        0.0
-    }
     /// Changes the mode of one lane, and the states as the mode requires. The default changes the mode from zero to one
     /// and back. The energy of this change goes into the part's balances, if the circuit keeps any.
-    fn switch(
-        &mut self,
-        event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        _net: &Net<P>,
-        _common: &Common<P>,
-        _accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        let mode = self.mode_mut(event);
-        mode.put(lane, 1.0 - mode.get(lane));
+    fn switch(&mut self, at: Switching<P>) {
+        let mode = self.mode_mut(at.event);
+        mode.put(at.lane, 1.0 - mode.get(at.lane));
     }
     /// Returns the mode of an event.
     fn mode_mut(&mut self, event: usize) -> &mut P {
         unreachable!("there is no event {event}")
     }
     /// Sets the mode that belongs to the states, and the states that this mode prescribes.
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
-    where
-        P: Lane,
-    {
-    }
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>) {}
     /// Moves a sample onto the side of the mode, if the error of a step has moved it away.
-    fn settle(&self, _event: usize, _y: OwnMut<P>)
-    where
-        P: Lane,
-    {
-    }
+    fn settle(&self, _event: usize, _y: OwnMut<P>) {}
 
     /// Adds the parts of balances that are functions of the state, in addition to the integrals. `out` is zero at
     /// entry.

@@ -2,14 +2,15 @@
 
 use super::names::{Called, PartLayout, PartNames, place, side_by_side};
 use super::*;
-use crate::ground::{Between, Channel, Common, Given, Input, Net, Own, OwnMut, Part, Place, State};
-use math::{Lane, Over, Real};
+use crate::ground::{
+    Between, Channel, Common, Given, Input, Net, Own, OwnMut, Part, Place, State, Switching,
+};
+use math::{Lane, Over};
 
-/// An input of a circuit: the kind and index of its part, and the index of the input.
+/// An input of a circuit: its part, and the index of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputId {
-    pub(crate) kind: PartKind,
-    pub(crate) index: usize,
+    pub(crate) part: PartId,
     pub(crate) input: usize,
 }
 
@@ -23,23 +24,46 @@ pub struct PartId {
 impl PartId {
     /// One of its inputs.
     pub fn input(self, input: usize) -> InputId {
-        InputId { kind: self.kind, index: self.index, input }
+        InputId { part: self, input }
     }
 }
 
-/// An event of a circuit: the kind and index of its part, and the index of the event.
+/// A flow path of a circuit, and the direction in which its flow is positive.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    pub(crate) part: PartId,
+    /// A single path, also if its part has several.
+    path: usize,
+    pub(crate) is_backward: bool,
+}
+
+impl Path {
+    /// The path of a restriction.
+    pub fn of(opening: InputId) -> Self {
+        Path::along(opening.part, 0)
+    }
+
+    /// One of the paths of a part.
+    pub fn along(part: PartId, path: usize) -> Self {
+        Path { part, path, is_backward: false }
+    }
+
+    /// Returns the same path with the flow positive in the other direction.
+    #[must_use]
+    pub fn backward(self) -> Self {
+        Path { is_backward: !self.is_backward, ..self }
+    }
+}
+
+/// An event of a circuit: its part, and the index of the event.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EventId {
-    kind: PartKind,
-    index: usize,
+    part: PartId,
     event: usize,
 }
 
 /// A part that a circuit keeps with those of its kind.
-pub(crate) trait StoredPart<P>: Part<P> + Sized
-where
-    P: Real,
-{
+pub(crate) trait StoredPart<P: Lane>: Part<P> + Sized {
     const KIND: PartKind;
 
     fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
@@ -52,7 +76,7 @@ macro_rules! parts {
     (usual: $($usual:ident: $usual_part:ident),*; others: $($other:ident: $other_part:ident),* $(,)?) => {
         parts!(@storage $($usual: $usual_part,)* $($other: $other_part),*);
 
-        impl<P: Real> Parts<P> {
+        impl<P: Lane> Parts<P> {
             parts!(@phase place, place_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
                 |at, part| part.place(Own::of(y, *at), net, common));
@@ -109,7 +133,7 @@ macro_rules! parts {
             }
 
             /// Whether circuits of this scalar type may contain such a part. Nothing is compiled for impossible kinds.
-            const fn is_for<P: Real>(self) -> bool {
+            const fn is_for<P: Lane>(self) -> bool {
                 P::GENERAL || self.is_usual()
             }
 
@@ -132,7 +156,7 @@ macro_rules! parts {
             }
         }
 
-        $(impl<P: Real> StoredPart<P> for $part<P> {
+        $(impl<P: Lane> StoredPart<P> for $part<P> {
             const KIND: PartKind = PartKind::$part;
 
             fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)> {
@@ -147,13 +171,26 @@ macro_rules! parts {
             }
         }
 
-        impl<P: Real> Parts<P> {
-            /// Returns every flow path: the kind and index of its part, the index of the path, and its ends.
-            pub fn paths(&self) -> impl Iterator<Item = (PartKind, usize, usize, Between)> {
+        /// Evaluates an expression with the indices and the part of an id, bound by a pattern.
+        macro_rules! part_of {
+            ($parts:expr, $id:expr, $pattern:pat => $value:expr) => {
+                match $id.kind {
+                    $(PartKind::$part => {
+                        let $pattern = $parts.$field[$id.index];
+                        $value
+                    })*
+                }
+            };
+        }
+
+        impl<P: Lane> Parts<P> {
+            /// Returns every flow path with its ends.
+            pub fn paths(&self) -> impl Iterator<Item = (Path, Between)> {
                 let mut all = Vec::new();
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
-                    let each = Part::<P>::paths(part).iter().enumerate();
-                    all.extend(each.map(|(path, ends)| (PartKind::$part, index, path, *ends)));
+                    let id = PartId { kind: PartKind::$part, index };
+                    let each = part.paths().iter().enumerate();
+                    all.extend(each.map(|(path, ends)| (Path::along(id, path), *ends)));
                 })*
                 all.into_iter()
             }
@@ -162,21 +199,15 @@ macro_rules! parts {
             pub fn count_states(&self, owners: usize) -> Vec<usize> {
                 let mut counts = vec![0; owners + 1];
                 $(for (place, part) in &self.$field {
-                    counts[place.owner] += Part::<P>::states(part).len();
+                    counts[place.owner] += part.states().len();
                 })*
                 counts
             }
 
-            pub fn place_of(&self, part: PartId) -> Place {
+            /// Returns the mass flow along a path in the direction of its part, kg/s.
+            pub fn flow<S: Over<P>>(&self, Path { part, path, .. }: Path, net: &Net<S>) -> S {
                 match part.kind {
-                    $(PartKind::$part => self.$field[part.index].0,)*
-                }
-            }
-
-            /// Returns the mass flow along a path, kg/s.
-            pub fn flow<S: Over<P>>(&self, (kind, index, path): (PartKind, usize, usize), net: &Net<S>) -> S {
-                match kind {
-                    $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[index].1.flow(path, net).0,)*
+                    $(PartKind::$part if PartKind::$part.is_for::<P>() => self.$field[part.index].1.flow(path, net).0,)*
                     _ => PartKind::is_missing(),
                 }
             }
@@ -208,9 +239,7 @@ macro_rules! parts {
                 })*
                 place(parts, called)
             }
-        }
 
-        impl<P: Real> Parts<P> {
             /// Gives every part the indices from a circuit of the same parts, and the states' scales in that order.
             /// `None` if there are other parts.
             pub fn lay_out_like(&mut self, other: &Parts<f64>) -> Option<Vec<f64>> {
@@ -234,36 +263,13 @@ macro_rules! parts {
             pub fn inputs(&self) -> Vec<(InputId, String, &'static Input)> {
                 let (mut all, mut named) = (Vec::new(), PartNames::default());
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
-                    let owner = named.next(stringify!($part));
-                    all.extend(Part::<P>::inputs(part).iter().enumerate().map(|(input, what)| {
-                        let id = InputId { kind: PartKind::$part, index, input };
-                        (id, format!("{owner}: {}", what.name), what)
-                    }));
+                    let (id, owner) = (PartId { kind: PartKind::$part, index }, named.next(stringify!($part)));
+                    let each = part.inputs().iter().enumerate();
+                    all.extend(each.map(|(i, input)| (id.input(i), format!("{owner}: {}", input.name), input)));
                 })*
                 all
             }
 
-            /// Returns name, unit and bounds of an input.
-            pub fn what_input(&self, id: InputId) -> &'static Input {
-                match id.kind {
-                    $(PartKind::$part => &Part::<P>::inputs(&self.$field[id.index].1)[id.input],)*
-                }
-            }
-
-            pub fn input(&self, id: InputId) -> P {
-                match id.kind {
-                    $(PartKind::$part => self.$field[id.index].1.input(id.input),)*
-                }
-            }
-
-            pub fn input_mut(&mut self, id: InputId) -> &mut P {
-                match id.kind {
-                    $(PartKind::$part => self.$field[id.index].1.input_mut(id.input),)*
-                }
-            }
-        }
-
-        impl<P: Real> Parts<P> {
             pub fn begin(&self, given: &Given<P>, y: &mut [P], net: &Net<P>, common: &Common<P>) {
                 $(for (at, part) in &self.$field {
                     part.begin(given, OwnMut::of(y, *at), net, common);
@@ -271,7 +277,7 @@ macro_rules! parts {
             }
 
             pub fn n_obstacles(&self) -> usize {
-                0 $(+ self.$field.iter().map(|(_, part)| Part::<P>::n_obstacles(part)).sum::<usize>())*
+                0 $(+ self.$field.iter().map(|(_, part)| part.n_obstacles()).sum::<usize>())*
             }
 
             pub fn obstacles(&self, y: &[P], net: &mut Net<P>, common: &Common<P>, mut out: &mut [P]) {
@@ -279,80 +285,40 @@ macro_rules! parts {
                     self.place_others(y, net, common);
                 }
                 $(for (at, part) in &self.$field {
-                    let (own, others) = out.split_at_mut(Part::<P>::n_obstacles(part));
+                    let (own, others) = out.split_at_mut(part.n_obstacles());
                     part.obstacles(Own::of(y, *at), net, own);
                     out = others;
                 })*
             }
-        }
 
-        impl<R: Lane> Parts<R> {
             /// Returns every event.
             pub fn events(&self) -> Vec<EventId> {
                 let mut all = Vec::new();
                 $(for (index, (_, part)) in self.$field.iter().enumerate() {
-                    let each = 0..Part::<R>::n_events(part);
-                    all.extend(each.map(|event| EventId { kind: PartKind::$part, index, event }));
+                    let part_id = PartId { kind: PartKind::$part, index };
+                    all.extend((0..part.events().len()).map(|event| EventId { part: part_id, event }));
                 })*
                 all
             }
 
-            pub fn event(&self, id: EventId, y: &[R], net: &Net<R>) -> R {
-                match id.kind {
-                    $(PartKind::$part => {
-                        let (at, part) = &self.$field[id.index];
-                        part.event(id.event, Own::of(y, *at), net)
-                    })*
-                }
-            }
-
-            pub fn mode_mut(&mut self, id: EventId) -> &mut R {
-                match id.kind {
-                    $(PartKind::$part => self.$field[id.index].1.mode_mut(id.event),)*
-                }
-            }
-
-            pub fn event_tolerance(&self, id: EventId) -> f64 {
-                match id.kind {
-                    $(PartKind::$part => Part::<R>::event_tolerance(&self.$field[id.index].1, id.event),)*
-                }
-            }
-
-            pub fn switch(&mut self, id: EventId, lane: usize, y: &mut [R], net: &Net<R>, at: (&Common<R>, usize)) {
+            pub fn switch(&mut self, id: EventId, lane: usize, y: &mut [P], net: &Net<P>, at: (&Common<P>, usize)) {
                 let (common, n_states) = at;
                 let (y, accounts) = y.split_at_mut(n_states);
-                match id.kind {
-                    $(PartKind::$part if PartKind::$part.is_for::<R>() => {
-                        let (at, part) = &mut self.$field[id.index];
+                match id.part.kind {
+                    $(PartKind::$part if PartKind::$part.is_for::<P>() => {
+                        let (at, part) = &mut self.$field[id.part.index];
                         let own = if accounts.is_empty() { 0..0 } else { at.first_account..at.first_account + at.accounts };
-                        part.switch(id.event, lane, OwnMut::of(y, *at), net, common, &mut accounts[own]);
+                        let (y, accounts) = (OwnMut::of(y, *at), &mut accounts[own]);
+                        part.switch(Switching { event: id.event, lane, y, net, common, accounts });
                     })*
                     _ => PartKind::is_missing(),
-                }
-            }
-
-            pub fn find_mode(&mut self, id: EventId, y: &mut [R], net: &Net<R>) {
-                match id.kind {
-                    $(PartKind::$part => {
-                        let (at, part) = &mut self.$field[id.index];
-                        part.find_mode(id.event, OwnMut::of(y, *at), net);
-                    })*
-                }
-            }
-
-            pub fn settle(&self, id: EventId, y: &mut [R]) {
-                match id.kind {
-                    $(PartKind::$part => {
-                        let (at, part) = &self.$field[id.index];
-                        part.settle(id.event, OwnMut::of(y, *at));
-                    })*
                 }
             }
 
             /// Returns one circuit of lanes from one for each lane.
             pub fn gather(each: &[&Parts<f64>]) -> Self {
                 Parts {
-                    $($field: if PartKind::$part.is_for::<R>() {
+                    $($field: if PartKind::$part.is_for::<P>() {
                         side_by_side(&math::field(each, |parts| &parts.$field))
                     } else {
                         Vec::new()
@@ -360,9 +326,7 @@ macro_rules! parts {
                     present: each[0].present.clone(),
                 }
             }
-        }
 
-        impl<P: Real> Parts<P> {
             pub fn stored<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
                 let mut sum = [S::zero(); 3];
                 $(for (at, part) in &self.$field {
@@ -456,4 +420,43 @@ parts! {
         series: Series,
         formula_paths: FormulaPath,
         formula_forces: FormulaForce,
+}
+
+impl<P: Lane> Parts<P> {
+    pub fn place_of(&self, id: PartId) -> Place {
+        part_of!(self, id, (at, _) => at)
+    }
+
+    /// Returns name, unit and bounds of an input.
+    pub fn what_input(&self, id: InputId) -> &'static Input {
+        part_of!(self, id.part, (_, ref part) => &part.inputs()[id.input])
+    }
+
+    pub fn input(&self, id: InputId) -> P {
+        part_of!(self, id.part, (_, ref part) => part.input(id.input))
+    }
+
+    pub fn input_mut(&mut self, id: InputId) -> &mut P {
+        part_of!(self, id.part, (_, ref mut part) => part.input_mut(id.input))
+    }
+
+    pub fn event(&self, id: EventId, y: &[P], net: &Net<P>) -> P {
+        part_of!(self, id.part, (at, ref part) => part.event(id.event, Own::of(y, at), net))
+    }
+
+    pub fn mode_mut(&mut self, id: EventId) -> &mut P {
+        part_of!(self, id.part, (_, ref mut part) => part.mode_mut(id.event))
+    }
+
+    pub fn event_tolerance(&self, id: EventId) -> f64 {
+        part_of!(self, id.part, (_, ref part) => part.events()[id.event])
+    }
+
+    pub fn find_mode(&mut self, id: EventId, y: &mut [P], net: &Net<P>) {
+        part_of!(self, id.part, (at, ref mut part) => part.find_mode(id.event, OwnMut::of(y, at), net));
+    }
+
+    pub fn settle(&self, id: EventId, y: &mut [P]) {
+        part_of!(self, id.part, (at, ref part) => part.settle(id.event, OwnMut::of(y, at)));
+    }
 }

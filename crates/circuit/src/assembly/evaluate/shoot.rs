@@ -3,7 +3,7 @@
 use crate::assembly::session::Session;
 use crate::assembly::variables::Assembly;
 use crate::circuit::{Circuit, Look, budget};
-use crate::ground::{Error, Net, run_jobs};
+use crate::ground::{Error, Net, refuse, run_jobs};
 use math::Lane;
 use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -60,10 +60,6 @@ pub struct Shot {
     pub directions: usize,
 }
 
-fn refuse<T>(message: String) -> Result<T, Error> {
-    Err(Error::Specification(message))
-}
-
 fn column(names: &[String], name: &str) -> Result<usize, Error> {
     match names.iter().position(|column| column == name) {
         Some(column) => Ok(column),
@@ -76,11 +72,11 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
     let n = asked.sample_times.len();
     if n < 2 || !increasing(&asked.sample_times) {
-        return refuse("sample_times must be two or more increasing times".into());
+        return refuse("sample_times must be two or more increasing times");
     }
     for InputPlan { times, values, .. } in &asked.plans {
         if times.len() != values.len() || !increasing(times) {
-            return refuse("times must increase, and there must be one command for each".into());
+            return refuse("times must increase, and there must be one command for each");
         }
         if times.first().is_none_or(|&first| first > asked.sample_times[0]) {
             return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));

@@ -1,7 +1,4 @@
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A spring-loaded check valve.
 pub struct CheckValveComponent;
@@ -30,6 +27,6 @@ impl Component for CheckValveComponent {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path("conductance", build);
         let path = build.check_valve(law, own.number("cracking_pressure"), from, to);
-        build.column(own, 0, Quantity::Flow([Some(path), None]));
+        build.column(own, 0, Quantity::along(path));
     }
 }

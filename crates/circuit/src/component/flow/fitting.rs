@@ -1,8 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A restriction that is open unless its input is set.
 pub struct Fitting;
@@ -36,6 +32,6 @@ impl Component for Fitting {
         let law = own.path("conductance", build);
         let edge = build.passage(law, from, to);
         build.input(own, 0, Acts::On(edge));
-        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+        build.column(own, 0, Quantity::along(Path::of(edge)));
     }
 }

@@ -1,8 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A one-way flow control: a needle parallel to a check valve.
 pub struct FlowControl;

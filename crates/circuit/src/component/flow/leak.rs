@@ -1,8 +1,5 @@
-use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, gas, table};
-use crate::ground::Error;
+use crate::component::prelude::*;
 use crate::part::Gap;
-use math::Lane;
 use physics::flow::Laminar;
 
 /// A narrow gap.
@@ -33,10 +30,10 @@ impl Component for Leak {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let given = ["gap_height", "diameter", "length"].into_iter().find(|key| own.given(key).is_some());
         match given.filter(|_| own.given("coefficient").is_some()) {
-            Some(key) => Err(Error::Specification(format!(
+            Some(key) => refuse(format!(
                 "{}.coefficient and {}.{key} both give the size of the leak: keep one of them",
                 own.name, own.name
-            ))),
+            )),
             None => Ok(()),
         }
     }
@@ -52,6 +49,6 @@ impl Component for Leak {
         );
         let path = build.circuit.between(from, to);
         let part = build.flow_part(Gap { law, path }, &[]);
-        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+        build.column(own, 0, Quantity::along(Path::along(part, 0)));
     }
 }

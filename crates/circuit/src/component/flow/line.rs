@@ -1,11 +1,6 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, Port, Quantity, TUBE_WALL, Terminals, Vessel, gas, table, tube_heat,
-};
-use crate::ground::Error;
+use crate::component::prelude::*;
 use crate::part::{ChamberLaw, Column};
-use math::Lane;
-use physics::flow::{BORE_CONDUCTANCE, Iso6358, LINEAR_ABOVE, NOZZLE_RATIO};
+use physics::flow::{BORE_CONDUCTANCE, LINEAR_ABOVE, NOZZLE_RATIO};
 use std::f64::consts::PI;
 
 /// A tube with waves: cells of gas, and columns with inertia between them.
@@ -45,7 +40,7 @@ impl Component for Line {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         match own.given("cells") {
             Some(cells) if cells.fract() != 0.0 => {
-                Err(Error::Specification(format!("{}.cells = {cells} must be a whole number", own.name)))
+                refuse(format!("{}.cells = {cells} must be a whole number", own.name))
             }
             _ => Ok(()),
         }
@@ -94,20 +89,9 @@ impl Component for Line {
             build.flow_part(column, &[]);
         }
         let bore = P::c(BORE_CONDUCTANCE) * area;
-        let mouth = Iso6358::for_gas(
-            bore,
-            P::c(NOZZLE_RATIO),
-            P::c(0.5),
-            P::c(LINEAR_ABOVE),
-            true,
-            &build.gas,
-            build.is_air,
-        );
-        let inlet = build.passage(mouth.clone(), from, cells[0]);
-        let outlet = build.passage(mouth, cells[n], to);
-        for (output, edge) in [inlet, outlet].into_iter().enumerate() {
-            build.column(own, output, Quantity::Flow([Some(Path::of(edge)), None]));
-        }
+        let mouth = build.usual_path([bore, P::c(NOZZLE_RATIO)], P::c(LINEAR_ABOVE));
+        let edges = [build.passage(mouth.clone(), from, cells[0]), build.passage(mouth, cells[n], to)];
+        build.columns(own, 0, edges.map(|edge| Quantity::along(Path::of(edge))));
     }
 }
 

@@ -1,13 +1,8 @@
-use crate::circuit::Path;
 use crate::component::flow::line;
 use crate::component::flow::tube::{self, Tube, steady};
-use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, TUBE_WALL, Terminals,
-    Vessel, gas, table, tube_heat,
-};
-use crate::ground::Error;
+use crate::component::prelude::*;
 use crate::part::ChamberLaw;
-use math::{Deps, Lane, Over, Real};
+use math::{Deps, Over, Real};
 use std::f64::consts::PI;
 
 /// A tube as one volume between two flow paths.
@@ -75,11 +70,9 @@ impl Component for Lumped {
             wall_temperature: own.given("wall_temperature").unwrap_or(build.ambient[1]),
         });
         build.gas_starts(cell, format!("{}.cell", own.name));
-        let half = tube::law(own, halves(steady(own)), build);
+        let half = build.usual_path(halves(steady(own)), own.number("linear_above"));
         let edges = [build.passage(half.clone(), from, cell), build.passage(half, cell, to)];
-        for (output, edge) in edges.into_iter().enumerate() {
-            build.column(own, output, Quantity::Flow([Some(Path::of(edge)), None]));
-        }
+        build.columns(own, 0, edges.map(|edge| Quantity::along(Path::of(edge))));
     }
 }
 
@@ -139,8 +132,6 @@ impl Component for Auto {
         }
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let path = tube::steady_path(own, from, to, build);
-        for output in 0..2 {
-            build.column(own, output, Quantity::Flow([Some(path), None]));
-        }
+        build.columns(own, 0, [Quantity::along(path); 2]);
     }
 }

@@ -1,8 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
 use physics::flow::NOZZLE_RATIO;
@@ -43,7 +39,7 @@ impl Component for Orifice {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path_of(conductance(own), build);
         let edge = build.passage(law, from, to);
-        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+        build.column(own, 0, Quantity::along(Path::of(edge)));
     }
 }
 

@@ -1,9 +1,5 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
-};
+use crate::component::prelude::*;
 use crate::part::Cup;
-use math::Lane;
 
 /// A quick exhaust valve.
 pub struct QuickExhaust;
@@ -43,7 +39,6 @@ impl Component for QuickExhaust {
         let (conductance, path) = (law.conductance, build.circuit.between(two, out));
         let cup = Cup { law, switching_pressure: own.number("switching_pressure"), pilot: one, path };
         let outlet = Path::along(build.flow_part(cup, &[conductance]), 0);
-        build.column(own, 0, Quantity::Flow([Some(inlet), None]));
-        build.column(own, 1, Quantity::Flow([Some(outlet), None]));
+        build.columns(own, 0, [inlet, outlet].map(Quantity::along));
     }
 }

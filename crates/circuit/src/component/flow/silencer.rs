@@ -1,8 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A silencer: a flow path into the ambient air.
 pub struct Silencer;
@@ -34,7 +30,7 @@ impl Component for Silencer {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let law = own.path_of(clogged(own), build);
         let edge = build.passage(law, from, to);
-        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+        build.column(own, 0, Quantity::along(Path::of(edge)));
     }
 }
 

@@ -1,12 +1,8 @@
-use crate::circuit::Path;
-use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, TUBE_WALL, Terminals, gas, table,
-    tube_wall,
-};
+use crate::component::prelude::*;
 use crate::ground::GasId;
 use crate::part::Series;
-use math::{Deps, Lane, Over};
-use physics::flow::{Iso6358, NOZZLE_RATIO};
+use math::{Deps, Over};
+use physics::flow::NOZZLE_RATIO;
 use std::f64::consts::PI;
 
 /// A tube without waves: a flow path, and half of its volume at each end.
@@ -52,7 +48,7 @@ impl Component for Tube {
     {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let path = steady_path(own, from, to, build);
-        build.column(own, 0, Quantity::Flow([Some(path), None]));
+        build.column(own, 0, Quantity::along(path));
     }
 }
 
@@ -66,7 +62,7 @@ pub(in crate::component) fn steady_path<P: Lane>(
 where
     Deps: Over<P>,
 {
-    let forward = law(own, steady(own), build);
+    let forward = build.usual_path(steady(own), own.number("linear_above"));
     let Some(wall) = tube_wall(own, build.ambient[1], &build.gas) else {
         return Path::of(build.passage(forward, from, to));
     };
@@ -86,13 +82,4 @@ pub(in crate::component) fn steady<P: Lane>(own: &Instance<P>) -> [P; 2] {
         .given("critical_pressure_ratio")
         .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(NOZZLE_RATIO)));
     [conductance, ratio]
-}
-
-pub(in crate::component) fn law<P: Lane>(
-    own: &Instance<P>,
-    [conductance, ratio]: [P; 2],
-    build: &Build<P>,
-) -> Iso6358<P> {
-    let above = own.number("linear_above");
-    Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
 }

@@ -1,7 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, gas, table};
-use crate::ground::Error;
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A compressor with a pressure switch.
 pub struct CompressorComponent;
@@ -31,9 +28,9 @@ impl Component for CompressorComponent {
             return Ok(());
         }
         let name = &own.name;
-        Err(Error::Specification(format!(
+        refuse(format!(
             "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: otherwise it would turn on and off without end"
-        )))
+        ))
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
@@ -51,6 +48,6 @@ impl Component for CompressorComponent {
             boundary: build.circuit.is_reservoir(node),
         });
         build.supply(stop_pressure, outlet);
-        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+        build.column(own, 0, Quantity::along(Path::along(part, 0)));
     }
 }

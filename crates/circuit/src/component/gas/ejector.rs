@@ -1,8 +1,4 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, exhaust, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A vacuum ejector.
 pub struct EjectorComponent;
@@ -46,8 +42,6 @@ impl Component for EjectorComponent {
         };
         let conductances = [part.nozzle.conductance, part.suction.conductance];
         let part = build.flow_part(part, &conductances);
-        for path in [0, 1] {
-            build.column(own, path, Quantity::Flow([Some(Path::along(part, path)), None]));
-        }
+        build.columns(own, 0, [0, 1].map(|path| Quantity::along(Path::along(part, path))));
     }
 }

@@ -1,7 +1,4 @@
-use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Terminals, gas, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// Gas of constant pressure and temperature.
 pub struct ReservoirComponent;

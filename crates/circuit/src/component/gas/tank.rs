@@ -1,9 +1,5 @@
-use crate::component::{
-    Brings, Build, Component, HEAT_SCALE, Instance, Kind, Quantity, Terminals, Vessel, WALL, WallHeat,
-    chamber, table,
-};
+use crate::component::prelude::*;
 use crate::part::ChamberLaw;
-use math::Lane;
 
 /// A rigid volume with a wall.
 pub struct Tank;
@@ -60,9 +56,8 @@ impl Component for Tank {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         if let Some(node) = at.gas(0) {
-            build.column(own, 0, Quantity::Pressure(node));
-            build.column(own, 1, Quantity::Temperature(node));
-            build.column(own, 2, Quantity::MassFlow(node));
+            let gas = [Quantity::Pressure, Quantity::Temperature, Quantity::MassFlow];
+            build.columns(own, 0, gas.map(|quantity| quantity(node)));
             if own.given("wall_capacity").is_some() {
                 build.wall(own, &[node]);
             }

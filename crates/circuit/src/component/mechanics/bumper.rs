@@ -1,7 +1,7 @@
-use crate::component::{Build, Choice, Component, Instance, Kind, Quantity, Terminals, axis, table};
+use crate::component::prelude::*;
 use crate::ground::AxisId;
 use crate::part::{Bumper as Elastomer, Meets};
-use math::{Lane, Real};
+use math::Real;
 
 /// An elastomer bumper that a mass hits.
 pub struct BumperComponent;

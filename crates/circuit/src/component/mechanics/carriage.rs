@@ -1,8 +1,5 @@
-use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Terminals, axis, table,
-};
+use crate::component::prelude::*;
 use crate::part::Carriage as Servo;
-use math::Lane;
 use physics::{Bounds, above, between};
 use std::f64::consts::TAU;
 
@@ -67,8 +64,6 @@ impl Component for CarriageComponent {
             build.input(own, 1, Acts::On(part.input(1)));
         }
         let quantities = [Quantity::Position(axis), Quantity::Velocity(axis), Quantity::Acceleration(axis)];
-        for (output, quantity) in quantities.into_iter().enumerate() {
-            build.column(own, output, quantity);
-        }
+        build.columns(own, 0, quantities);
     }
 }

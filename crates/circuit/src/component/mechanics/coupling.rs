@@ -1,6 +1,5 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
+use crate::component::prelude::*;
 use crate::part::Coupling as Play;
-use math::Lane;
 use physics::mechanics::EndStop;
 
 /// A coupling of two masses, with or without play.

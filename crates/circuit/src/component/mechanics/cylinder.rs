@@ -1,18 +1,14 @@
 mod chamber;
 mod cushion;
 
-use crate::component::flow::seal::leak;
 use crate::component::mechanics::end_stop::{EndStopDesign, Ends, ends};
-use crate::component::{
-    Acts, Brings, Build, Choice, Component, FrictionTable, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston,
-    Port, Quantity, Row, SUBSONIC_INDEX, Terminals, Variable, WALL, axis, chamber, count, exhaust, join,
-    table,
-};
-use crate::ground::{AxisId, Error, GasId};
+use crate::component::prelude::*;
+use crate::component::{count, join};
+use crate::ground::{AxisId, GasId};
 use crate::part::{ChamberLaw, PistonSide};
 use chamber::{chamber_law, dead_volume, vessel};
 use cushion::{CUSHION_A, CUSHION_B, check_cushions, cushion, cushioned, room};
-use math::Lane;
+use physics::flow::{self, LEAK_RATIO};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Cylinders with two chambers. The port of a chamber has no separate volume, because the dead volume includes it.
@@ -93,18 +89,8 @@ fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> 
     Brings::Volume(vessel(own, size, ambient_temperature))
 }
 
-fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
-    Brings::Mass {
-        mass: own.number("moving_mass"),
-        incline: Some(own.number("incline")),
-        force: P::zero(),
-        friction: own.friction.clone(),
-    }
-}
-
 fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
-    let refuse = |message: String| Err(Error::Specification(message));
     if chamber_law(own) == ChamberLaw::AsPrinted && own.given("wall_capacity").is_some() {
         return refuse(format!(
             "{}: chamber law \"as-printed\" does not support a wall that stores heat",
@@ -210,7 +196,7 @@ fn compose<P: Lane>(
     let leakage = own.number("leakage");
     if leakage.get(0) != 0.0 || own.is_free("leakage") {
         for pair in chambers.chunks(2) {
-            let law = leak(leakage, &build.gas, build.is_air);
+            let law = build.usual_path([leakage, P::c(LEAK_RATIO)], P::c(flow::LINEAR_ABOVE));
             build.passage(law, pair[0].gas, pair[1].gas);
         }
     }
@@ -237,13 +223,8 @@ fn show<P: Lane>(own: &Instance<P>, chambers: &[GasId], axis: AxisId, build: &mu
     build.input(own, 0, Acts::Force(axis));
     build.motion(own, axis);
     build.column(own, 4, Quantity::EndStop(axis));
-    let quantities = chambers
-        .iter()
-        .copied()
-        .flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas), Quantity::MassFlow(gas)]);
-    for (output, quantity) in quantities.enumerate() {
-        build.column(own, 5 + output, quantity);
-    }
+    let gas = [Quantity::Pressure, Quantity::Temperature, Quantity::MassFlow];
+    build.columns(own, 5, chambers.iter().flat_map(|chamber| gas.map(|quantity| quantity(*chamber))));
     build.inner_states(own, axis);
 }
 
@@ -259,7 +240,7 @@ macro_rules! cylinder {
                 match port {
                     0 => bring_port(own, "a", ambient_temperature),
                     1 => bring_port(own, "b", ambient_temperature),
-                    _ => bring_rod(own),
+                    _ => own.guided_mass("moving_mass"),
                 }
             }
 
@@ -321,7 +302,7 @@ impl Component for SingleActing {
         match port {
             0 => bring_port(own, "a", ambient_temperature),
             1 => Brings::Nothing,
-            _ => bring_rod(own),
+            _ => own.guided_mass("moving_mass"),
         }
     }
 
@@ -382,7 +363,7 @@ impl Component for Tandem {
                 let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
                 Brings::Volume(vessel(own, [own.number(key), own.number("bore")], ambient_temperature))
             }
-            _ => bring_rod(own),
+            _ => own.guided_mass("moving_mass"),
         }
     }
 

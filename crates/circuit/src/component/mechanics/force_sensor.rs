@@ -1,5 +1,4 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A joint of two masses that measures the force between them.
 pub struct ForceSensor;

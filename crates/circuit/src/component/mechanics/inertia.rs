@@ -1,6 +1,5 @@
 use crate::component::mechanics::table_force::{POSITION, curve};
-use crate::component::{Brings, Build, Choice, Component, Extra, Instance, Kind, Terminals, axis, table};
-use math::Lane;
+use crate::component::prelude::*;
 use physics::Parameter;
 use physics::mechanics::Inertia;
 

@@ -1,5 +1,4 @@
-use crate::component::{Brings, Build, Component, Instance, Kind, Terminals, axis, table};
-use math::Lane;
+use crate::component::prelude::*;
 
 /// A mass that a cylinder moves, with a force on it.
 pub struct Load;

@@ -1,6 +1,5 @@
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
+use crate::component::prelude::*;
 use crate::part::Magnet;
-use math::Lane;
 
 /// Magnets through the wall of a barrel.
 pub struct MagneticCoupling;
@@ -38,7 +37,6 @@ impl Component for MagneticCoupling {
             to: to.index(),
             signal,
         });
-        build.column(own, 0, Quantity::Force(part));
-        build.column(own, 1, Quantity::Signal(signal));
+        build.columns(own, 0, [Quantity::Force(part), Quantity::Signal(signal)]);
     }
 }

@@ -1,6 +1,5 @@
-use crate::component::{Acts, Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
+use crate::component::prelude::*;
 use crate::part::Motor as Part;
-use math::Lane;
 
 /// A motor that moves a mass at a prescribed velocity.
 pub struct MotorComponent;
@@ -35,9 +34,8 @@ impl Component for MotorComponent {
         let part =
             build.circuit.add(Part { velocity, stiffness, damping, scale, axis: axis.index(), signals });
         build.input(own, 0, Acts::On(part.input(0)));
-        build.column(own, 0, Quantity::Force(part));
-        build.column(own, 1, Quantity::Signal(signals[1]));
-        build.column(own, 2, Quantity::Signal(signals[2]));
+        let [_, impulse, work] = signals.map(Quantity::Signal);
+        build.columns(own, 0, [Quantity::Force(part), impulse, work]);
     }
 }
 

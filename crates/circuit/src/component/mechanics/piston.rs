@@ -1,9 +1,5 @@
-use crate::component::{
-    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Port, Quantity, Terminals, axis, gas,
-    table,
-};
+use crate::component::prelude::*;
 use crate::part::PistonSide;
-use math::Lane;
 use std::f64::consts::FRAC_PI_2;
 
 /// A piston without end stops. Its motion is limited by other components.
@@ -43,15 +39,7 @@ impl Component for Bare {
     };
 
     fn bring<P: Lane>(own: &Instance<P>, port: usize, _ambient_temperature: P) -> Brings<P> {
-        if port < 2 {
-            return Brings::Nothing;
-        }
-        Brings::Mass {
-            mass: own.number("moving_mass"),
-            incline: Some(own.number("incline")),
-            force: P::zero(),
-            friction: own.friction.clone(),
-        }
+        if port < 2 { Brings::Nothing } else { own.guided_mass("moving_mass") }
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
@@ -64,10 +52,8 @@ impl Component for Bare {
         }
         build.input(own, 0, Acts::Force(axis));
         build.motion(own, axis);
-        let gas = [a, b].into_iter().flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas)]);
-        for (output, quantity) in gas.enumerate() {
-            build.column(own, 4 + output, quantity);
-        }
+        let gas = [a, b].map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas)]);
+        build.columns(own, 4, gas.concat());
         build.inner_states(own, axis);
     }
 }

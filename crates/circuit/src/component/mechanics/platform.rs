@@ -1,14 +1,11 @@
 //! Platforms as components.
 
-use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Quantity, Row, Terminals, axis, count, join,
-};
-use crate::ground::{AxisId, Error};
+use crate::component::prelude::*;
+use crate::component::{count, join};
+use crate::ground::AxisId;
 use crate::part::Platform;
 use crate::part::mechanics::axis::largest_scales;
 use crate::part::mechanism::{Geometry, MechanismKind};
-use crate::table;
-use math::Lane;
 use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
 use physics::{Bounds, Parameter};
@@ -85,19 +82,11 @@ const LEGS: &[Row] = table! {
     leg_inertia: "kg m2", physics::at_least(0.0), default 0.0, assumed "thin and short", "Moment of inertia of a leg: barrel and rod, each about its own centre of mass";
 };
 
-const BRANCH: [&str; 2] = ["", "the start pose of the file, or behind the carriages"];
-const NEAR: &[Row] = &[
-    row(
-        "near_x",
-        "near",
-        "m",
-        None,
-        BRANCH,
-        "Place near the platform at the start, of two with the same legs: x",
-    ),
-    row("near_y", "near", "m", None, BRANCH, "The same: y"),
-    row("near_z", "near", "m", None, BRANCH, "The same: z"),
-];
+const NEAR: &[Row] = table! {
+    near_x: "m", physics::any(), follows "the start pose of the file, or behind the carriages", within "near", "Place near the platform at the start, of two with the same legs: x";
+    near_y: "m", physics::any(), follows "the start pose of the file, or behind the carriages", within "near", "The same: y";
+    near_z: "m", physics::any(), follows "the start pose of the file, or behind the carriages", within "near", "The same: z";
+};
 
 macro_rules! joined {
     ($($rows:expr),* $(,)?) => {{
@@ -317,7 +306,7 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
 }
 
 fn check(own: &Instance<f64>, kind: MechanismKind) -> Result<(), Error> {
-    let refuse = |what: String| Err(Error::Specification(format!("{}.{what}", own.name)));
+    let refuse = |what: String| refuse(format!("{}.{what}", own.name));
     for (what, radius) in [("frame", "base_radius"), ("platform", "platform_radius")] {
         let lacks = (0..kind.count()).find(|i| vector(own, what, *i).is_none());
         if let (Some(leg), None) = (lacks, own.given(radius)) {
@@ -401,13 +390,9 @@ fn compose<P: Lane>(own: &Instance<P>, kind: MechanismKind, at: &Terminals, buil
     };
     let id = build.circuit.add(part);
     let n = kind.count();
-    for k in 0..3 * n {
-        build.column(own, k, Quantity::Pose(id, k));
-    }
+    build.columns(own, 0, (0..3 * n).map(|k| Quantity::Pose(id, k)));
     if kind == MechanismKind::Rail {
         return build.input(own, 0, Acts::On(id.input(1)));
     }
-    for (i, axis) in axes.iter().enumerate() {
-        build.column(own, 3 * n + i, Quantity::Position(*axis));
-    }
+    build.columns(own, 3 * n, axes.into_iter().map(Quantity::Position));
 }

@@ -1,7 +1,6 @@
+use crate::component::prelude::*;
 use crate::component::valves::switching::{Drives, armature};
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
 use crate::part::Lock;
-use math::Lane;
 
 /// Jaws that clamp a rod or a slide.
 pub struct RodLock;

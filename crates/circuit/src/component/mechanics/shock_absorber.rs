@@ -1,7 +1,6 @@
 use crate::component::mechanics::bumper::{SIDE, meets};
-use crate::component::{Build, Component, Instance, Kind, Quantity, Terminals, axis, table};
+use crate::component::prelude::*;
 use crate::part::ShockAbsorber as Oil;
-use math::Lane;
 
 /// A hydraulic shock absorber that a mass hits.
 pub struct ShockAbsorberComponent;

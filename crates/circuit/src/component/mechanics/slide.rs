@@ -1,7 +1,4 @@
-use crate::component::{
-    Acts, Brings, Build, Component, FrictionTable, Instance, Kind, Terminals, axis, table,
-};
-use math::Lane;
+use crate::component::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// A mass on a separate line.
@@ -29,12 +26,7 @@ impl Component for Slide {
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
-        Brings::Mass {
-            mass: own.number("mass"),
-            incline: Some(own.number("incline")),
-            force: P::zero(),
-            friction: own.friction.clone(),
-        }
+        own.guided_mass("mass")
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

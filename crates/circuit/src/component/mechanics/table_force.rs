@@ -1,6 +1,5 @@
-use crate::component::{Build, Choice, Component, Extra, Instance, Kind, Quantity, Terminals, axis};
+use crate::component::prelude::*;
 use crate::part::{Along, TableForce};
-use math::Lane;
 use physics::Parameter;
 use physics::curve::Curve;
 

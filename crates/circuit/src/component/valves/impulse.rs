@@ -1,10 +1,6 @@
+use crate::component::prelude::*;
 use crate::component::valves::switching::{EXHAUST, FIVE, OPENS, SHUTS, five};
-use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Starting, Terminals,
-    Timing, table,
-};
 use crate::part::Armature;
-use math::Lane;
 
 /// A 5/2 valve with two coils.
 pub struct Impulse52;
@@ -42,8 +38,7 @@ impl Component for Impulse52 {
         let share = own.number("travel_share").get(0);
         let (dead, travel) = (times.map(|time| time * (1.0 - 0.5 * share)), times.map(|time| time * share));
         let timing = Timing::Keep { part, dead, travel };
-        build.column(own, 0, Quantity::Input(timing.commanded()));
-        build.column(own, 1, Quantity::Signal(signal));
+        build.columns(own, 0, [Quantity::Input(timing.commanded()), Quantity::Signal(signal)]);
         build.input(own, 0, Acts::Timed(timing, physics::within(-1.0, 1.0)));
         build.starts.push((Starting::Kept(signal), vec![format!("{}.position", own.name)]));
         five(own, at, (signal, [OPENS, SHUTS, SHUTS, OPENS]), build);

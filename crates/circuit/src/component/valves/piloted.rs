@@ -1,9 +1,5 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, pilot, table,
-};
+use crate::component::prelude::*;
 use crate::part::Poppet;
-use math::Lane;
 
 /// A check valve that a pilot pressure opens.
 pub struct PilotedCheckValve;
@@ -48,6 +44,6 @@ impl Component for PilotedCheckValve {
             path: build.circuit.between(from, to),
         };
         let part = build.flow_part(poppet, &[conductance]);
-        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+        build.column(own, 0, Quantity::along(Path::along(part, 0)));
     }
 }

@@ -1,10 +1,5 @@
-use crate::circuit::Path;
-use crate::component::{
-    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, SUBSONIC_INDEX,
-    Terminals, Variable, exhaust, gas, table,
-};
+use crate::component::prelude::*;
 use crate::part::{InputId, Regulator, SecondOrder};
-use math::Lane;
 use physics::constants::P_0;
 use std::f64::consts::PI;
 
@@ -64,9 +59,7 @@ fn regulate<P: Lane>(
     // Gas leaves the protected volume through the relief. The relief therefore does not affect the design of end stops.
     let conductance = part.seat.conductance;
     let part = build.flow_part(part, &[conductance]);
-    for path in [0, 1] {
-        build.column(own, path, Quantity::Flow([Some(Path::along(part, path)), None]));
-    }
+    build.columns(own, 0, [0, 1].map(|path| Quantity::along(Path::along(part, path))));
     Some(part.input(0))
 }
 

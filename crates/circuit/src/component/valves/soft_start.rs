@@ -1,10 +1,5 @@
-use crate::circuit::Path;
-use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Terminals, gas, table,
-};
-use crate::ground::Error;
+use crate::component::prelude::*;
 use crate::part::Latch;
-use math::Lane;
 
 /// A valve that first fills a system slowly.
 pub struct SoftStart;
@@ -38,11 +33,11 @@ impl Component for SoftStart {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let [needle, open] = ["needle_conductance", "conductance"].map(|key| own.number(key));
         if needle > open {
-            return Err(Error::Specification(format!(
+            return refuse(format!(
                 "{}.needle_conductance = {needle} m3/(s Pa) is above {}.conductance = {open} m3/(s Pa): the open valve \
                  lets more through than its needle",
                 own.name, own.name
-            )));
+            ));
         }
         Ok(())
     }
@@ -61,6 +56,6 @@ impl Component for SoftStart {
             path: build.circuit.between(from, to),
         };
         let part = build.flow_part(latch, &[conductance]);
-        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+        build.column(own, 0, Quantity::along(Path::along(part, 0)));
     }
 }

@@ -1,11 +1,6 @@
-use crate::circuit::Path;
-use crate::component::{
-    Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Pulses, Quantity, Row, SUBSONIC_INDEX,
-    Terminals, Timing, exhaust, gas, table,
-};
-use crate::ground::{Error, GasId};
+use crate::component::prelude::*;
+use crate::ground::GasId;
 use crate::part::{Armature, Edge, Held};
-use math::Lane;
 use physics::flow::Iso6358;
 
 /// Times of an armature.
@@ -89,8 +84,7 @@ pub(in crate::component) fn armature<P: Lane>(
             stands,
         },
     };
-    build.column(own, 0, Quantity::Input(timing.commanded()));
-    build.column(own, 1, Quantity::Signal(signal));
+    build.columns(own, 0, [Quantity::Input(timing.commanded()), Quantity::Signal(signal)]);
     build.input(own, 0, Acts::Timed(timing, physics::within(least, 1.0)));
     signal
 }
@@ -118,13 +112,13 @@ fn check_pulses(own: &Instance<f64>) -> Result<(), Error> {
     if frequency * dead < 1.0 {
         return Ok(());
     }
-    Err(Error::Specification(format!(
+    refuse(format!(
         "{}.pwm_frequency = {frequency} Hz: a period of {:.3} ms is no longer than the dead time on, {:.3} ms, so the valve never \
          opens. Take a lower frequency",
         own.name,
         1e3 / frequency,
         1e3 * dead
-    )))
+    ))
 }
 
 const KIND: Kind = Kind {
@@ -180,7 +174,7 @@ impl Component for Switching22 {
         let signal = armature(own, PULSED, build);
         let opens = if own.choices[0] == 0 { ALONE } else { ALONE_SHUTS };
         let path = edge((&law, signal), opens, (one, two), build);
-        build.column(own, 2, Quantity::Flow([Some(path), None]));
+        build.column(own, 2, Quantity::along(path));
     }
 }
 
@@ -215,11 +209,11 @@ impl Component for Switching32 {
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         if own.choices[1] == 1 && own.number("pwm_frequency") > 0.0 {
-            return Err(Error::Specification(format!(
+            return refuse(format!(
                 "{}.pwm_model = \"averaged\": between supply and exhaust the mean of pulses is no opening. Take two 2/2 valves, \
                  or pwm_model = \"exact\"",
                 own.name
-            )));
+            ));
         }
         check_pulses(own)
     }

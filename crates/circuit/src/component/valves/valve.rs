@@ -1,11 +1,6 @@
-use crate::circuit::Path;
-use crate::component::{
-    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Quantity, Row, SUBSONIC_INDEX,
-    Terminals, Timing, exhaust, gas, table,
-};
-use crate::ground::{Error, GasId};
+use crate::component::prelude::*;
+use crate::ground::GasId;
 use crate::part::{Edge, Held, Spool, SpoolLeak, TableEdge};
-use math::Lane;
 use physics::curve::Curve;
 use physics::flow::Iso6358;
 use physics::{Bounds, Parameter};
@@ -62,8 +57,7 @@ fn spool<P: Lane>(own: &Instance<P>, build: &mut Build<P>) -> usize {
     };
     let [play, delay] = ["hysteresis", "delay"].map(|key| own.number(key).get(0));
     let timing = Timing::Follow { part, play: 0.5 * play, delay };
-    build.column(own, 0, Quantity::Input(timing.commanded()));
-    build.column(own, 1, Quantity::Signal(signal));
+    build.columns(own, 0, [Quantity::Input(timing.commanded()), Quantity::Signal(signal)]);
     build.input(own, 0, Acts::Timed(timing, physics::within(-1.0, 1.0)));
     signal
 }
@@ -170,7 +164,6 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     if points.is_empty() {
         return Ok(());
     }
-    let refuse = |what: String| Err(Error::Specification(what));
     let sized = ["conductance", "exhaust_conductance"]
         .into_iter()
         .filter(|key| own.kind().parameters.iter().any(|row| row.key == *key));
@@ -184,7 +177,7 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     Ok(())
 }
 
-const INPUTS: &[crate::component::Variable] = &[("command", "1", "valve command")];
+const INPUTS: &[Variable] = &[("command", "1", "valve command")];
 
 impl Component for Proportional53 {
     const KIND: Kind = Kind {
@@ -247,8 +240,7 @@ impl Component for Proportional53 {
             let law = own.path("conductance", build);
             let edges = ends.map(|(from, to)| build.edge(law.clone(), from, to));
             build.input(own, 0, Acts::Command(edges));
-            build.column(own, 0, Quantity::Command(edges));
-            build.column(own, 1, Quantity::Command(edges));
+            build.columns(own, 0, [Quantity::Command(edges); 2]);
             edges.map(|edge| Some(Path::of(edge)))
         };
         let [to_a, from_a, to_b, from_b] = paths;

@@ -1,7 +1,6 @@
-use crate::ground::{Between, Net, Part, gathered};
-use math::{Over, Real};
+use crate::ground::{Between, Net, Part, gathered, one_path};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
-use std::slice;
 
 gathered! {
     /// A flow path that opens without a command in one direction. See [`Iso6358::one_way`].
@@ -15,10 +14,8 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for CheckValve<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for CheckValve<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

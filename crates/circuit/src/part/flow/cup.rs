@@ -1,7 +1,6 @@
-use crate::ground::{Between, GasId, Net, Part, clip, gathered};
-use math::{Over, Real};
+use crate::ground::{Between, GasId, Net, Part, clip, gathered, one_path};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
-use std::slice;
 
 gathered! {
     /// The cup of a quick exhaust valve: a flow path that opens as the pressure before it rises above that at `pilot`:
@@ -16,10 +15,8 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Cup<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for Cup<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

@@ -1,7 +1,6 @@
-use crate::ground::{Between, Common, Net, Part, clip, gathered, post};
-use math::{Over, Real};
+use crate::ground::{Between, Common, Net, Part, clip, gathered, one_path, post};
+use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
-use std::slice;
 
 gathered! {
     /// A plunger on a piston that enters a bore in the cover and shuts the direct path out of the chamber. The volume
@@ -37,7 +36,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Cushion<P> {
+impl<P: Lane> Cushion<P> {
     fn signed<S: Real>(&self, value: S) -> S {
         if self.grows { value } else { -value }
     }
@@ -52,7 +51,7 @@ impl<P: Real> Cushion<P> {
     }
 }
 
-impl<P: Real> Part<P> for Cushion<P> {
+impl<P: Lane> Part<P> for Cushion<P> {
     #[inline(always)]
     fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
         let axis = &net.axis[self.axis];
@@ -67,9 +66,7 @@ impl<P: Real> Part<P> for Cushion<P> {
         }
     }
 
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

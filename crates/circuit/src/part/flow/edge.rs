@@ -1,7 +1,6 @@
-use crate::ground::{Between, Net, Part, gathered};
-use math::{Over, Real};
+use crate::ground::{Between, Net, Part, gathered, one_path};
+use math::{Lane, Over};
 use physics::flow::{Iso6358, opened};
-use std::slice;
 
 gathered! {
     /// An edge of a valve that opens with a position:
@@ -17,10 +16,8 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Edge<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for Edge<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

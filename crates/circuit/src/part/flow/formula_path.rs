@@ -1,7 +1,6 @@
-use crate::ground::{Between, Net, Part, gathered, inputs};
-use math::{Over, Real};
+use crate::ground::{Between, Net, Part, gathered, inputs, one_path};
+use math::{Lane, Over};
 use physics::flow::FlowFormula;
-use std::slice;
 
 gathered! {
     /// A flow path whose mass flow is given by a user's formula. See [`FlowFormula`].
@@ -15,12 +14,10 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for FormulaPath<P> {
+impl<P: Lane> Part<P> for FormulaPath<P> {
     inputs! { opening: "opening", "1", physics::within(0.0, 1.0) }
 
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+    one_path!(path);
 
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);

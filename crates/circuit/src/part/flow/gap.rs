@@ -1,7 +1,6 @@
-use crate::ground::{Between, Net, Part, gathered};
-use math::{Over, Real};
+use crate::ground::{Between, Net, Part, gathered, one_path};
+use math::{Lane, Over};
 use physics::flow::Laminar;
-use std::slice;
 
 gathered! {
     /// A narrow gap with a leak. See [`Laminar`].
@@ -12,10 +11,8 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Gap<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for Gap<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

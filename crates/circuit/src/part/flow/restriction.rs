@@ -1,7 +1,6 @@
-use crate::ground::{Between, Common, Input, Net, Part, inputs, post_ideal};
+use crate::ground::{Between, Common, Input, Net, Part, inputs, one_path, post_ideal};
 use math::{Gather, Lane, Over, Real};
 use physics::flow::Iso6358;
-use std::slice;
 
 /// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
 #[derive(Clone, Debug)]
@@ -38,7 +37,7 @@ pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
     S::select(S::zero().lt(S::from(gain)), m_dot, none)
 }
 
-impl<P: Real> Restriction<P> {
+impl<P: Lane> Restriction<P> {
     /// Gain of its law at its opening.
     #[inline(always)]
     pub(crate) fn gain(&self) -> P {
@@ -51,12 +50,10 @@ impl<P: Real> Restriction<P> {
     }
 }
 
-impl<P: Real> Part<P> for Restriction<P> {
+impl<P: Lane> Part<P> for Restriction<P> {
     inputs! { opening: "opening", "1", physics::within(0.0, 1.0) }
 
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
@@ -89,7 +86,7 @@ impl<R: Lane> Gather<R> for OtherRestriction<f64> {
     }
 }
 
-impl<P: Real> Part<P> for OtherRestriction<P> {
+impl<P: Lane> Part<P> for OtherRestriction<P> {
     fn inputs(&self) -> &'static [Input] {
         self.0.inputs()
     }

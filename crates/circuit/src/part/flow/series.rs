@@ -1,8 +1,7 @@
-use crate::ground::{Between, Common, Kind, Net, Own, Part, log, path};
-use math::{Over, Real};
+use crate::ground::{Between, Common, Kind, Net, Own, Part, log, one_path, path};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
 use physics::heat::Heat;
-use std::slice;
 
 /// Wall of a steady tube, which brings the gas that passes to its temperature:
 ///
@@ -39,7 +38,7 @@ const LEAST_FLOW: f64 = 1e-9;
 math::gather!(TubeWall { heat, area, temperature });
 math::gather!(Series { forward, backward, walls } same { path });
 
-impl<P: Real> Series<P> {
+impl<P: Lane> Series<P> {
     /// Returns the heat from the walls into the gas that passes, W, the heat over the temperature of its wall, W/K, and
     /// the temperature behind the walls, K. Gas that leaves the circuit takes no heat.
     fn warm<S: Over<P>>(&self, net: &Net<S>, (m_dot, backward): (S, S::Mask), common: &Common<P>) -> [S; 3] {
@@ -69,10 +68,8 @@ impl<P: Real> Series<P> {
     }
 }
 
-impl<P: Real> Part<P> for Series<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for Series<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

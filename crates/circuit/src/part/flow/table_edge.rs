@@ -1,8 +1,7 @@
-use crate::ground::{Between, Net, Part, gathered};
-use math::{Over, Real};
+use crate::ground::{Between, Net, Part, gathered, one_path};
+use math::{Lane, Over};
 use physics::curve::Curve;
 use physics::flow::Iso6358;
-use std::slice;
 
 gathered! {
     /// An edge of a valve whose conductance and critical pressure ratio are given over the position x of the spool:
@@ -19,10 +18,8 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for TableEdge<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for TableEdge<P> {
+    one_path!(path);
 
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
         let (one, two) = (&net[self.path.from], &net[self.path.to]);

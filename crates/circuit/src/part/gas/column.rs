@@ -1,7 +1,8 @@
-use crate::ground::{Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, gathered, path};
-use math::{Over, Real};
+use crate::ground::{
+    Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, gathered, one_path, path,
+};
+use math::{Lane, Over, Real};
 use physics::flow::pipe::friction;
-use std::slice;
 
 gathered! {
     /// The gas between two cells of a line, which has inertia and friction:
@@ -43,7 +44,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Column<P> {
+impl<P: Lane> Column<P> {
     fn ends<'n, S: Real>(&self, net: &'n Net<S>) -> [&'n GasNode<S>; 2] {
         [&net[self.path.from], &net[self.path.to]]
     }
@@ -95,7 +96,7 @@ impl<P: Real> Column<P> {
     }
 }
 
-impl<P: Real> Part<P> for Column<P> {
+impl<P: Lane> Part<P> for Column<P> {
     fn states(&self) -> Vec<State> {
         vec![State::own("inner_flow_kg_s", "kg/s", self.scale)]
     }
@@ -106,9 +107,7 @@ impl<P: Real> Part<P> for Column<P> {
         net.signal[self.signal] = m_dot;
     }
 
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {

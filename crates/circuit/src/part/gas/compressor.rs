@@ -1,7 +1,7 @@
 use crate::ground::{
     Common, GasId, Kind, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered, log, specific_entropy,
 };
-use math::{Lane, Over, Real};
+use math::{Lane, Over};
 
 gathered! {
     /// A mass flow into a node that a pressure switch turns off above `stop_pressure` and on below `start_pressure`,
@@ -25,7 +25,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Compressor<P> {
+impl<P: Lane> Part<P> for Compressor<P> {
     /// Flow along the single path of the compressor, from outside.
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, _net: &Net<S>) -> (S, S::Mask) {
@@ -68,8 +68,8 @@ impl<P: Real> Part<P> for Compressor<P> {
         }
     }
 
-    fn n_events(&self) -> usize {
-        1
+    fn events(&self) -> &'static [f64] {
+        &[PRESSURE_TOLERANCE]
     }
 
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
@@ -77,22 +77,12 @@ impl<P: Real> Part<P> for Compressor<P> {
         P::select(self.mode.lt(P::c(0.5)), p - self.start_pressure, self.stop_pressure - p)
     }
 
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        PRESSURE_TOLERANCE
-    }
-
     fn mode_mut(&mut self, _event: usize) -> &mut P {
         &mut self.mode
     }
 
     /// At the start it runs if the pressure is below the stop pressure, like a compressor that was just turned on.
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
-        let p = net[self.node].p;
-        for lane in 0..P::L {
-            self.mode.put(lane, if p.get(lane) < self.stop_pressure.get(lane) { 1.0 } else { 0.0 });
-        }
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>) {
+        self.mode = P::select(net[self.node].p.lt(self.stop_pressure), P::one(), P::zero());
     }
 }

@@ -1,5 +1,5 @@
 use crate::ground::{Between, Net, Part, clip, gathered};
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
 
 gathered! {
@@ -20,7 +20,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Ejector<P> {
+impl<P: Lane> Part<P> for Ejector<P> {
     fn paths(&self) -> &[Between] {
         &self.paths
     }

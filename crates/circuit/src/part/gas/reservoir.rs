@@ -1,5 +1,5 @@
 use crate::ground::{Common, Net, Part, inputs};
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::chamber::GasState;
 
 physics::parameters! {
@@ -16,7 +16,7 @@ physics::parameters! {
     }
 }
 
-impl<P: Real> Reservoir<P> {
+impl<P: Lane> Reservoir<P> {
     pub(crate) fn state(&self) -> GasState<P> {
         GasState::at(self.pressure, self.temperature)
     }
@@ -36,7 +36,7 @@ impl<P: Real> Reservoir<P> {
     }
 }
 
-impl<P: Real> Part<P> for Reservoir<P> {
+impl<P: Lane> Part<P> for Reservoir<P> {
     inputs! {
         pressure: "pressure", "Pa", physics::above(0.0);
         temperature: "temperature", "K", physics::above(0.0);

@@ -187,7 +187,7 @@ impl<R: Lane> Volume<R> {
     }
 }
 
-impl<P: Real> Part<P> for Volume<P> {
+impl<P: Lane> Part<P> for Volume<P> {
     fn states(&self) -> Vec<State> {
         let [first, second] = self.scales;
         let both = match self.law {

@@ -1,5 +1,5 @@
 use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State};
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::heat;
 
 /// The wall of volumes as a heat store at one temperature:
@@ -28,7 +28,7 @@ pub struct Wall<P> {
 
 math::gather!(Wall { capacity, heat_transfer, outward, start } same { signal, nodes });
 
-impl<P: Real> Wall<P> {
+impl<P: Lane> Wall<P> {
     fn temperature<S: Over<P>>(&self, net: &Net<S>) -> S {
         net.signal[self.signal]
     }
@@ -46,7 +46,7 @@ impl<P: Real> Wall<P> {
     }
 }
 
-impl<P: Real> Part<P> for Wall<P> {
+impl<P: Lane> Part<P> for Wall<P> {
     fn states(&self) -> Vec<State> {
         vec![State::own("wall_temperature_k", "K", 1.0)]
     }

@@ -1,4 +1,4 @@
-use crate::ground::{AxisNode, Common, Given, Kind, Net, Of, Own, OwnMut, Part, State, inputs};
+use crate::ground::{AxisNode, Common, Given, Kind, Net, Of, Own, OwnMut, Part, State, Switching, inputs};
 use math::{Lane, Over, Real};
 use ode::Accepted;
 use physics::friction::{At, Contact};
@@ -105,7 +105,7 @@ pub(crate) fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
     }
 }
 
-impl<P: Real> Axis<P> {
+impl<P: Lane> Axis<P> {
     /// Returns whether its friction, if any, is evaluated inline (see [`Contact::is_usual`]), and its mass is constant.
     pub(crate) fn is_usual(&self) -> bool {
         self.friction.as_ref().is_none_or(Contact::is_usual) && self.moves.is_empty()
@@ -209,9 +209,10 @@ impl<P: Real> Axis<P> {
         self.friction.as_ref().is_some_and(|contact| contact.law.is_damped())
     }
 
-    /// Returns the number of events of its law: one if it has a stick mode.
-    pub(crate) fn events_of_law(&self) -> usize {
-        usize::from(self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks))
+    /// Returns the events of its law, by their tolerances: one if it has a stick mode.
+    pub(crate) fn events_of_law(&self) -> &'static [f64] {
+        let sticks = self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks);
+        if sticks { &[EVENT_TOLERANCE] } else { &[] }
     }
 
     /// Returns whether an event of the law's mode leaves it at rest.
@@ -276,15 +277,9 @@ impl<R: Lane> Axis<R> {
 
     /// Sets one lane's mode after its event, and its inner states that remember events. If the event leaves the mass at
     /// rest, the velocity becomes zero, and the balance receives the kinetic energy.
-    pub(crate) fn switch_in(
-        &mut self,
-        lane: usize,
-        (motion, z): (&mut [R], &mut [R]),
-        net: &Net<R>,
-        common: &Common<R>,
-        accounts: &mut [R],
-    ) {
-        let node = &net.axis[self.node];
+    pub(crate) fn switch_in(&mut self, inner: usize, at: Switching<R>) {
+        let Switching { lane, y, net, common, accounts, .. } = at;
+        let ((motion, z), node) = (y.split(inner), &net.axis[self.node]);
         let (v, (mass, _)) = (node.v.get(lane), self.moved(node.x));
         if self.advance_mode(lane, z, net) {
             motion[1].put(lane, 0.0);
@@ -341,7 +336,7 @@ impl<R: Lane> Axis<R> {
 /// part.
 macro_rules! events_of_a_mass {
     ($self:ident => $axis:expr, $inner:expr) => {
-        fn n_events(&$self) -> usize {
+        fn events(&$self) -> &'static [f64] {
             $axis.events_of_law()
         }
 
@@ -353,42 +348,22 @@ macro_rules! events_of_a_mass {
             $axis.event_in(y.after($inner), net)
         }
 
-        fn event_tolerance(&$self, _event: usize) -> f64 {
-            $crate::part::mechanics::axis::EVENT_TOLERANCE
+        fn switch(&mut $self, at: Switching<P>) {
+            $axis.switch_in($inner, at);
         }
 
-        fn switch(
-            &mut $self,
-            _event: usize,
-            lane: usize,
-            y: OwnMut<P>,
-            net: &Net<P>,
-            common: &Common<P>,
-            accounts: &mut [P],
-        ) where
-            P: Lane,
-        {
-            $axis.switch_in(lane, y.split($inner), net, common, accounts);
-        }
-
-        fn find_mode(&mut $self, _event: usize, y: OwnMut<P>, net: &Net<P>)
-        where
-            P: Lane,
-        {
+        fn find_mode(&mut $self, _event: usize, y: OwnMut<P>, net: &Net<P>) {
             $axis.find_mode_in(y.split($inner), net);
         }
 
-        fn settle(&$self, _event: usize, y: OwnMut<P>)
-        where
-            P: Lane,
-        {
+        fn settle(&$self, _event: usize, y: OwnMut<P>) {
             $axis.settle_in(y.split($inner).0);
         }
     };
 }
 pub(crate) use events_of_a_mass;
 
-impl<P: Real> Part<P> for Axis<P> {
+impl<P: Lane> Part<P> for Axis<P> {
     fn states(&self) -> Vec<State> {
         let mut states = vec![State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
         if let Some(contact) = &self.friction {

@@ -1,7 +1,7 @@
 use crate::ground::{Common, Net, Own, Part, gathered};
 use crate::part::mechanics::damper;
 use crate::part::mechanics::damper::Meets;
-use math::{Over, Real};
+use math::{Lane, Over};
 
 gathered! {
     /// An elastomer that a mass hits, by Hunt and Crossley:
@@ -23,7 +23,7 @@ gathered! {
 /// still has a slope.
 const LEAST_DEPTH: f64 = 1e-12;
 
-impl<P: Real> Bumper<P> {
+impl<P: Lane> Bumper<P> {
     /// Static force at a depth, N.
     fn rests<S: Over<P>>(&self, depth: S) -> S {
         let share = (depth / S::from(self.rated_depth)).max(S::c(LEAST_DEPTH));
@@ -42,7 +42,7 @@ impl<P: Real> Bumper<P> {
     }
 }
 
-impl<P: Real> Part<P> for Bumper<P> {
+impl<P: Lane> Part<P> for Bumper<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         self.meets.force(self.pushes(self.meets.contact(net)))
     }

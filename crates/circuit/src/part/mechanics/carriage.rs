@@ -1,5 +1,5 @@
 use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State, inputs};
-use math::{Over, Real};
+use math::{Lane, Over};
 use std::f64::consts::TAU;
 
 physics::parameters! {
@@ -47,7 +47,7 @@ physics::parameters! {
 /// Offset of x_f, v_f within the states of a carriage with lag.
 pub(crate) const FOLLOWER: usize = 3;
 
-impl<P: Real> Carriage<P> {
+impl<P: Lane> Carriage<P> {
     /// Creates an axis that equals its command, without compliance.
     pub fn rigid() -> Self {
         let (zero, one) = (P::zero(), P::one());
@@ -114,7 +114,7 @@ impl<P: Real> Carriage<P> {
     }
 }
 
-impl<P: Real> Part<P> for Carriage<P> {
+impl<P: Lane> Part<P> for Carriage<P> {
     fn states(&self) -> Vec<State> {
         let own = [State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
         if !self.follows {

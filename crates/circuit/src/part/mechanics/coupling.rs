@@ -1,6 +1,6 @@
 use crate::ground::{Common, Net, Own, Part, gathered};
 use crate::part::mechanics::damper;
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::mechanics::EndStop;
 
 gathered! {
@@ -18,7 +18,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Coupling<P> {
+impl<P: Lane> Coupling<P> {
     /// Returns z and its rate.
     fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
@@ -31,7 +31,7 @@ impl<P: Real> Coupling<P> {
     }
 }
 
-impl<P: Real> Part<P> for Coupling<P> {
+impl<P: Lane> Part<P> for Coupling<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let (z, rate) = self.apart(net);
         let half = S::c(0.5) * S::from(self.play);

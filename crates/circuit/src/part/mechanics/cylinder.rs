@@ -1,8 +1,8 @@
-use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
+use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State, Switching};
 use crate::part::gas::volume::LEAST_ROOM;
 use crate::part::mechanics::axis::events_of_a_mass;
 use crate::part::{Axis, ChamberLaw, EndStops, Face, Volume};
-use math::{Gather, Lane, Over, Real};
+use math::{Gather, Lane, Over};
 use physics::constants::P_0;
 
 /// A double-acting cylinder: an axis between two chambers, with end stops. It has the same laws as its separate parts,
@@ -121,7 +121,7 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     }
 }
 
-impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
+impl<P: Lane, const USUAL: bool> Cylinder<P, USUAL> {
     fn sides(&self) -> impl Iterator<Item = (&Volume<P>, &Face<P>)> {
         self.volumes.iter().zip(&self.faces)
     }
@@ -141,7 +141,7 @@ impl<P: Real, const USUAL: bool> Cylinder<P, USUAL> {
     }
 }
 
-impl<P: Real, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
+impl<P: Lane, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
     fn states(&self) -> Vec<State> {
         let axis = Part::<P>::states(&self.axis);
         let mut states = axis[..2].to_vec();

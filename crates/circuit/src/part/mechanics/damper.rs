@@ -1,7 +1,7 @@
 //! Springs with dampers: their balances, and contacts that a mass hits.
 
 use crate::ground::{Common, Kind, Net};
-use math::{Over, Real};
+use math::{Lane, Over, Real};
 
 /// Returns the balances of a part that turns work into heat, with springs that store some of the work.
 pub(crate) const CHANNELS: [(&str, Kind); 2] =
@@ -44,7 +44,7 @@ pub struct Meets<P> {
 
 math::gather!(Meets { position } same { ahead, axis });
 
-impl<P: Real> Meets<P> {
+impl<P: Lane> Meets<P> {
     /// Returns the penetration of the mass, m, and its rate, m/s.
     pub(crate) fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let axis = &net.axis[self.axis];

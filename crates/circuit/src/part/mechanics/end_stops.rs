@@ -1,6 +1,6 @@
 use crate::ground::{AxisNode, Common, Net, Own, Part};
 use crate::part::mechanics::damper;
-use math::{Gather, Lane, Over, Real};
+use math::{Gather, Lane, Over};
 use physics::mechanics::EndStop;
 
 /// An end stop at x = 0 and one at x = stroke.
@@ -33,7 +33,7 @@ pub(crate) struct Follows<P> {
     pub start: P,
 }
 
-impl<P: Real> Follows<P> {
+impl<P: Lane> Follows<P> {
     /// Returns the stop for the highest pressure of a start, Pa absolute. The damping ratio does not change.
     pub fn law(&self, start: P) -> EndStop<P> {
         let EndStop { stiffness, damping, damping_depth } = self.law.clone();
@@ -57,7 +57,7 @@ pub struct Covers<P> {
     awake: bool,
 }
 
-impl<P: Real> Covers<P> {
+impl<P: Lane> Covers<P> {
     pub fn new(law: EndStop<P>, behind: [P; 2], left: f64) -> Self {
         Covers { law, behind, left, met: [P::c(f64::INFINITY); 2], awake: false }
     }
@@ -118,7 +118,7 @@ impl<R: Lane> EndStops<R> {
     }
 }
 
-impl<P: Real> Covers<P> {
+impl<P: Lane> Covers<P> {
     /// Returns the penetration into the cover behind a stop, for a piston in contact with the stop.
     fn depth<S: Over<P>>(&self, depth: S, direction: S) -> S {
         let [at_a, at_b] = self.met.map(S::from);
@@ -131,7 +131,7 @@ impl<P: Real> Covers<P> {
     }
 }
 
-impl<P: Real> EndStops<P> {
+impl<P: Lane> EndStops<P> {
     /// Returns (penetration, closing speed) of the nearer stop, and its direction of push.
     #[inline(always)]
     fn contact<S: Over<P>>(&self, x: S, v: S) -> (S, S, S) {
@@ -189,7 +189,7 @@ impl EndStops<f64> {
     }
 }
 
-impl<P: Real> Part<P> for EndStops<P> {
+impl<P: Lane> Part<P> for EndStops<P> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         self.push(&mut net.axis[self.axis]);

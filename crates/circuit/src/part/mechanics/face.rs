@@ -70,7 +70,7 @@ impl<R: Lane> Face<R> {
     }
 }
 
-impl<P: Real> Part<P> for Face<P> {
+impl<P: Lane> Part<P> for Face<P> {
     #[inline(always)]
     fn shape<S: Over<P>>(&self, net: &mut Net<S>) {
         if self.held {

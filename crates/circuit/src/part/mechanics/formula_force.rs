@@ -1,5 +1,5 @@
 use crate::ground::{Common, Kind, Net, Own, Part, gathered, inputs};
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::mechanics::ForceFormula;
 
 gathered! {
@@ -12,7 +12,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for FormulaForce<P> {
+impl<P: Lane> Part<P> for FormulaForce<P> {
     inputs! { command: "command", "1", physics::within(-1.0, 1.0) }
 
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {

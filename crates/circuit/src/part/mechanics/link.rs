@@ -1,5 +1,5 @@
 use crate::ground::{Common, Kind, Net, Own, Part};
-use math::{Over, Real};
+use math::{Lane, Over};
 
 physics::parameters! {
     /// Spring and damper between two axes, without play: a force sensor, a coupling.
@@ -18,7 +18,7 @@ physics::parameters! {
     }
 }
 
-impl<P: Real> Part<P> for Link<P> {
+impl<P: Lane> Part<P> for Link<P> {
     /// Returns the force in +x on `to`, N.
     #[inline(always)]
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {

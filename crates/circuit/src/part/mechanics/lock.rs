@@ -1,6 +1,6 @@
 use crate::ground::{Common, Net, Own, OwnMut, Part, State, clip, gathered};
 use crate::part::mechanics::damper;
-use math::{Over, Real};
+use math::{Lane, Over};
 
 /// Time constant of forgetting the slip of the jaws, s. This time delays the first elastic return after sliding.
 const FORGETS: f64 = 1e-4;
@@ -31,7 +31,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Lock<P> {
+impl<P: Lane> Lock<P> {
     /// Returns the largest force that it can carry now, N.
     fn limit<S: Over<P>>(&self, net: &Net<S>) -> S {
         S::from(self.holding_force) * clip(net.signal[self.shut])
@@ -49,7 +49,7 @@ impl<P: Real> Lock<P> {
     }
 }
 
-impl<P: Real> Part<P> for Lock<P> {
+impl<P: Lane> Part<P> for Lock<P> {
     fn states(&self) -> Vec<State> {
         vec![State::own("deflection_m", "m", self.scale)]
     }

@@ -1,6 +1,6 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, gathered};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, Switching, gathered};
 use crate::part::mechanics::damper;
-use math::{Lane, Over, Real};
+use math::{Lane, Over};
 use std::f64::consts::PI;
 
 /// Depth of the event, m: much less than any step resolves.
@@ -37,7 +37,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Magnet<P> {
+impl<P: Lane> Magnet<P> {
     /// Returns D and its rate.
     fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
@@ -54,7 +54,7 @@ impl<P: Real> Magnet<P> {
     }
 }
 
-impl<P: Real> Part<P> for Magnet<P> {
+impl<P: Lane> Part<P> for Magnet<P> {
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         net.signal[self.signal] = S::from(self.mode);
@@ -87,8 +87,8 @@ impl<P: Real> Part<P> for Magnet<P> {
         damper::account(S::from((P::one() - self.mode) * self.damping) * rate * rate, common, out);
     }
 
-    fn n_events(&self) -> usize {
-        1
+    fn events(&self) -> &'static [f64] {
+        &[TOLERANCE]
     }
 
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
@@ -96,25 +96,11 @@ impl<P: Real> Part<P> for Magnet<P> {
         P::select(self.mode.lt(P::c(0.5)), P::c(0.5) * pitch - apart, apart - P::c(0.25) * pitch)
     }
 
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        TOLERANCE
-    }
-
     fn mode_mut(&mut self, _event: usize) -> &mut P {
         &mut self.mode
     }
 
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        net: &Net<P>,
-        common: &Common<P>,
-        accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
+    fn switch(&mut self, Switching { lane, net, common, accounts, .. }: Switching<P>) {
         let before = self.energy(net);
         self.mode.put(lane, 1.0 - self.mode.get(lane));
         if let [heat, entropy] = accounts {
@@ -125,14 +111,8 @@ impl<P: Real> Part<P> for Magnet<P> {
     }
 
     /// They start coupled unless they are too far apart.
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
-        let apart = self.apart(net).0.abs();
-        for lane in 0..P::L {
-            let decoupled = apart.get(lane) >= 0.5 * self.pole_pitch.get(lane);
-            self.mode.put(lane, f64::from(u8::from(decoupled)));
-        }
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>) {
+        let is_near = self.apart(net).0.abs().lt(P::c(0.5) * self.pole_pitch);
+        self.mode = P::select(is_near, P::zero(), P::one());
     }
 }

@@ -1,5 +1,5 @@
 use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, gathered, inputs};
-use math::{Over, Real};
+use math::{Lane, Over};
 
 gathered! {
     /// A motor that moves a mass at a velocity u with any necessary force, through a spring and a damper:
@@ -24,14 +24,14 @@ gathered! {
     }
 }
 
-impl<P: Real> Motor<P> {
+impl<P: Lane> Motor<P> {
     /// Returns the velocity of the motor relative to the mass, m/s.
     fn closing<S: Over<P>>(&self, net: &Net<S>) -> S {
         S::from(self.velocity) - net.axis[self.axis].v
     }
 }
 
-impl<P: Real> Part<P> for Motor<P> {
+impl<P: Lane> Part<P> for Motor<P> {
     fn states(&self) -> Vec<State> {
         vec![
             State::own("stretch_m", "m", self.scale),

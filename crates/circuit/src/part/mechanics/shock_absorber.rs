@@ -1,7 +1,7 @@
 use crate::ground::{Common, Net, Own, Part, clip, gathered};
 use crate::part::mechanics::damper;
 use crate::part::mechanics::damper::Meets;
-use math::{Over, Real};
+use math::{Lane, Over};
 
 gathered! {
     /// A shock absorber: oil through holes during compression, a return spring, and its body behind.
@@ -24,7 +24,7 @@ gathered! {
     }
 }
 
-impl<P: Real> ShockAbsorber<P> {
+impl<P: Lane> ShockAbsorber<P> {
     /// Depth beyond its stroke.
     fn beyond<S: Over<P>>(&self, depth: S) -> S {
         (depth - S::from(self.stroke)).max(S::zero())
@@ -51,7 +51,7 @@ impl<P: Real> ShockAbsorber<P> {
     }
 }
 
-impl<P: Real> Part<P> for ShockAbsorber<P> {
+impl<P: Lane> Part<P> for ShockAbsorber<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         self.meets.force(self.pushes(self.meets.contact(net)))
     }

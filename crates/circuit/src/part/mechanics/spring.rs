@@ -1,5 +1,5 @@
 use crate::ground::{Common, Net, Own, Part};
-use math::{Over, Real};
+use math::{Lane, Over};
 
 physics::parameters! {
     /// A spring between an axis and the ground: F = -k (x - x_rest).
@@ -14,7 +14,7 @@ physics::parameters! {
     }
 }
 
-impl<P: Real> Part<P> for Spring<P> {
+impl<P: Lane> Part<P> for Spring<P> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         let node = &mut net.axis[self.axis];

@@ -1,5 +1,5 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, gathered};
-use math::{Lane, Over, Real};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, Switching, gathered};
+use math::{Lane, Over};
 use physics::curve::Curve;
 
 /// Depth of the event, s: much less than any step resolves.
@@ -32,13 +32,13 @@ gathered! {
     }
 }
 
-impl<P: Real> TableForce<P> {
+impl<P: Lane> TableForce<P> {
     fn is_timed(&self) -> bool {
         self.along == Along::Time
     }
 }
 
-impl<P: Real> Part<P> for TableForce<P> {
+impl<P: Lane> Part<P> for TableForce<P> {
     fn states(&self) -> Vec<State> {
         let time = State::own("time_s", "s", 1.0);
         if self.is_timed() { vec![time] } else { Vec::new() }
@@ -89,8 +89,8 @@ impl<P: Real> Part<P> for TableForce<P> {
         }
     }
 
-    fn n_events(&self) -> usize {
-        usize::from(self.is_timed())
+    fn events(&self) -> &'static [f64] {
+        if self.is_timed() { &[TOLERANCE] } else { &[] }
     }
 
     /// Returns the time to the next point.
@@ -101,21 +101,7 @@ impl<P: Real> Part<P> for TableForce<P> {
         })
     }
 
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        TOLERANCE
-    }
-
-    fn switch(
-        &mut self,
-        _event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        _net: &Net<P>,
-        _common: &Common<P>,
-        _accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
+    fn switch(&mut self, Switching { lane, .. }: Switching<P>) {
         self.mode.put(lane, self.mode.get(lane) + 1.0);
     }
 
@@ -123,10 +109,7 @@ impl<P: Real> Part<P> for TableForce<P> {
         &mut self.mode
     }
 
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>) {
         let (places, now) = (self.curve.places().collect::<Vec<_>>(), net.signal[self.time]);
         for lane in 0..P::L {
             let passed = places.iter().filter(|place| place.get(lane) <= now.get(lane)).count();

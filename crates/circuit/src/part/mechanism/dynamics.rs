@@ -75,31 +75,38 @@ impl<S: Real, const N: usize> Cholesky<S, N> {
     }
 }
 
+/// Returns the lower triangle of a matrix plus J^T D J, for the legs' rows of J and the diagonal of D.
+pub(crate) fn with_square<S: Real, const N: usize>(
+    mut matrix: [[S; N]; N],
+    legs: &[Jet<S, N>; N],
+    diagonal: &[S; N],
+) -> [[S; N]; N] {
+    for (leg, weight) in legs.iter().zip(diagonal) {
+        for a in 0..N {
+            for b in 0..=a {
+                matrix[a][b] += *weight * leg.by_q[a] * leg.by_q[b];
+            }
+        }
+    }
+    matrix
+}
+
+/// Returns a vector plus J^T x, for the legs' rows of J.
+pub(crate) fn with_sum<S: Real, const N: usize>(start: [S; N], legs: &[Jet<S, N>; N], x: &[S; N]) -> [S; N] {
+    std::array::from_fn(|a| legs.iter().zip(x).fold(start[a], |sum, (leg, x)| sum + leg.by_q[a] * *x))
+}
+
 impl<S: Real, const N: usize> Forms<S, N> {
     /// Returns the factor of M + J^T D J.
     pub fn factor(&self, inertia: &[S; N]) -> Cholesky<S, N> {
-        let mut matrix = self.mass;
-        for (leg, inertia) in self.legs.iter().zip(inertia) {
-            for a in 0..N {
-                for b in 0..=a {
-                    matrix[a][b] += *inertia * leg.by_q[a] * leg.by_q[b];
-                }
-            }
-        }
-        Cholesky::of(matrix)
+        Cholesky::of(with_square(self.mass, &self.legs, inertia))
     }
 
     /// Returns the accelerations of the coordinates under these forces on the legs, and the factor of their matrix.
     pub fn accelerate(&self, force: &[S; N], inertia: &[S; N]) -> ([S; N], Cholesky<S, N>) {
-        let mut right = self.forces.map(|h| -h);
-        for (i, leg) in self.legs.iter().enumerate() {
-            let rest = force[i] - inertia[i] * leg.a;
-            for (right, slope) in right.iter_mut().zip(leg.by_q) {
-                *right += slope * rest;
-            }
-        }
         let factor = self.factor(inertia);
-        (factor.solve(right), factor)
+        let rest = std::array::from_fn(|i| force[i] - inertia[i] * self.legs[i].a);
+        (factor.solve(with_sum(self.forces.map(|h| -h), &self.legs, &rest)), factor)
     }
 
     /// Returns the accelerations of the legs.

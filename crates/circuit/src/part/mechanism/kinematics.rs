@@ -2,7 +2,7 @@
 
 use crate::part::Platform;
 use crate::part::mechanism::Mechanism;
-use crate::part::mechanism::dynamics::forms;
+use crate::part::mechanism::dynamics::{Cholesky, forms, with_square, with_sum};
 use crate::part::mechanism::jet::Jet;
 
 /// A platform at coordinates and rates.
@@ -129,19 +129,12 @@ impl Platform<f64> {
             let mut now = legs(&q);
             let mut error = square(&now);
             for _ in 0..STEPS {
-                let (mut normal, mut right) = ([[0.0; N]; N], [0.0; N]);
-                for (leg, x) in now.iter().zip(x) {
-                    for a in 0..N {
-                        right[a] += leg.by_q[a] * (x - leg.x);
-                        for b in 0..=a {
-                            normal[a][b] += leg.by_q[a] * leg.by_q[b];
-                        }
-                    }
-                }
+                let right = with_sum([0.0; N], &now, &std::array::from_fn(|i| x[i] - now[i].x));
+                let mut normal = with_square([[0.0; N]; N], &now, &[1.0; N]);
                 for (a, row) in normal.iter_mut().enumerate() {
                     row[a] *= 1.0 + damping;
                 }
-                let step = super::dynamics::Cholesky::of(normal).solve(right);
+                let step = Cholesky::of(normal).solve(right);
                 let trial = std::array::from_fn(|k| q[k] + step[k]);
                 let next = legs(&trial);
                 let after = square(&next);

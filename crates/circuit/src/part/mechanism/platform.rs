@@ -2,7 +2,7 @@
 
 use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
 use crate::part::mechanics::axis::{GAUSS, at};
-use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms};
+use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms, with_square, with_sum};
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
 use ode::Accepted;
@@ -101,7 +101,7 @@ impl<R: Lane> Platform<R> {
     }
 }
 
-impl<P: Real> Platform<P> {
+impl<P: Lane> Platform<P> {
     /// Returns an output of the motion at the part's states and their rates: coordinates, their rates, or their second
     /// rates. A number e of a quaternion is given as the angle 2 asin(e), rad.
     pub(crate) fn motion(&self, own: &[P], rates: &[P], output: usize) -> P {
@@ -157,20 +157,10 @@ impl<P: Real> Platform<P> {
             let mut u = [P::zero(); N];
             for _ in 0..STEPS {
                 let legs = forms::<M, P, P, N>(&self.geometry, &q, &u).legs;
-                let mut normal = [[P::zero(); N]; N];
-                let (mut by_x, mut by_v) = ([P::zero(); N], [P::zero(); N]);
-                for (i, leg) in legs.iter().enumerate() {
-                    for a in 0..N {
-                        by_x[a] += leg.by_q[a] * (x[i] - leg.x);
-                        by_v[a] += leg.by_q[a] * starts[i][1];
-                        for b in 0..=a {
-                            normal[a][b] += leg.by_q[a] * leg.by_q[b];
-                        }
-                    }
-                }
-                let factor = Cholesky::of(normal);
-                let step = factor.solve(by_x);
-                u = factor.solve(by_v);
+                let none = [P::zero(); N];
+                let factor = Cholesky::of(with_square([none; N], &legs, &[P::one(); N]));
+                let step = factor.solve(with_sum(none, &legs, &std::array::from_fn(|i| x[i] - legs[i].x)));
+                u = factor.solve(with_sum(none, &legs, &std::array::from_fn(|i| starts[i][1])));
                 for (q, step) in q.iter_mut().zip(step) {
                     *q += step;
                 }
@@ -187,7 +177,7 @@ fn arcsine<P: Real>(x: P) -> P {
     P::c(2.0) * (0..5).fold(half, step)
 }
 
-impl<P: Real> Part<P> for Platform<P> {
+impl<P: Lane> Part<P> for Platform<P> {
     fn states(&self) -> Vec<State> {
         let unit = |name: &str| match name {
             _ if name.ends_with("_m_s") => "m/s",

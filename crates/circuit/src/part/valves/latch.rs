@@ -1,7 +1,6 @@
-use crate::ground::{Between, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered};
-use math::{Lane, Over, Real};
+use crate::ground::{Between, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered, one_path};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
-use std::slice;
 
 /// Least ratio of the inlet's opening pressure to its closing pressure, so that both are not one event (assumed).
 const ABOVE_RESET: f64 = 1.2;
@@ -29,7 +28,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Latch<P> {
+impl<P: Lane> Latch<P> {
     /// Distances of the pressures from the opening condition, Pa. Negative beyond it.
     fn before_opening(&self, net: &Net<P>) -> P {
         let (p1, p2) = (net[self.path.from].p, net[self.path.to].p);
@@ -38,10 +37,8 @@ impl<P: Real> Latch<P> {
     }
 }
 
-impl<P: Real> Part<P> for Latch<P> {
-    fn paths(&self) -> &[Between] {
-        slice::from_ref(&self.path)
-    }
+impl<P: Lane> Part<P> for Latch<P> {
+    one_path!(path);
 
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
@@ -50,8 +47,8 @@ impl<P: Real> Part<P> for Latch<P> {
         self.law.flow(S::from(share), &one.end(), &two.end())
     }
 
-    fn n_events(&self) -> usize {
-        1
+    fn events(&self) -> &'static [f64] {
+        &[PRESSURE_TOLERANCE]
     }
 
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
@@ -59,21 +56,11 @@ impl<P: Real> Part<P> for Latch<P> {
         P::select(self.mode.lt(P::c(0.5)), self.before_opening(net), above_reset)
     }
 
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        PRESSURE_TOLERANCE
-    }
-
     fn mode_mut(&mut self, _event: usize) -> &mut P {
         &mut self.mode
     }
 
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
-    where
-        P: Lane,
-    {
-        let before = self.before_opening(net);
-        for lane in 0..P::L {
-            self.mode.put(lane, if before.get(lane) < 0.0 { 1.0 } else { 0.0 });
-        }
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>) {
+        self.mode = P::select(self.before_opening(net).lt(P::zero()), P::one(), P::zero());
     }
 }

@@ -1,5 +1,5 @@
 use crate::ground::{Between, Common, Given, Net, Own, OwnMut, Part, State, clip, gathered, inputs};
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::flow::Iso6358;
 
 gathered! {
@@ -27,7 +27,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Regulator<P> {
+impl<P: Lane> Regulator<P> {
     #[inline(always)]
     fn set_pressure<S: Over<P>>(&self, net: &Net<S>) -> S {
         self.set.map_or(S::from(self.set_pressure), |signal| net.signal[signal])
@@ -39,7 +39,7 @@ impl<P: Real> Regulator<P> {
     }
 }
 
-impl<P: Real> Part<P> for Regulator<P> {
+impl<P: Lane> Part<P> for Regulator<P> {
     fn states(&self) -> Vec<State> {
         vec![State::own("opening", "1", 1.0)]
     }

@@ -1,5 +1,5 @@
 use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
-use math::{Over, Real};
+use math::{Lane, Over, Real};
 use physics::constants::P_0;
 
 /// Computes the rates of x and v for a second-order system with limited speed, in which x follows u:
@@ -32,7 +32,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for SecondOrder<P> {
+impl<P: Lane> Part<P> for SecondOrder<P> {
     fn states(&self) -> Vec<State> {
         vec![
             State::own("acting_set_pressure_pa", "Pa", P_0),

@@ -2,7 +2,7 @@
 
 use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
 use crate::part::valves::second_order::follows;
-use math::{Over, Real};
+use math::{Lane, Over};
 use physics::flow::leaking;
 
 /// Signals of a valve: the acting command, the state of its play, and the given command.
@@ -34,7 +34,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Held<P> {
+impl<P: Lane> Part<P> for Held<P> {
     commanded!("command that acts", COMMAND);
 
     #[inline(always)]
@@ -56,7 +56,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Spool<P> {
+impl<P: Lane> Part<P> for Spool<P> {
     commanded!("command that acts", COMMAND);
 
     fn states(&self) -> Vec<State> {
@@ -99,7 +99,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for SpoolLeak<P> {
+impl<P: Lane> Part<P> for SpoolLeak<P> {
     #[inline(always)]
     fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let x = net.signal[self.position];
@@ -122,7 +122,7 @@ gathered! {
     }
 }
 
-impl<P: Real> Part<P> for Armature<P> {
+impl<P: Lane> Part<P> for Armature<P> {
     commanded!("rate", physics::any());
 
     fn states(&self) -> Vec<State> {

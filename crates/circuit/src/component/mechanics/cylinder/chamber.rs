@@ -1,8 +1,7 @@
 //! The chambers of a cylinder.
 
-use crate::component::{Instance, Vessel, WallHeat};
+use crate::component::prelude::*;
 use crate::part::ChamberLaw;
-use math::Lane;
 use std::f64::consts::PI;
 
 pub(super) fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {

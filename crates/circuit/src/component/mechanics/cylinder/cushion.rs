@@ -1,67 +1,40 @@
 //! Cushions at the ends of a cylinder.
 
 use super::chamber::{chamber_law, dead_volume, vessel};
-use crate::component::{Build, Instance, Quantity, Row, table};
-use crate::ground::{AxisId, Error, GasId};
+use crate::component::prelude::*;
+use crate::ground::{AxisId, GasId};
 use crate::part::{ChamberLaw, Cushion};
-use math::Lane;
-use physics::flow::{BORE_CONDUCTANCE, Iso6358};
+use physics::flow::{BORE_CONDUCTANCE, LINEAR_ABOVE};
 use std::f64::consts::PI;
 
-/// Parameters of the cushion at an end, with these keys.
+/// Parameters of the cushion at an end.
 macro_rules! cushion_rows {
-    ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
+    ($end:literal) => {
         table! {
-            $length: "m", physics::above(0.0), within $table,
-                    "Distance from the end at which the plunger enters its bore";
-            $plunger_diameter: "m", physics::above(0.0), within $table,
-                    "Diameter of the plunger";
-            $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
-                    "Sonic conductance of the needle at its setting, for air";
-            $port_volume: "m3", physics::above(0.0), within $table,
-                    "Volume of port and line behind the bore with the plunger fully inserted; dead_volume is then the volume of the chamber alone";
-            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within $table,
-                    "Sonic conductance of the check valve that lets gas from the port into the chamber";
-            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within $table,
-                    "Cracking pressure of the check valve, a difference";
-            $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
-                    "Sonic conductance of the bore without the plunger";
-            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a needle", within $table,
-                    "Critical pressure ratio of needle, check valve and bore";
-            $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
-                    "Distance over which the bore shuts";
+            length[concat!("cushion_", $end, "_length")]: "m", physics::above(0.0), within concat!("cushion_", $end),
+                "Distance from the end at which the plunger enters its bore";
+            plunger_diameter[concat!("cushion_", $end, "_plunger_diameter")]: "m", physics::above(0.0), within concat!("cushion_", $end),
+                "Diameter of the plunger";
+            needle_conductance[concat!("cushion_", $end, "_needle_conductance")]: "m3/(s Pa)", physics::at_least(0.0), within concat!("cushion_", $end),
+                "Sonic conductance of the needle at its setting, for air";
+            port_volume[concat!("cushion_", $end, "_port_volume")]: "m3", physics::above(0.0), within concat!("cushion_", $end),
+                "Volume of port and line behind the bore with the plunger fully inserted; dead_volume is then the volume of the chamber alone";
+            check_conductance[concat!("cushion_", $end, "_check_conductance")]: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within concat!("cushion_", $end),
+                "Sonic conductance of the check valve that lets gas from the port into the chamber";
+            cracking_pressure[concat!("cushion_", $end, "_cracking_pressure")]: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within concat!("cushion_", $end),
+                "Cracking pressure of the check valve, a difference";
+            bore_conductance[concat!("cushion_", $end, "_bore_conductance")]: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within concat!("cushion_", $end),
+                "Sonic conductance of the bore without the plunger";
+            critical_pressure_ratio[concat!("cushion_", $end, "_critical_pressure_ratio")]: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a needle", within concat!("cushion_", $end),
+                "Critical pressure ratio of needle, check valve and bore";
+            transition[concat!("cushion_", $end, "_transition")]: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within concat!("cushion_", $end),
+                "Distance over which the bore shuts";
         }
     };
 }
 
-pub(super) const CUSHION_A: &[Row] = cushion_rows!(
-    "cushion_a",
-    [
-        cushion_a_length,
-        cushion_a_plunger_diameter,
-        cushion_a_needle_conductance,
-        cushion_a_port_volume,
-        cushion_a_check_conductance,
-        cushion_a_cracking_pressure,
-        cushion_a_bore_conductance,
-        cushion_a_critical_pressure_ratio,
-        cushion_a_transition,
-    ]
-);
-pub(super) const CUSHION_B: &[Row] = cushion_rows!(
-    "cushion_b",
-    [
-        cushion_b_length,
-        cushion_b_plunger_diameter,
-        cushion_b_needle_conductance,
-        cushion_b_port_volume,
-        cushion_b_check_conductance,
-        cushion_b_cracking_pressure,
-        cushion_b_bore_conductance,
-        cushion_b_critical_pressure_ratio,
-        cushion_b_transition,
-    ]
-);
+pub(super) const CUSHION_A: &[Row] = cushion_rows!("a");
+pub(super) const CUSHION_B: &[Row] = cushion_rows!("b");
 
 /// Returns whether an end has a cushion.
 pub(super) fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
@@ -86,11 +59,11 @@ pub(super) fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
     }
     let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
     if a + b > stroke {
-        return Err(Error::Specification(format!(
+        return refuse(format!(
             "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
              stroke, {stroke} m",
             own.name, own.name
-        )));
+        ));
     }
     Ok(())
 }
@@ -100,7 +73,6 @@ pub(super) fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error>
         return Ok(());
     }
     let number = |key: &str| own.number(&format!("cushion_{end}_{key}"));
-    let refuse = |message: String| Err(Error::Specification(message));
     let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
     let (length, stroke) = (number("length"), own.number("stroke"));
     if diameter >= bore {
@@ -140,8 +112,7 @@ pub(super) fn cushion<P: Lane>(
     let number = |name: &str| own.number(&key(name));
     let area = plunger(own, end);
     let law = |conductance: P, build: &Build<P>| {
-        let (b, linear) = (number("critical_pressure_ratio"), P::c(physics::flow::LINEAR_ABOVE));
-        Iso6358::for_gas(conductance, b, P::c(0.5), linear, true, &build.gas, build.is_air)
+        build.usual_path([conductance, number("critical_pressure_ratio")], P::c(LINEAR_ABOVE))
     };
     for way in ["needle_conductance", "check_conductance"] {
         let conductance = number(way);
