@@ -272,7 +272,7 @@ def test_a_rig_file_takes_it(folder):
     sourced = re.sub(r'= ("[^"]*")', r'= { value = \1, source = "assumed", reason = "a test" }', values)
     (folder / "rig.toml").write_text(text.replace(table, f'[friction]\nlaw = "file:laws/lugre.toml"\n{sourced}'))
     rig = read_description(folder / "rig.toml")
-    assert rig.law == "own-lugre"
+    assert rig.friction["law"] == "own-lugre"
     force = steady_friction_n(core_friction(rig), 0.3)
     np.testing.assert_allclose(force, 30.0 + 0.3 * 200.0, rtol=1e-12)
 

@@ -336,25 +336,27 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     return tuple(out)
 
 
-def log_run(folder: Path, run: ControlledRun) -> None:
-    """Add a finished run to the results."""
-    said = {"law": run.law, "reference": run.reference, "seed": run.seed, "reason": run.reason, "run": run.file.name}
-    said["score"] = None if run.score is None else run.score.to_dict()
-    with open_to_append(folder / SO_FAR) as file:
-        file.write(json.dumps(said) + "\n")
+def _log(path: Path, score: Score | None, entry: dict[str, Any]) -> None:
+    """Add the line of a finished run to a file."""
+    with open_to_append(path) as file:
+        file.write(json.dumps(entry | {"score": None if score is None else score.to_dict()}) + "\n")
+
+
+def _logged(text: str, *keys: str) -> Iterator[tuple[Score | None, list[Any]]]:
+    """Yield score and entries of the lines of such a file."""
+    for line in text.splitlines():
+        with suppress(ValueError, LookupError, TypeError):  # an incomplete line: still being written, or cut by a kill
+            entry = json.loads(line)
+            yield None if entry["score"] is None else Score(**entry["score"]), [entry[key] for key in keys]
 
 
 def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledRun]:
     text = ""
     with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
         text = read_text(folder / SO_FAR, CommandError)
-    for line in text.splitlines():
-        with suppress(ValueError, LookupError, TypeError):  # an incomplete line: still being written, or cut by a kill
-            one = json.loads(line)
-            score = None if one["score"] is None else Score(**one["score"])
-            file = folder / RUNS / Path(one["run"]).name
-            if one["reference"] in references:
-                yield ControlledRun(one["law"], one["reference"], int(one["seed"]), score, one["reason"], file, {})
+    for score, (law, along, seed, reason, file) in _logged(text, "law", "reference", "seed", "reason", "run"):
+        if along in references:
+            yield ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
 
 
 def finished(folder: Path) -> int:
@@ -421,7 +423,7 @@ class Store:
     folder: Path
     lines: Path
     keeps: bool
-    known: dict[str, dict[str, Any]]
+    known: dict[str, tuple[Score | None, str]]
     lock: threading.Lock
     mark: str
 
@@ -431,17 +433,12 @@ class Store:
         folder, lines = out / RUNS, out / KEPT
         make_subfolder(folder)
         try:
-            text = lines.read_bytes() if lines.exists() else b""
+            text = lines.read_text("utf-8", "replace") if lines.exists() else ""
         except OSError as error:
             remedy = "Name another folder as out."
             raise CommandError(f"{lines} cannot be read", value=error.strerror, remedy=remedy) from None
-        known: dict[str, dict[str, Any]] = {}
-        for line in text.splitlines():
-            with suppress(ValueError, LookupError, TypeError):  # a line that is damaged or was cut by a kill
-                one = json.loads(line.decode("utf-8"))
-                score = None if one["score"] is None else Score(**one["score"])
-                known[one["key"]] = {"score": score, "reason": str(one["reason"])}
-        if text and not text.endswith(b"\n"):
+        known = {str(key): (score, str(reason)) for score, (key, reason) in _logged(text, "key", "reason")}
+        if text and not text.endswith("\n"):
             with open_to_append(lines) as file:
                 file.write("\n")
         return cls(folder, lines, keeps, known, threading.Lock(), mark)
@@ -453,10 +450,10 @@ class Store:
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
         truth = prepared.truth.values
         is_kept = self.keeps or seed == 1
-        said = self.known.get(key)
-        if said is not None and said["score"] is None:
-            return ControlledRun(law, along, seed, None, said["reason"], file, truth)
-        score = _score_in(file, key) if is_kept else None if said is None else said["score"]
+        score, reason = self.known.get(key, (None, None))
+        if score is None and reason is not None:
+            return ControlledRun(law, along, seed, None, reason, file, truth)
+        score = _score_in(file, key) if is_kept else score
         if score is not None:
             return ControlledRun(law, along, seed, score, "", file, truth)
         try:
@@ -472,9 +469,8 @@ class Store:
         return ControlledRun(law, along, seed, score, "", file, truth)
 
     def _note(self, key: str, score: Score | None, reason: str) -> None:
-        line = json.dumps({"key": key, "score": None if score is None else score.to_dict(), "reason": reason})
-        with self.lock, open_to_append(self.lines) as file:
-            file.write(f"{line}\n")
+        with self.lock:
+            _log(self.lines, score, {"key": key, "reason": reason})
 
 
 def _score_in(file: Path, key: str) -> Score | None:
@@ -613,8 +609,9 @@ def benchmark(
 
     def one_of(law: str, along: str, seed: int) -> ControlledRun:
         run = store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
+        entry = {"law": law, "reference": along, "seed": seed, "reason": run.reason, "run": run.file.name}
         with store.lock:
-            log_run(folder, run)
+            _log(folder / SO_FAR, run.score, entry)
         return run
 
     found = dict(zip(each, _on_threads(one_of, each, at_once, Watch(progress, cancel)), strict=True))

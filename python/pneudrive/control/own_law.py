@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import math
 import reprlib
 import uuid
@@ -202,10 +203,4 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
 
 def preview_of(motion: Mapping[str, Any]) -> Preview:
     """Return the core's evaluator of the reference states of a motion."""
-    return _core.ControlReference(_json(motion))
-
-
-def _json(motion: Mapping[str, Any]) -> str:
-    import json
-
-    return json.dumps(motion)
+    return _core.ControlReference(json.dumps(motion))

@@ -441,10 +441,6 @@ def _hypercube(size: int, d: int, seed: int) -> Array:
     return np.clip(qmc.LatinHypercube(d, rng=seed).random(size), EDGE, 1.0 - EDGE)
 
 
-def _latin_hypercube(first: int, last: int, size: int, d: int, seed: int) -> Array:
-    return _hypercube(size, d, seed)[first:last]
-
-
 def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
     del size
     blocks = range(first // BLOCK, -(-last // BLOCK))
@@ -454,7 +450,7 @@ def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
 
 
 #: Method -> points of the unit cube from first to before last, of so many in so many dimensions, by a seed.
-SAMPLERS = {"sobol": _sobol, "latin-hypercube": _latin_hypercube, "random": _random}
+SAMPLERS = {"sobol": _sobol, "latin-hypercube": lambda a, b, *of: _hypercube(*of)[a:b], "random": _random}
 
 
 # --- Designs: the values of the members of an ensemble.
@@ -599,7 +595,8 @@ class EnsembleDesign(Shown):
         """Names of the numbers that vary, as in the drive file."""
         if self.fit is None:
             return list(self.each)
-        return [_name_in_drive(name) for name in self.each]
+        within = {name: name if "." in name else f"friction.{name}" for name in self.each}
+        return [slope_key(name) if name in PRESSURE_NAMES else key for name, key in within.items()]
 
     def rows(self, variation: Variation) -> Rows:
         """Return the rows in SI.
@@ -715,13 +712,6 @@ def design_of(
     if n is not None and kind == "a grid":
         raise CommandError("a grid has one member for each combination", remedy="Leave n out.")
     return design
-
-
-def _name_in_drive(name: str) -> str:
-    """Return the name of a fit's value in a drive file."""
-    if name in PRESSURE_NAMES:
-        return slope_key(name)
-    return name if "." in name else f"friction.{name}"
 
 
 def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401

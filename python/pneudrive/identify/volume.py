@@ -46,6 +46,8 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from scipy.optimize import OptimizeResult
+
     from pneudrive.arrays import Array
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
@@ -339,7 +341,7 @@ def _minima(
             point, at, _ = search.join_segments(problem, Iterate(eta, first.states), first.states, watcher)
         except FitError:
             continue
-        found.append((at.cost, point))
+        found.append((at.standing.cost, point))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
     distinct: list[tuple[float, Iterate]] = []
@@ -362,7 +364,7 @@ def _other_minima(solved: search.Solved, points: list[Iterate]) -> list[search.S
             continue
         known = [solved, *found]
         is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in known)
-        if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
+        if converged and is_new and at.standing.cost - solved.at.standing.cost < student(solved.freedom) ** 2:
             found.append(replace(solved, point=end, at=at, information=search.information(problem, at)))
     return found
 
@@ -389,7 +391,7 @@ def _result(
     intervals = {n: _hull(solved, others, n) for n in problem.names} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     fitted, rests, shares = {}, [], []
-    for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):
+    for experiment, residual, record in zip(problem.experiments, at.standing.residuals, records, strict=True):
         experiment.shooter.watch = UNWATCHED
         for c, pressure in enumerate(record.measured.values()):
             rest = residual[:, c] * experiment.noise[c]
@@ -431,7 +433,7 @@ def _result(
 
 def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> tuple[float, float]:
     """Return the interval over all minima: the range in which the cost stays within that of the best one."""
-    ends = [search.profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
+    ends = [search.profile(minimum, name, least=solved.at.standing.cost) for minimum in (solved, *others)]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
@@ -632,18 +634,21 @@ def identify_regulator(
     if idle:
         raise FitError("the command does not change", value=", ".join(idle), remedy="record steps of the command")
     start = described.start(STANDARD_ATMOSPHERE_PA)
-    solved = _fit(records, start)
+    best = _fit(records, start)
+    solved = best.x
     span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
-    rms = float(np.sqrt(np.mean(_residual(solved, records) ** 2)))
-    own = {r.name: _fit([r], solved) for r in records}
+    rms = float(np.sqrt(np.mean(best.fun**2)))
+    own = {r.name: _fit([r], solved).x for r in records}
     runs = {name: _named(point) for name, point in own.items()}
-    intervals, correlation = _intervals(records, solved, own)
+    intervals, correlation = _intervals(records, best, own)
     solved_values, spread = _named(solved), {}
     if len(records) > 1:
         spread = {
             n: float(np.std([run[n] for run in runs.values()], ddof=1) / abs(v)) for n, v in solved_values.items()
         }
-    predicted = [_residual(_fit([o for o in records if o is not r], solved), [r]) for r in records if len(records) > 1]
+    predicted = [
+        _residual(_fit([o for o in records if o is not r], solved).x, [r]) for r in records if len(records) > 1
+    ]
     held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records).ravel(), solved[2:])
     dead = _dead_time(records, solved)
     step = float(np.median(np.diff(records[0].time_s)))
@@ -685,8 +690,8 @@ def _named(point: Array) -> dict[str, float]:
     return dict(zip(REGULATOR_UNITS, REGULATOR_SCALES.natural(point).tolist(), strict=True))
 
 
-def _fit(records: Sequence[VolumeRecording], start: Array) -> Array:
-    return least_squares(lambda point: _residual(point, records), start, x_scale=[1.0, 1.0, 0.3, 0.3]).x
+def _fit(records: Sequence[VolumeRecording], start: Array, dead_s: float = 0.0) -> OptimizeResult:
+    return least_squares(lambda point: _residual(point, records, dead_s), start, x_scale=[1.0, 1.0, 0.3, 0.3])
 
 
 def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 0.0) -> Array:
@@ -708,25 +713,19 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 
 def _intervals(
-    records: Sequence[VolumeRecording], point: Array, own: dict[str, Array]
+    records: Sequence[VolumeRecording], best: OptimizeResult, own: dict[str, Array]
 ) -> tuple[dict[str, tuple[float, float]], float]:
     """Return the wider interval, by blocks of time or by runs, and the correlation of gain and offset."""
-    steps = np.array([1e-4, 1e-4, 1e-3, 1e-3])
-    base = _residual(point, records)
-    moved = [
-        (_residual(point + steps * unit, records) - base) / step for unit, step in zip(np.eye(4), steps, strict=True)
-    ]
-    jacobian = np.array(moved).T
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]
-    scores = np.add.reduceat(jacobian * base[:, None], edges, axis=0)
+    scores = np.add.reduceat(best.jac * best.fun[:, None], edges, axis=0)
     covariance = inverse @ (scores.T @ scores) @ inverse
     deviation = student_t.ppf(0.975, max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
     if len(own) > 1:
         between = np.std([p[:4] for p in own.values()], axis=0, ddof=1) / np.sqrt(len(own))
         deviation = np.maximum(deviation, student_t.ppf(0.975, len(own) - 1) * between)
-    low, high = (REGULATOR_SCALES.natural(point + sign * deviation) for sign in (-1.0, 1.0))
+    low, high = (REGULATOR_SCALES.natural(best.x + sign * deviation) for sign in (-1.0, 1.0))
     ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
 
@@ -734,9 +733,6 @@ def _intervals(
 def _dead_time(records: Sequence[VolumeRecording], point: Array) -> tuple[float, float]:
     """Return the smallest and the largest dead time that fit within 2 % of the best residual."""
     step = float(np.median(np.diff(records[0].time_s)))
-    sizes = []
-    for delay in DELAYS * step:
-        found = least_squares(lambda p, d=delay: _residual(p, records, d), point, x_scale=[1.0, 1.0, 0.3, 0.3])
-        sizes.append(float(np.sqrt(2.0 * found.cost)))
-    fits = DELAYS[np.array(sizes) < 1.02 * min(sizes)] * step
+    sizes = np.sqrt([2.0 * _fit(records, point, delay).cost for delay in DELAYS * step])
+    fits = DELAYS[sizes < 1.02 * sizes.min()] * step
     return float(fits.min()), float(fits.max())

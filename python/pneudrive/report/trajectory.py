@@ -129,7 +129,8 @@ def _panels(run: xr.Dataset) -> Iterator[tuple[str, list[tuple[str, Look, str]]]
         names = [name for name in of_kind if wanted.fullmatch(name)][: len(LOOKS)]
         is_drive = not any("." in name for name in names)
         looks = (MEASURED, MODEL) if is_drive else LOOKS  # of a drive with its two chambers
-        if any(_has_something(run, name) for name in names):
+        # End stops only if one was touched.
+        if any(not name.endswith("end_stop_force") or bool((run[name] != 0.0).any()) for name in names):
             yield label, [(name, own, _words(name, last)) for name, own in zip(names, looks, strict=False)]
 
 
@@ -137,11 +138,6 @@ def _words(name: str, last: str) -> str:
     """Return the name of a curve: the component, or the chamber."""
     component, _, variable = name.rpartition(".")
     return component or variable.removeprefix(last).replace("_", "chamber ")
-
-
-def _has_something(run: xr.Dataset, name: str) -> bool:
-    """Return whether a variable exists; end stops only if one was touched."""
-    return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
 def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> View:

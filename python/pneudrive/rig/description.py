@@ -409,10 +409,9 @@ class RigDescription:
     Attributes
     ----------
     name : str
-    law, parameters, pressure : str, dict, dict or None
-        Friction of the piston as in a drive file; `pressure` in N/Pa per chamber.
-    dependences : dict
-        Other friction modifiers (dwell, relaxation, position, direction), in the core's form.
+    friction : dict
+        Friction of the piston in the core's form: law, parameters, pressure in N/Pa per chamber, and other modifiers
+        (dwell, relaxation, position, direction).
     tables : Described
         The tables of `KEYS` in SI, such as ``tables.servo.margin``; None if a key is absent. ``tables.mounting`` has
         each mounting other than `RIGID`, by its name.
@@ -421,10 +420,7 @@ class RigDescription:
     """
 
     name: str
-    law: str
-    parameters: dict[str, float]
-    pressure: dict[str, float] | None
-    dependences: dict[str, Any]
+    friction: dict[str, Any]
     tables: Any
     sources: dict[str, Source] = field(repr=False)
 
@@ -498,9 +494,7 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     name, tables, friction, sources = read_tables(Path(path))
     with toml.locating(path, toml.read(path)[1]):
         _check(tables)
-    core = friction.core()
-    law, parameters, pressure = (core.pop(key) for key in ("law", "parameters", "pressure"))
-    description = RigDescription(name, law, parameters, pressure, core, tables, sources)
+    description = RigDescription(name, friction.core(), tables, sources)
     for sensor in ("force_sensor", "pressure_sensor", "thermometer", "encoder"):
         getattr(description, sensor)  # a range or resolution that is not possible is an error of the file
     return description

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def core_friction(d: RigDescription, mounting: str = RIGID) -> dict[str, Any]:
     """Return the friction of the piston, including that of the guide under a side load of the mounting."""
-    table = {"law": d.law, "parameters": d.parameters, "pressure": d.pressure, **d.dependences}
+    table = {**d.friction}
     guide = d.tables.mounting.get(mounting)
     if guide is not None and guide.side_load > 0.0:
         table["side_load"] = {"force_n": guide.side_load, "coefficient": guide.coefficient}
@@ -289,9 +289,9 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any
     scale = friction_scale(d, past, seed)
     factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
     out = dict(table)
-    out["parameters"] = {name: value * factor.get(name, 1.0) for name, value in d.parameters.items()}
-    if d.pressure is not None:
-        out["pressure"] = {name: value * scale * levels for name, value in d.pressure.items()}
+    out["parameters"] = {name: value * factor.get(name, 1.0) for name, value in table["parameters"].items()}
+    if table["pressure"] is not None:
+        out["pressure"] = {name: value * scale * levels for name, value in table["pressure"].items()}
     if table.get("dwell") is not None:
         out["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
     return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, RLock
@@ -130,9 +131,9 @@ class SimulatedRig:
 
     def with_friction(self, law: str | None = None, **parameters: float) -> SimulatedRig:
         """Return a rig with another friction law or other parameters (SI, names as in the drive file)."""
-        known = dict(self.description.parameters)
-        known.update(parameters)
-        return SimulatedRig(replace(self.description, law=law or self.description.law, parameters=known))
+        known = self.description.friction
+        changed = known | {"law": law or known["law"], "parameters": known["parameters"] | parameters}
+        return SimulatedRig(replace(self.description, friction=changed))
 
     def drag(
         self,
@@ -229,9 +230,7 @@ class SimulatedRig:
             **shared,
             labels={"rig": d.name, "speed": speed, "pressure": f"{shown} gauge"},
             truth={
-                "law": d.law,
-                "parameters": dict(d.parameters),
-                "pressure": dict(d.pressure) if d.pressure else None,
+                **{name: deepcopy(d.friction[name]) for name in ("law", "parameters", "pressure")},
                 "speed_m_s": trace.speed_m_s,
                 "pressure_a_pa": trace.pressure_a_pa,
                 "pressure_b_pa": trace.pressure_b_pa,

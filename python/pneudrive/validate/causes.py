@@ -266,11 +266,8 @@ def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
 
 def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
     """Delay the command by a time that need not be a whole number of samples."""
-    k = np.arange(command.size)
-    whole = int(np.floor(delay_s / step_s))
-    part = delay_s / step_s - whole
-    late, later = command[np.clip(k - whole, 0, command.size - 1)], command[np.clip(k - whole - 1, 0, command.size - 1)]
-    return (1.0 - part) * late + part * later
+    sample = np.arange(command.size)
+    return np.interp(sample - delay_s / step_s, sample, command)
 
 
 def _sag(lag_s: float) -> Change:

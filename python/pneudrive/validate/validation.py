@@ -106,28 +106,16 @@ class Verdict:
     ----------
     what : str
     value, target : float
-    met : bool or None
     text : str
         Sentence with numbers.
+    met : bool or None
     """
 
     what: str
     value: float
     target: float
-    met: bool | None
     text: str
-
-
-@dataclass(frozen=True)
-class ConditionRow:
-    """Metrics of the recordings with one label: free run and runs from measured states."""
-
-    label: str
-    value: str
-    recordings: int
-    position_fit_percent: float
-    pressure_nrmse: float
-    restarted_fit_percent: float
+    met: bool | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,30 +174,25 @@ class Validation(Viewed):
         rest = f"breakaway{f' after {len(errors)} stops' if errors else ''}: {stops}"
         is_met = error < BREAKAWAY_ERROR if errors else None
         return (
-            Verdict("position", fit, POSITION_FIT_PERCENT, fit > POSITION_FIT_PERCENT, position),
-            Verdict("pressure", nrmse, PRESSURE_NRMSE, nrmse < PRESSURE_NRMSE, f"pressures in the free run: {worse}"),
-            Verdict("breakaway", error, BREAKAWAY_ERROR, is_met, rest),
+            Verdict("position", fit, POSITION_FIT_PERCENT, position, fit > POSITION_FIT_PERCENT),
+            Verdict("pressure", nrmse, PRESSURE_NRMSE, f"pressures in the free run: {worse}", nrmse < PRESSURE_NRMSE),
+            Verdict("breakaway", error, BREAKAWAY_ERROR, rest, is_met),
         )
 
     @cached_property
-    def conditions(self) -> tuple[ConditionRow, ...]:
-        """Return the metrics by label, for labels with several values among the recordings."""
+    def conditions(self) -> list[dict[str, Any]]:
+        """Return the metrics of the free run and of the runs from measured states by label, if it has several values."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
             for value in values if len(values) > 1 else ():
                 own = replace(self, records=tuple(r for r in self.records if r.recording.labels.get(key, "-") == value))
-                rows.append(
-                    ConditionRow(
-                        key,
-                        value,
-                        len(own.records),
-                        own.pooled(["position_m"]).fit_percent,
-                        own.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse,
-                        own.pooled(["position_m"], restarted=True).fit_percent,
-                    )
-                )
-        return tuple(rows)
+                row: dict[str, Any] = {"label": key, "value": value, "recordings": len(own.records)}
+                row["position_fit_percent"] = own.pooled(["position_m"]).fit_percent
+                row["pressure_nrmse"] = own.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse
+                row["restarted_fit_percent"] = own.pooled(["position_m"], restarted=True).fit_percent
+                rows.append(row)
+        return rows
 
     def diagnosis(
         self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None
@@ -243,14 +226,12 @@ class Validation(Viewed):
             "provenance": {"drive": drive.name, "description_hash": drive.description_hash, "version": __version__}
             | identified
             | {INPUTS: inputs_of(drive, [record.recording for record in self.records])},
-            "verdict": [
-                {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in self.verdicts
-            ],
+            "verdict": [vars(verdict) for verdict in self.verdicts],
             "record": [
                 _record_table(record) | {"badge": self.badge(record), "run": run_name(at)}
                 for at, record in enumerate(self.records)
             ],
-            "condition": [vars(row) for row in self.conditions],
+            "condition": self.conditions,
             "diagnosis": {
                 "left": diagnosis.left,
                 "clean": diagnosis.is_clean,

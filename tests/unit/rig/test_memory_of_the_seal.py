@@ -39,7 +39,7 @@ def test_the_held_force_relaxes_by_what_the_springs_in_series_let_it(rig):
         return seen[(time > t - width) & (time < t + width)].mean() - zero
 
     # A share rho of the bristles lets go; the sensor and the bristles that are left share its force by stiffness.
-    rho, bristles = d.dependences["relaxation"]["share"], d.parameters["bristle_stiffness"]
+    rho, bristles = d.friction["relaxation"]["share"], d.friction["parameters"]["bristle_stiffness"]
     lost = rho * d.tables.force_sensor.stiffness / (d.tables.force_sensor.stiffness + (1.0 - rho) * bristles)
     settled = at(0.1, 0.05)  # the axis has come to rest
     assert at(59.0, 0.9) == pytest.approx(settled * (1.0 - lost), abs=0.1)
@@ -84,7 +84,7 @@ def test_mounting_direction_and_place_are_in_the_friction():
     def friction(mounting):
         rig.change({"mounting": mounting})
         table = rig._machine.friction()
-        scale = table["parameters"]["coulomb"] / d.parameters["coulomb"]  # each mounting has its own level
+        scale = table["parameters"]["coulomb"] / d.friction["parameters"]["coulomb"]  # each mounting has its own level
         return [rig._machine.steady_n(table, v) / scale for v in (0.1, -0.1)], scale
 
     (out, back), _ = friction("rigid")
@@ -138,8 +138,8 @@ def test_a_rig_file_takes_temperature_wear_and_the_shape_of_the_curve(tmp_path):
         lines += [f"[friction.{name}]", *(f"{key} = {value(given, ASSUMED)}" for key, given in table.items())]
     file.write_text("\n".join(lines))
     d = read_description(file)
-    assert d.dependences["temperature"]["viscous_per_k"] == 0.02
-    assert d.dependences["wear"]["rate_per_m"] == 5e-6
-    assert d.dependences["stribeck_shape"] == "free"
+    assert d.friction["temperature"]["viscous_per_k"] == 0.02
+    assert d.friction["wear"]["rate_per_m"] == 5e-6
+    assert d.friction["stribeck_shape"] == "free"
     _, told = stop(telling(load_rig(str(file), seed=1)), 1.0)
     assert told

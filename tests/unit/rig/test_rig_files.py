@@ -51,8 +51,8 @@ def test_a_file_takes_what_it_does_not_say_from_the_one_that_it_extends(tmp_path
 def test_another_law_takes_no_values_of_the_old_one(tmp_path):
     text = f'extends = "default"\n[friction]\nlaw = "coulomb"\ncoulomb = {{ value = "7 N", {ASSUMED} }}\n'
     mine = read_description(written(tmp_path, text))
-    assert mine.parameters == {"coulomb": 7.0, "viscous": 0.0}
-    assert mine.pressure == read_description(DEFAULT).pressure
+    assert mine.friction["parameters"] == {"coulomb": 7.0, "viscous": 0.0}
+    assert mine.friction["pressure"] == read_description(DEFAULT).friction["pressure"]
     assert SimulatedRig(mine).true_friction(0.1) == pytest.approx(7.0)
 
 
@@ -62,7 +62,7 @@ def test_a_list_of_the_friction_table_gives_its_source_once(tmp_path):
     elements = '[{ stiffness = "4e4 N/m", share = 0.15 }, { stiffness = "6e4 N/m", share = 0.85 }]'
     head = ['extends = "default"', "[friction]", 'law = "gms"', f"elements = {{ value = {elements}, {ASSUMED} }}"]
     mine = read_description(written(tmp_path, "\n".join([*head, *lines]) + "\n"))
-    assert mine.dependences["elements"] == [
+    assert mine.friction["elements"] == [
         {"stiffness_n_m": 4e4, "share": 0.15},
         {"stiffness_n_m": 6e4, "share": 0.85},
     ]

@@ -55,7 +55,7 @@ def test_recording_is_of_the_form_of_a_real_one():
     assert len(recording) == 5000
     assert recording.synthetic
     assert recording.source is None
-    assert recording.truth["parameters"] == D.parameters
+    assert recording.truth["parameters"] == D.friction["parameters"]
     assert recording.truth["friction_n"] == pytest.approx(float(RIG.true_friction(0.05, 151300.0, 151300.0)))
     assert recording.stiffness_n_m == D.tables.force_sensor.stiffness
     assert recording.mass_beyond_sensor_kg == D.tables.cylinder.moving_mass

@@ -118,7 +118,7 @@ def test_foreign_records_are_read_through_a_layout(tmp_path):
     direct = validate(truth, record(truth, 0, duration_s=2.0))
     rms = [v.records[0].channels["position_m"].free.rms for v in (found, direct)]
     assert rms[0] == pytest.approx(rms[1], rel=1e-3)
-    assert [(c.label, c.value) for c in found.conditions][:2] == [("day", "1"), ("day", "2")]
+    assert [(c["label"], c["value"]) for c in found.conditions][:2] == [("day", "1"), ("day", "2")]
 
 
 def test_records_that_cannot_be_used_say_why(tmp_path):

@@ -397,7 +397,7 @@ def solve(
 def over_noise(solved: search.Solved) -> dict[str, float]:
     """Return the residuals of each channel relative to its noise from sample to sample, in the worst recording."""
     worst: dict[str, float] = {}
-    for experiment, residual in zip(solved.problem.experiments, solved.at.residuals, strict=True):
+    for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
             used = experiment.weight[:, c] > 0.0
             own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
@@ -421,7 +421,7 @@ def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: 
 def _renew_noise(problem: shooting.FitProblem, at: search.Joined, stated: list[Bools], rtol: float) -> bool:
     """Estimate unstated noise from the residuals; return whether it changed."""
     changed = False
-    for experiment, residual, known in zip(problem.experiments, at.residuals, stated, strict=True):
+    for experiment, residual, known in zip(problem.experiments, at.standing.residuals, stated, strict=True):
         for c, channel in enumerate(experiment.channels):
             if known[c]:
                 continue

@@ -137,7 +137,9 @@ class Shooter:
                 sensitivities, ends = (_spread(d, paths, by_start, initial.shape[1]) for d in (sensitivities, ends))
             if paths > p:
                 by_free = self.family.by_free(values)
-                sensitivities, ends = (_chained(d, by_free) for d in (sensitivities, ends))
+                sensitivities, ends = (
+                    np.concatenate([d[..., :paths] @ by_free, d[..., paths:]], axis=-1) for d in (sensitivities, ends)
+                )
         if shifted:
             later, sooner = shifted
             by_delay, ends_by_delay = ((later[k] - sooner[k]) / (2.0 * DELAY_STEP_S) for k in ("values", "ends"))
@@ -186,12 +188,6 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
     shifted = times + delay_s
     first = max(int(np.searchsorted(shifted, times[0], side="right")) - 1, 0)
     return np.r_[times[0], shifted[first + 1 :]], commands[first:]
-
-
-def _chained(derivatives: Array, by_free: Array) -> Array:
-    """Convert derivatives by all paths of the drive (first on the last axis) to its free values."""
-    paths = len(by_free)
-    return np.concatenate([derivatives[..., :paths] @ by_free, derivatives[..., paths:]], axis=-1)
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:

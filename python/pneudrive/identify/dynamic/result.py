@@ -591,10 +591,10 @@ def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[s
     out = {
         "samples": float(sum(len(e.measured) for e in problem.experiments)),
         "iterations": float(watcher.count),
-        "cost": solved.at.cost,
+        "cost": solved.at.standing.cost,
         "gap": solved.at.standing.gap,
     }
-    for name, rms in problem.rms(solved.at.residuals).items():
+    for name, rms in problem.rms(solved.at.standing.residuals).items():
         out[f"rms.{name}"] = rms
         own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
         out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
@@ -605,7 +605,7 @@ def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[s
 
 def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, FittedData]:
     out = {}
-    for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
+    for experiment, residual, record in zip(problem.experiments, solved.at.standing.residuals, records, strict=True):
         models = experiment.measured - residual * experiment.noise
         for channel, measured, model in zip(experiment.channels, experiment.measured.T, models.T, strict=True):
             name = f"{record.name}, {channel.name}"

@@ -180,16 +180,6 @@ class Joined:
     carried: list[tuple[Array, Array]]
     standing: Misfit
 
-    @property
-    def cost(self) -> float:
-        """Twice the negative log-likelihood, up to a constant."""
-        return self.standing.cost
-
-    @property
-    def residuals(self) -> list[Array]:
-        """Residuals of each recording, shape (n, c), in units of the noise."""
-        return self.standing.residuals
-
 
 def judge(
     problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
@@ -341,7 +331,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
         point, standing, longest = found
         closings = 0
         watcher.step(problem, "steps with separate segments", standing, point)
-        if 1.0 - standing.cost / at.cost < SMALL_GAIN:
+        if 1.0 - standing.cost / at.standing.cost < SMALL_GAIN:
             break
         shots = _run(problem, point, "the search reached values for which the drive cannot be simulated", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
@@ -409,12 +399,14 @@ def join_segments(
     for _ in range(most):
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
-        gain = float(step @ information @ step) + _start_gain(at.blocks, problem.size)
-        unknowns = problem.size + sum(block.gradient.size - problem.size for block in at.blocks)
+        # The Newton decrement: of the global coordinates, and of the starts.
+        starts = [(block, block.gradient[problem.size :]) for block in at.blocks]
+        gain = float(step @ information @ step) + sum(float(g @ start_solution(block, g)) for block, g in starts)
+        unknowns = problem.size + sum(gradient.size for _, gradient in starts)
         length = float(np.sqrt(max(gain, 0.0) / unknowns))
         short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
         # residuals far below the noise: the error of the solver is a lower limit of the noise
-        exact = at.cost < EXACT_SHARE**2 * sum(r.size for r in at.residuals)
+        exact = at.standing.cost < EXACT_SHARE**2 * sum(r.size for r in at.standing.residuals)
         if short or (exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
         found = _shortened(problem, point, at, longest, believed)
@@ -426,11 +418,6 @@ def join_segments(
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at.standing, point)
     return point, at, False
-
-
-def _start_gain(blocks: list[Equations], size: int) -> float:
-    """Return the part of the Newton decrement that comes from the starts."""
-    return sum(float(b.gradient[size:] @ start_solution(b, b.gradient[size:])) for b in blocks)
 
 
 def _moved(point: Iterate, at: Joined, step: Array) -> Iterate:
@@ -515,7 +502,7 @@ def information(problem: FitProblem, at: Joined) -> Information:
     good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)
     inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
     inflation = {}
-    for i, residual in enumerate(at.residuals):
+    for i, residual in enumerate(at.standing.residuals):
         weight = problem.experiments[i].weight
         for c in range(residual.shape[1]):
             r = residual[weight[:, c] > 0.0, c]
@@ -565,7 +552,7 @@ def profile(solved: Solved, name: str, least: float | None = None) -> tuple[floa
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
         return _constrained(problem, start, solved.believed, value, index)
 
-    least = solved.at.cost if least is None else least
+    least = solved.at.standing.cost if least is None else least
     at, ends = point.eta[index], []
     for end in profile_interval(held, point, at, reach * spread, least, allowed):
         eta = point.eta.copy()
@@ -587,7 +574,7 @@ def _constrained(
         return np.inf, point
     finally:
         problem.held = np.zeros(problem.size, dtype=bool)
-    return at.cost, moved
+    return at.standing.cost, moved
 
 
 #: Lengths of the segments of the first phase, s, and of a second attempt; least number of samples of a segment.

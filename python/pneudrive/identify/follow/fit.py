@@ -549,7 +549,8 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             if len(numbers) < len(problem.numbers):
                 continue
             rival = replace(problem, driven=driven, numbers=numbers, weights=list(problem.weights), model=words)
-            begin = _begin(rival, solution.point)
+            begin = FollowPoint(rival.begin().shared, solution.point.local.copy())
+            begin.shared[: solution.point.shared.size] = solution.point.shared
             if name == "held":
                 rival = replace(rival, is_delayed=False, starts_free=False, weights=list(problem.weights))
                 begin.local[:, 2:] = 0.0
@@ -563,12 +564,6 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             continue  # the circuit has no such number, or the recordings do not depend on it
         found.append(Rival(name, words, 100.0 * float(np.max(solved.every_rms)), gain, predictions, *_shared(solved)))
     return tuple(found)
-
-
-def _begin(problem: FollowProblem, point: FollowPoint) -> FollowPoint:
-    shared = problem.begin().shared
-    shared[: point.shared.size] = point.shared
-    return FollowPoint(shared, point.local.copy())
 
 
 def _squares(solution: FollowSolution) -> float:

@@ -12,9 +12,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
 
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import student
 from pneudrive.identify.follow.driven import SIDES
 from pneudrive.progress import UNWATCHED
 
@@ -181,7 +181,7 @@ class FollowSolution:
 
     def deviation(self, place: int) -> float:
         """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
-        half = float(student.ppf(0.975, self.freedom) * np.sqrt(self.covariance[place, place]))
+        half = float(student(self.freedom) * np.sqrt(self.covariance[place, place]))
         return min(half, WIDEST)
 
 
