@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import ABOUT, Campaign
+from pneudrive.campaign.storage.folder import ABOUT, Campaign, CycleFile
 from pneudrive.describe.marks import Bounds, Percent, Quantity
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.storage.folder import CycleFile
 
 PART_S = 0.1  # samples come in parts of this duration, wall-clock time
 SHOWN = 6

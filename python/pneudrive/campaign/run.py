@@ -18,7 +18,7 @@ from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import as_json, closed_after
+from pneudrive.rig.interface import Identity, Rig, as_json, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
-    from pneudrive.rig.interface import Identity, Rig
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,7 +20,7 @@ from pneudrive.campaign.storage.folder import (
 )
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Hold
+from pneudrive.rig.interface import Hold, Identity, Samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Ints
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
-    from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 
 

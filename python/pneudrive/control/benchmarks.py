@@ -9,7 +9,7 @@ import re
 import threading
 import uuid
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared, whole_number
-from pneudrive.control.mismatch import mismatched, read_mismatch
+from pneudrive.control.mismatch import Mismatch, Truth, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
@@ -33,19 +33,15 @@ from pneudrive.files.tables import open_table
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
-
     import numpy as np
 
-    from pneudrive.control.mismatch import Mismatch, Truth
     from pneudrive.control.motion import Reference
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.progress import Flag
 
     References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pneudrive import _core
 from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch
-from pneudrive.control.motion import rounded_up
+from pneudrive.control.motion import Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
 from pneudrive.control.tuning import Controller, laws
 from pneudrive.errors import PneudriveError
@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pneudrive.control.motion import Reference
     from pneudrive.control.setup import Setup
-    from pneudrive.control.tuning import Tuning
     from pneudrive.describe import Circuit, Drive
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).

@@ -10,17 +10,17 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.control.axis import supply_of
-from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
+from pneudrive.control.mismatch import Mismatch, Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach, named_or_read
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups, told
-from pneudrive.control.tuning import Tuning, alone, tune
+from pneudrive.control.tuning import Controller, Plant, Tuning, alone, tune
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import UNWATCHED, Flag, Watch
 from pneudrive.simulation.simulate import Run, made_from, positive, require
 from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
@@ -32,12 +32,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array
-    from pneudrive.control.mismatch import Mismatch
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import RunningLaw
-    from pneudrive.control.tuning import Controller, Plant
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.progress import Flag
 
 MOST_SAMPLES = 20_000_000
 MOST_SEED = 2**63 - 1

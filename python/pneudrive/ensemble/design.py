@@ -6,7 +6,7 @@ import hashlib
 import math
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
@@ -15,25 +15,21 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from pneudrive.ensemble.variation import check_lengths
+from pneudrive.ensemble.variation import QuantityReader, Variation, check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
-from pneudrive.identify.base import names_of
+from pneudrive.identify.base import Fit, names_of
 from pneudrive.identify.dynamic.fit import transforms_of
 from pneudrive.identify.static.model import PRESSURE_NAMES
 from pneudrive.identify.static.result import slope_key
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike
     from typing_extensions import Self
 
     from pneudrive.arrays import Array
-    from pneudrive.ensemble.variation import QuantityReader, Variation
     from pneudrive.estimate.profile import Transforms
-    from pneudrive.identify.base import Fit
 
 
 # --- Variation of one number of a drive: distributions and grid values, in SI or as written quantities.

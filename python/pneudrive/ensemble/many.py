@@ -19,7 +19,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.ensemble import engine
-from pneudrive.ensemble.design import EnsembleDesign, design_of
+from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
 from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
@@ -27,7 +27,7 @@ from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.seal import damage
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import SOLVER, require
 from pneudrive.simulation.start import check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
@@ -42,9 +42,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.ensemble.design import Rows
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
-    from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
 
 

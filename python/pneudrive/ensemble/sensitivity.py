@@ -12,10 +12,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
-from pneudrive.ensemble.many import Members, results, study_of
+from pneudrive.ensemble.many import EnsembleStudy, Executor, Members, results, study_of
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Drive, Initial
-    from pneudrive.ensemble.many import EnsembleStudy, Executor
     from pneudrive.ensemble.outputs import Output
-    from pneudrive.progress import Flag
     from pneudrive.simulation import command as commands
 
 #: Base points of Sobol indices, trajectories of Morris' method, by default.

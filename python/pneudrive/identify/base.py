@@ -14,7 +14,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
-from pneudrive.identify.export import export, middle_of
+from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
 from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from pneudrive.arrays import Array
-    from pneudrive.identify.export import Exported, SlidingCurve
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"

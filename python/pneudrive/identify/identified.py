@@ -20,7 +20,7 @@ from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
-from pneudrive.figures import MODEL, RESIDUAL, SPEED, Figure, Line, Look, Markers, Panel, Rule, thin
+from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
 from pneudrive.free.parameters import with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
-    from pneudrive.figures import Axis, Mark
 
 
 # --- Sentences of fits, from sentences.toml.

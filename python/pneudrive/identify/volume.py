@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
 from pneudrive import units
@@ -38,7 +38,7 @@ from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, sentence, sentences
 from pneudrive.numbers import plain
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import UNWATCHED, Flag, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.units import readable
 from pneudrive.views import Finding
@@ -46,10 +46,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from scipy.optimize import OptimizeResult
-
     from pneudrive.arrays import Array
-    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
 
 

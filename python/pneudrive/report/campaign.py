@@ -20,14 +20,14 @@ from pneudrive.estimate.estimates import Estimate
 from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
-from pneudrive.friction.sentences import flag_table
+from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_u
 from pneudrive.report import page
 from pneudrive.report.fit import references, software
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
+from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import AirShare, CampaignCharacteristics, Curve, PressureEffects
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
-    from pneudrive.friction.sentences import Statement
     from pneudrive.report.page import Block, Section
-    from pneudrive.views import ShownCurve, ShownTable, State
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6

@@ -11,7 +11,7 @@ from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Pa
 from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
-from pneudrive.report.page import MM, Topic, cell, chance, plural, sentence, spread_evenly, view_report
+from pneudrive.report.page import MM, Section, Topic, cell, chance, plural, sentence, spread_evenly, view_report
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.report.page import Section
 
 MOST_PANELS = 4
 MOST_ROWS = 60

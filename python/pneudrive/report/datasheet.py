@@ -12,18 +12,18 @@ from pneudrive import __version__
 from pneudrive.datasheet.characteristic import results_of, value_rows
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
-from pneudrive.datasheet.sheet import energy_limit_j, in_words, shown_unit, written_value
+from pneudrive.datasheet.sheet import Datasheet, energy_limit_j, in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
-from pneudrive.report.page import Items, Report, Topic, view_section, write_pdf
+from pneudrive.report.page import Items, Report, Section, Topic, view_section, write_pdf
 from pneudrive.report.render import draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
-from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, View
+from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, State, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
-    from pneudrive.datasheet.sheet import Datasheet
-    from pneudrive.report.page import Section
-    from pneudrive.views import State
 
 SUFFIXES = (".html", ".pdf")
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6

@@ -13,7 +13,7 @@ from unicodedata import normalize
 from pneudrive import __version__
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.references import entries
-from pneudrive.report.page import Items, Paragraph, Section, Topic, view_report
+from pneudrive.report.page import Block, Items, Paragraph, Section, Topic, view_report
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Fit
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.report.page import Block
 
     Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
 

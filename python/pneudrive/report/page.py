@@ -25,7 +25,7 @@ from pneudrive.numbers import with_interval
 from pneudrive.report import style
 from pneudrive.report.render import render
 from pneudrive.simulation.trajectory import whole, write_whole
-from pneudrive.views import Finding, ShownFigure, ShownTable
+from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.signals.recording import Recording
-    from pneudrive.views import View
 
 
 # --- Parts of a report (sections, text, tables, pictures) and the files made of them.

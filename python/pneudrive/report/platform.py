@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
-from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, motion_of, platform_outputs, pose_columns
+from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
 from pneudrive.report.layout_figure import SKETCHES
 from pneudrive.report.page import texts_of, view_report
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from pneudrive.arrays import Array
-    from pneudrive.platforms.kinematics import Platform
 
 
 # --- A platform on legs as lines in one isometric projection, for SVG text, figures and the page.

@@ -26,11 +26,11 @@ from pneudrive.figures import (
     look,
 )
 from pneudrive.friction.budget import COVERAGE_FACTOR
-from pneudrive.friction.pressure import MINIMUM_RANGE_PA
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA, ClosureFit, LevelPoint, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
 from pneudrive.report import campaign, strokes
-from pneudrive.report.fit import provenance_section
+from pneudrive.report.fit import Study, provenance_section
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
 from pneudrive.report.page import (
     MOST_SHOWN,
@@ -50,7 +50,7 @@ from pneudrive.report.page import (
 from pneudrive.report.render import draw_figure
 from pneudrive.report.strokes import map_view, recovered_section
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.recording import clean
+from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
 
@@ -64,10 +64,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
-    from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
-    from pneudrive.report.fit import Fits, Study
+    from pneudrive.report.fit import Fits
     from pneudrive.report.page import Section
-    from pneudrive.signals.recording import Recording
 
 #: Sections that recordings share with campaigns; a section without data is None.
 CURVES = (

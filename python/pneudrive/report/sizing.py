@@ -18,9 +18,9 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
 from pneudrive.report.layout_figure import sketch
-from pneudrive.report.page import Items, Paragraph, Report, Topic, view_section
+from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, view_section
 from pneudrive.report.render import draw_figure
-from pneudrive.sizing.checks import READ, read
+from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import WRITTEN, in_words, maker_type, yearly
 from pneudrive.sizing.result import values_of as drive_values
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     import matplotlib.figure
 
-    from pneudrive.report.page import Section
-    from pneudrive.sizing.checks import SizedDrive
     from pneudrive.sizing.result import SizingResult
 
 #: Quantities without a limit in the table of ranges: words, figure, factor from SI, unit.

@@ -9,15 +9,15 @@ import numpy as np
 import polars as pl
 
 from pneudrive.figures import SPEED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
-from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, bar, groups_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup, bar, groups_of
 from pneudrive.friction.sentences import flag_findings
-from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, offset_line
+from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, ReversalPeak, StickSlip, offset_line
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import fixed, with_u
-from pneudrive.report.page import Paragraph, Topic, by_seal, gauge_bar, plural, spread_evenly
+from pneudrive.report.page import Paragraph, Section, Topic, by_seal, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, worst
+from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,13 +25,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.friction_map import MapGroup
     from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.fit import Fits
-    from pneudrive.report.page import Section
-    from pneudrive.views import ShownCurve
 
 
 # --- Friction over speed: views of friction maps and of characterised recordings, and recovered truth.

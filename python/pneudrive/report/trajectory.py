@@ -27,7 +27,7 @@ from pneudrive.figures import (
     stack,
     thin,
 )
-from pneudrive.identify.follow.fit import fitted_pressures
+from pneudrive.identify.follow.fit import FollowFit, fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.fit import write_fit_report
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.validate.motion import Closure, MotionValidation
 

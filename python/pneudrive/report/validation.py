@@ -10,22 +10,17 @@ import numpy as np
 from pneudrive import figures as drawing
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
-from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, plural, quantity, spread_evenly, view_report
-from pneudrive.validate.balance import BALANCES, moving_mass
-from pneudrive.validate.motion import STATIC_FIT_PERCENT
-from pneudrive.validate.validation import CHANNELS
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
+from pneudrive.report.page import MOST_SHOWN, Paragraph, Section, Topic, plural, quantity, spread_evenly, view_report
+from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
+from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
+from pneudrive.validate.validation import CHANNELS, RecordResult, Validation
+from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, State, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.report.page import Section
-    from pneudrive.validate.balance import Scene, Signals
-    from pneudrive.validate.motion import FrictionCurve, FrictionValidation
-    from pneudrive.validate.validation import RecordResult, Validation
-    from pneudrive.views import State
 
 MOST_RECORDS, MOST_STOPS = 6, 60
 SHOWN_ALONE = 12

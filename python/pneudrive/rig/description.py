@@ -26,12 +26,11 @@ from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, Problems, package_table
 from pneudrive.rig.interface import Sampling
-from pneudrive.rig.motion import MotionLimits, uniform_in_position
+from pneudrive.rig.motion import Motion, MotionLimits, uniform_in_position
 from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array
-    from pneudrive.rig.motion import Motion
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pydantic import ConfigDict, TypeAdapter
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
-from pneudrive.rig.description import RIGID
+from pneudrive.rig.description import RIGID, RigDescription
 from pneudrive.rig.interface import Hold, Move, Step, plain
 from pneudrive.rig.motion import Motion, brake, dwell, move
 from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
-
-    from pneudrive.rig.description import RigDescription
 
     Array = NDArray[np.float64]
     Numbers = float | Array

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
-from pneudrive.files.tables import open_table
+from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.importer import TEXT_KINDS, names_of, read_channels, read_foreign
 from pneudrive.signals.text_table import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.files.tables import Table
     from pneudrive.signals.force_calibration import ForceCalibration
     from pneudrive.signals.layout import Column, FileLayout, Layout
 

@@ -20,7 +20,7 @@ from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 from pneudrive.signals import text_table, times
 from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, role_of, split_name, words_of
-from pneudrive.signals.layout import UNITS
+from pneudrive.signals.layout import UNITS, FileLayout, TimeColumn
 from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array
-    from pneudrive.signals.layout import FileLayout, TimeColumn
 
     Columns = dict[str, Array]
 

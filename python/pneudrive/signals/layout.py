@@ -30,7 +30,7 @@ from pneudrive.describe.marks import (
     absolute,
 )
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import LayoutError, Problems, nearest
+from pneudrive.errors import DescriptionError, LayoutError, Problems, nearest
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
     import numpy as np
     from numpy.typing import NDArray
-
-    from pneudrive.errors import DescriptionError
 
 
 class RecordingKind(NamedTuple):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.files.tables import open_table
+from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.importer import SI_NAMES, Imported, import_file, read_rows, si_columns
 from pneudrive.signals.layout import KINDS, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.files.tables import Table
 
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
 NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings

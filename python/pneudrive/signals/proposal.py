@@ -13,24 +13,20 @@ import numpy as np
 from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.content import rendered
-from pneudrive.progress import UNWATCHED
-from pneudrive.signals.columns import ROLES, families
+from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.signals.columns import ROLES, FileColumn, families
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import RecordingFile, find_cycles
-from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.roles import RoleSearch
+from pneudrive.signals.motion import Stroke, find_strokes
+from pneudrive.signals.roles import Guess, RoleSearch
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.progress import Watch
-    from pneudrive.signals.columns import FileColumn
-    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
-    from pneudrive.signals.roles import Guess
     from pneudrive.signals.text_table import FileForm
 
 STAGES = 3

@@ -10,8 +10,8 @@ import numpy as np
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
 from pneudrive.lazy_names import upper
-from pneudrive.signals.motion import NOISE_FACTOR, middle, noise_level, thinned
-from pneudrive.views import Viewed
+from pneudrive.signals.motion import NOISE_FACTOR, Stroke, middle, noise_level, thinned
+from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.signals.force_calibration import ForceCalibration
-    from pneudrive.signals.motion import Stroke
-    from pneudrive.views import View
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 

@@ -23,10 +23,10 @@ import numpy as np
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
-from pneudrive.validate.balance import BALANCES, Scene
+from pneudrive.validate.balance import BALANCES, Scene, Signals, Values
 from pneudrive.validate.causes import Cause, causes
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
-    from pneudrive.progress import Flag
-    from pneudrive.validate.balance import Signals, Values
 
 BLOCK_S = 0.25
 #: Normalised residual below which a balance closes: sensor noise and irrelevant errors.

@@ -21,10 +21,10 @@ from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
 from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
-from pneudrive.signals.pressure_delay import pressure_delay
+from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import columns_in, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
@@ -37,9 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.identify.volume import RegulatorFit
-    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
-    from pneudrive.signals.pressure_delay import PressureDelay
 
 
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.

@@ -18,14 +18,14 @@ from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, write_whole
 from pneudrive.validate import balance
-from pneudrive.validate.diagnosis import diagnose
+from pneudrive.validate.diagnosis import Diagnosis, diagnose
 from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
-from pneudrive.views import Viewed
+from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,12 +33,9 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import Sensor
-    from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, Given
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
-    from pneudrive.validate.diagnosis import Diagnosis
-    from pneudrive.views import View
 
 SCHEMA = 1  # version of the format of validation.toml
 HEAD = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
@@ -181,7 +178,7 @@ class Validation(Viewed):
 
     @cached_property
     def conditions(self) -> list[dict[str, Any]]:
-        """Return the metrics of the free run and of the runs from measured states by label, if it has several values."""
+        """Return the metrics of the free run and of those from measured states by label, if it has several values."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})

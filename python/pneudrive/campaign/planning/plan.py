@@ -17,20 +17,17 @@ from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Cell, Plan, Planned, Way, size_of
 from pneudrive.campaign.planning.preflight import ROUNDING, check, margins, millimetres
-from pneudrive.campaign.planning.protocol import VENTED, Pair
+from pneudrive.campaign.planning.protocol import VENTED, Pair, Protocol
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError
 from pneudrive.files.bounds import within
 from pneudrive.numbers import duration
 from pneudrive.repr_tables import aligned
-from pneudrive.rig.interface import Hold, Move, Sampling, as_json, identity_of
+from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Sampling, Step, as_json, identity_of
 from pneudrive.rig.motion import Limits, move, step_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from pneudrive.campaign.planning.protocol import Pair, Protocol
-    from pneudrive.rig.interface import Envelope, Identity, Step
 
 
 T = TypeVar("T")

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Move
+from pneudrive.rig.interface import Envelope, Identity, Move
 from pneudrive.rig.motion import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pneudrive.campaign.planning.protocol import AxisPosition, Pair, Protocol
-    from pneudrive.rig.interface import Envelope, Identity
 
 
 @dataclass(frozen=True)

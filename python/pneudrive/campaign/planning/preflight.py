@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
 from pneudrive.errors import ProtocolError, nearest, package_table
-from pneudrive.rig.interface import Changeable, Hold, Move
+from pneudrive.rig.interface import Changeable, Envelope, Hold, Move, Rig
 
 if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Rig
     from pneudrive.rig.motion import Limits
 
 

@@ -14,7 +14,7 @@ import uuid
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.cycle import WORDS
+from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.running.attempt import (
     FAULT,
     NO_ANSWER,
@@ -28,7 +28,7 @@ from pneudrive.campaign.running.attempt import (
 )
 from pneudrive.campaign.running.live import Display, LiveFiles, guarded
 from pneudrive.campaign.storage import control
-from pneudrive.campaign.storage.folder import CYCLES, LOG, tidy, write_cycle
+from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write_cycle
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 
 if TYPE_CHECKING:
@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
     from pathlib import Path
 
-    from pneudrive.campaign.cycle import Cycle, Head
     from pneudrive.campaign.planning.planned import Plan
-    from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
 

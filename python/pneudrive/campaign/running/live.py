@@ -12,7 +12,7 @@ from zlib import crc32
 
 import numpy as np
 
-from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, write_whole
+from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, Journal, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes, read_json
 from pneudrive.numbers import duration
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
-    from pneudrive.campaign.storage.control import Journal
     from pneudrive.rig.interface import Samples
 
     Points = NDArray[np.float32]

@@ -14,18 +14,18 @@ import numpy as np
 from pneudrive import units
 from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, run_axes, whole_number
-from pneudrive.control.mismatch import mismatched, read_mismatch
-from pneudrive.control.motion import POWERS, polynomials
-from pneudrive.control.pose.path import PoseScore, Tracked, pose_path
+from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
+from pneudrive.control.motion import POWERS, Reference, polynomials
+from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
 from pneudrive.control.scores import LAST_S, air_of
-from pneudrive.control.setup import read_setup, told
-from pneudrive.control.tuning import tune
+from pneudrive.control.setup import Setup, read_setup, told
+from pneudrive.control.tuning import Controller, Tuning, tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import Run, positive
 from pneudrive.simulation.start import check_tolerance
 
@@ -36,13 +36,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array
-    from pneudrive.control.mismatch import Mismatch
-    from pneudrive.control.motion import Reference
-    from pneudrive.control.pose.path import PosePath
-    from pneudrive.control.setup import Setup
-    from pneudrive.control.tuning import Controller, Tuning
     from pneudrive.platforms import Platform
-    from pneudrive.progress import Flag
 
 
 # --- Legs of a platform as axes: circuit and controller of each, its reference and its preview, and checks of a path.

@@ -18,11 +18,11 @@ from pneudrive.identify.base import SIMULATED, Fit, Undetermined
 from pneudrive.identify.dynamic import problem as shooting
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
-from pneudrive.identify.dynamic.result import LARGEST_REACH, assembled, unresolved_damping
+from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
-from pneudrive.identify.follow.fit import identify_motion
+from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import UNWATCHED, Flag, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.signals.motion import turning_points
 from pneudrive.simulation.bench_circuit import Dragged
@@ -33,10 +33,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.sensors import SensorParameter
-    from pneudrive.identify.follow.fit import FollowFit
-    from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
     from pneudrive.signals.recording import Recording
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.free.parameters import at_rest
-from pneudrive.identify.dynamic.sensors import lagged
-from pneudrive.progress import UNWATCHED
+from pneudrive.free.parameters import DriveFamily, Parameter, at_rest
+from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
+from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.estimate.profile import Transforms
-    from pneudrive.free.parameters import DriveFamily, Parameter
-    from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
-    from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
 
 

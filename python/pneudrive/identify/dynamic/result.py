@@ -30,8 +30,8 @@ from pneudrive.estimate.profile import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic.problem import Iterate
-from pneudrive.identify.dynamic.search import profile
+from pneudrive.identify.dynamic.problem import FitProblem, Iterate
+from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array
-    from pneudrive.identify.dynamic.problem import FitProblem
-    from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Start of the note.

@@ -19,17 +19,15 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.profile import profile_interval
-from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
 from pneudrive.identify.dynamic.sensors import Delay
-from pneudrive.progress import UNWATCHED
+from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array
     from pneudrive.identify.base import Undetermined
-    from pneudrive.identify.dynamic.problem import FitProblem, Shot
-    from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Share of the largest direction of the scaled Jacobian below which a direction is ignored.

@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.base import Described
-from pneudrive.describe.files.provenance import values
+from pneudrive.describe.files.provenance import GivenNumber, values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.content import rendered
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Drive, Friction
-    from pneudrive.describe.files.provenance import GivenNumber
 
 
 # --- Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain.

@@ -13,13 +13,13 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
 from pneudrive.files.inputs import INPUTS, inputs_of, origin
-from pneudrive.identify.base import Fit, Undetermined
-from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, driven_recordings
-from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
+from pneudrive.identify.base import Fit, FitFile, Undetermined
+from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
+from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, solve_follow
 from pneudrive.identify.identified import FittedData, remedy_for, sentence, stated
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.signals.recording import Recording
 from pneudrive.views import ShownTable
 
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.base import FitFile
-    from pneudrive.identify.follow.driven import DrivenRecording
-    from pneudrive.identify.follow.problem import FollowSolution
-    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
 
 BEYOND = 0.03  # of the stroke: largest excess of a position

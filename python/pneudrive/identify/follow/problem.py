@@ -15,8 +15,8 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.follow.driven import SIDES
-from pneudrive.progress import UNWATCHED
+from pneudrive.identify.follow.driven import SIDES, DrivenCircuit, DrivenRecording, Number
+from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array
-    from pneudrive.identify.follow.driven import DrivenCircuit, DrivenRecording, Number
-    from pneudrive.progress import Watch
 
 #: Standard uncertainty of the gas temperature at a start at rest and in motion, K, and of the delay, s (assumed).
 AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0

@@ -26,7 +26,7 @@ from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
 from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.result import FrictionFit, LawFit
-from pneudrive.identify.static.robust import estimate
+from pneudrive.identify.static.robust import RobustEstimate, estimate
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
-    from pneudrive.identify.static.robust import RobustEstimate
 
 LAWS = ("coulomb", "stribeck")
 

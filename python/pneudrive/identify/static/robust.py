@@ -23,13 +23,12 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import LINEAR, LOSSES, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.identify.static.model import EXPONENT_BOUNDS
+from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pneudrive.arrays import Array, Bools
-    from pneudrive.identify.static.model import FrictionModel, Observations, StaticLaw
 
 #: Floor of the scale, as a share of the largest friction: smaller residuals are rounding.
 SCALE_FLOOR = 1e-10

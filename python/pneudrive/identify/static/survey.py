@@ -29,8 +29,8 @@ from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, at_conditions, selected
-from pneudrive.identify.static.result import Prediction
+from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, Observations, at_conditions, selected
+from pneudrive.identify.static.result import FrictionFit, Prediction
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.arrays import Array, Ints
-    from pneudrive.identify.static.model import Observations
-    from pneudrive.identify.static.result import FrictionFit
 
 #: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)

@@ -7,16 +7,14 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from pneudrive.describe.connections import is_platform
+from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.errors import DescriptionError
-from pneudrive.report.circuit.blocks import DIRECTIONS, Block, blocks
+from pneudrive.report.circuit.blocks import DIRECTIONS, Block, Place, blocks
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.connections import Joint, Port, Wiring
-    from pneudrive.report.circuit.blocks import Block, Place
 
 
 BEND, CROSSING = 2, 6  # in steps

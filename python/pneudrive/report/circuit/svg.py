@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
 from pneudrive.report.circuit.blocks import DIRECTIONS, LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, size, text_width
-from pneudrive.report.circuit.layout import NoWayError, Routes, place
+from pneudrive.report.circuit.layout import Net, NoWayError, Routes, place
 from pneudrive.report.render import draw_figure
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe import Circuit, Drive
     from pneudrive.report.circuit.blocks import Block, Box, Points
-    from pneudrive.report.circuit.layout import Net
 
 
 SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)  # room between the blocks: tried in turn until all lines find a way

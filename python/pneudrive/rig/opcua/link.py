@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from asyncua.client.client import Client
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua.access import ua
+from pneudrive.rig.opcua.access import OpcUaFile, ua
 from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
-    from pneudrive.rig.opcua.access import OpcUaFile
 
 Answer = TypeVar("Answer")
 COUNTER = 2**31 - 1  # counters wrap below this, which fits a signed integer of a PLC

@@ -21,7 +21,7 @@ from asyncua.server.server import Server
 from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_after
+from pneudrive.rig.interface import Hold, Move, Rig, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, protect, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
@@ -30,7 +30,6 @@ from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-    from pneudrive.rig.interface import Rig
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # share of the heartbeat time after which the axis is stopped, so that it is at rest at its end

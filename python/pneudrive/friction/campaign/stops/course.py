@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import RESTS, recording_of, speed_of, steps_from_motion, steps_of
+from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Ints
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.signals.recording import Recording
 
 
