@@ -36,7 +36,8 @@ from pneudrive.units import LARGEST
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from pneudrive.arrays import Array, Ints
+
 
 T = TypeVar("T")
 
@@ -181,7 +182,7 @@ class Samples:
     pressure_a_pa: Array
     pressure_b_pa: Array
     temperature_k: Array
-    step: NDArray[np.int64]
+    step: Ints
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -25,9 +25,8 @@ from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array
 
-    Array = NDArray[np.float64]
     Numbers = float | Array
 
 

@@ -18,9 +18,9 @@ from pneudrive.files.bounds import within
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Ints
     from pneudrive.rig.interface import Sampling
 
 
@@ -329,9 +329,7 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
     return [(begin, end, math.ceil(count)) for (begin, end, _), count in zip(spans, counts, strict=True)]
 
 
-def schedule(
-    durations_s: Sequence[float], moving: Sequence[bool], sampling: Sampling
-) -> tuple[Array, NDArray[np.int64]]:
+def schedule(durations_s: Sequence[float], moving: Sequence[bool], sampling: Sampling) -> tuple[Array, Ints]:
     """Return the times of all samples of a cycle, including its end, and the step of each.
 
     Parameters

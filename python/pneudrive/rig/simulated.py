@@ -32,12 +32,10 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.rig.description import AnalogSensor, EncoderClock, TimeClock
     from pneudrive.rig.interface import Sampling
 
-    Array = NDArray[np.float64]
     Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
 

@@ -22,9 +22,8 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Bools
     from pneudrive.describe.drive import Drive
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
@@ -132,7 +131,7 @@ class VolumeRecording(DriveRecording):
         """The recorded pressures, by the names of a simulated tank's outputs."""
         return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
 
-    def at(self, keep: NDArray[np.bool_]) -> VolumeRecording:
+    def at(self, keep: Bools) -> VolumeRecording:
         """Return the recording at some of its samples."""
         return replace(self, columns={name: column[keep] for name, column in self.columns.items()})
 
@@ -252,7 +251,7 @@ def _arrays(
     return arrays
 
 
-def _refuse_fall(time_s: Array, falls: NDArray[np.bool_], what: str, where: str) -> None:
+def _refuse_fall(time_s: Array, falls: Bools, what: str, where: str) -> None:
     if falls.any():
         at = int(np.argmax(falls))
         shown = f"{time_s[at]:g} s, then {time_s[at + 1]:g} s"
@@ -450,7 +449,7 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     )
 
 
-def moves(position_m: NDArray[np.float64]) -> bool:
+def moves(position_m: Array) -> bool:
     """Whether a position changes by more than its noise."""
     known = position_m[np.isfinite(position_m)]
     return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)

@@ -43,8 +43,7 @@ from pneudrive.signals.times import DATE_TIME, ISO
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array
 
 
 class RecordingKind(NamedTuple):
@@ -139,7 +138,7 @@ class Column(Described):
         """Unit as a line to SI. A command and a date have the factor 1."""
         return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
 
-    def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+    def in_unit(self, raw: Array) -> Array:
         """Return raw numbers in the column's unit, towards +x. Unchanged numbers are not copied."""
         value = raw if self.scale == 1.0 else raw * self.scale
         value = value if self.offset == 0.0 else value + self.offset

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Ints
+
 
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
 NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
@@ -175,13 +177,13 @@ class LongFile:
         """First row that is used."""
         return 0 if self.file.said is None else self.file.said.skip_samples
 
-    def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
+    def read(self, rows: tuple[int, int]) -> dict[str, Array]:
         """Read some rows of the raw columns, by channel."""
         if self.file.said is None:
             return read_columns(self.file.path, MEASURED, rows, self.table)
         return read_rows(self.file.path, self.file.said, rows)
 
-    def recording(self, raw: dict[str, NDArray[np.float64]]) -> Recording:
+    def recording(self, raw: dict[str, Array]) -> Recording:
         """Return the recording of raw columns, without the hash of the file."""
         name, path, said = self.file.name, self.file.path, self.file.said
         if said is None:
@@ -263,8 +265,8 @@ class CampaignFile:
     """A campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
 
     file: RecordingFile
-    bounds: NDArray[np.int64]
-    numbers: NDArray[np.int64]
+    bounds: Ints
+    numbers: Ints
 
     def __len__(self) -> int:
         """Return the number of cycles."""

@@ -14,9 +14,7 @@ from pneudrive.errors import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Bools, Ints
 
 
 MINIMUM_SAMPLES = 20
@@ -55,7 +53,7 @@ class Stroke:
         return slice(self.start, self.stop)
 
 
-def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int = 4) -> NDArray[np.float64]:
+def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     """Return the slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
 
     Parameters
@@ -80,7 +78,7 @@ def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_w
     return _general_slope(time_s, values, half_width)
 
 
-def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) -> NDArray[np.float64]:
+def _uniform_slope(values: Array, half_width: int, step_s: float) -> Array:
     """Return the slope by one convolution, for equal time steps; the ends have the slope of the nearest full window."""
     offsets = np.arange(-half_width, half_width + 1)
     kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
@@ -91,7 +89,7 @@ def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) 
     return slope
 
 
-def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
+def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
     """Return the slope by running sums, for any time steps."""
     n = time_s.size
     low = np.maximum(np.arange(n) - half_width, 0)
@@ -101,7 +99,7 @@ def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], hal
     t = time_s - time_s.mean()
     y = values - values.mean()
 
-    def window_sum(terms: NDArray[np.float64]) -> NDArray[np.float64]:
+    def window_sum(terms: Array) -> Array:
         total = np.concatenate(([0.0], np.cumsum(terms)))
         return total[high] - total[low]
 
@@ -112,7 +110,7 @@ def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], hal
     return np.where(spread > tiny, joint / np.where(spread > tiny, spread, 1.0), 0.0)
 
 
-def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> float:
+def noise_level(values: Array, *, quantisation: bool = True) -> float:
     """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
 
     If quantisation hides the noise, the uniform distribution over one step replaces it. This can be switched off: in a
@@ -132,12 +130,12 @@ def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> fl
     return float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
 
 
-def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def thinned(values: Array) -> Array:
     """Return every k-th value, so that at most about 4000 are left: enough for a median or a high quantile."""
     return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
 
 
-def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
+def straight_line(x: Array, y: Array) -> tuple[float, float]:
     """Fit a line by least squares: (slope, intercept). The slope is 0 if all x are equal."""
     away = x - x.mean()
     power = float(away @ away)
@@ -145,20 +143,20 @@ def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float
     return slope, float(y.mean()) - slope * float(x.mean())
 
 
-def middle(values: NDArray[np.float64]) -> float:
+def middle(values: Array) -> float:
     """Return the median of a long array from a sufficient part of its values: the upper of two middle values."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
-def middle_step(values: NDArray[np.float64]) -> float:
+def middle_step(values: Array) -> float:
     """Return the median of the differences of neighbours, as `middle` of all of them does."""
     stride = max((values.size - 1) // ENOUGH_FOR_QUANTILES, 1)
     some = values[1::stride] - values[:-1:stride]
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
-def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
+def quantiles(values: Array, *shares: float) -> list[float]:
     """Return quantiles of finite values, with the same bits as NumPy's linear method, but ten times faster."""
     at = [share * (values.size - 1) for share in shares]
     below = [min(int(place), max(values.size - 2, 0)) for place in at]
@@ -171,7 +169,7 @@ def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
     return found
 
 
-def turning_points(position_m: NDArray[np.float64], least_m: float) -> NDArray[np.int64]:
+def turning_points(position_m: Array, least_m: float) -> Ints:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
     Among equal extremes the first one counts, and among equal consecutive samples the one in the middle.
@@ -179,7 +177,7 @@ def turning_points(position_m: NDArray[np.float64], least_m: float) -> NDArray[n
     return _core.turning_points(np.ascontiguousarray(position_m, dtype=np.float64), least_m)
 
 
-def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> list[Stroke]:
+def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     """Split a motion into strokes.
 
     Parameters
@@ -228,7 +226,7 @@ def find_strokes(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.
     return strokes
 
 
-def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> tuple[float, float]:
+def _travel(name: str, time_s: Array, position_m: Array) -> tuple[float, float]:
     """Return travel and position noise, m; refuse too few samples and no motion."""
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
@@ -242,9 +240,7 @@ def _travel(name: str, time_s: NDArray[np.float64], position_m: NDArray[np.float
     return travel, noise
 
 
-def _moving_part(
-    position_m: NDArray[np.float64], first: int, last: int, departure: float
-) -> tuple[int, int, int] | None:
+def _moving_part(position_m: Array, first: int, last: int, departure: float) -> tuple[int, int, int] | None:
     """Return (start, stop, direction) of a stroke without the dwell at both ends; None if too short."""
     part = position_m[first : last + 1]
     direction = 1 if part[-1] > part[0] else -1
@@ -257,7 +253,7 @@ def _moving_part(
     return (start, stop, direction) if stop - start >= 5 else None
 
 
-def _middle_speed(time_s: NDArray[np.float64], position_m: NDArray[np.float64]) -> float:
+def _middle_speed(time_s: Array, position_m: Array) -> float:
     """Return the mean speed between 20 % and 80 % of a stroke's travel."""
     share = (position_m - position_m[0]) / (position_m[-1] - position_m[0])
     first = int(np.argmax(share >= 0.2))
@@ -429,9 +425,9 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
 class Directions:
     """Samples at which the piston moves: towards +x, towards -x, and their position along the travel."""
 
-    up: NDArray[np.bool_]
-    down: NDArray[np.bool_]
-    bins: NDArray[np.int64]
+    up: Bools
+    down: Bools
+    bins: Ints
 
     @classmethod
     def of(cls, position: Array) -> Directions:

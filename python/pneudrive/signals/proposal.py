@@ -24,8 +24,7 @@ from pneudrive.signals.roles import Guess, RoleSearch
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array
     from pneudrive.signals.recording import Recording
     from pneudrive.signals.text_table import FileForm
 
@@ -53,7 +52,7 @@ class Proposal:
     text: str
     reading: FileForm
     guesses: tuple[Guess, ...]
-    columns: tuple[NDArray[np.float64], ...]
+    columns: tuple[Array, ...]
     recording: Recording | None
     strokes: tuple[Stroke, ...]
     problem: str
@@ -233,7 +232,7 @@ def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
     return f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra}{keys} }}  # guess: {guess.reason}{note}'
 
 
-def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
+def _signal(guess: Guess, values: Array) -> str:
     """Return unit and range of a command that is not an opening fraction: the narrowest usual signal around it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     unit = guess.unit or "V"

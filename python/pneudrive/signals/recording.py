@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Bools
     from pneudrive.signals.force_calibration import ForceCalibration
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
@@ -41,7 +42,7 @@ class ParallelForce(NamedTuple):
     name: str
     area_m2: float
     uncertainty: float
-    force_n: NDArray[np.float64]
+    force_n: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -90,11 +91,11 @@ class Recording(Viewed):
     """
 
     name: str
-    time_s: NDArray[np.float64]
-    position_m: NDArray[np.float64]
-    force_n: NDArray[np.float64]
-    pressure_a_pa: NDArray[np.float64]
-    pressure_b_pa: NDArray[np.float64]
+    time_s: Array
+    position_m: Array
+    force_n: Array
+    pressure_a_pa: Array
+    pressure_b_pa: Array
     area_a_m2: float
     area_b_m2: float
     ambient_pressure_pa: float = STANDARD_ATMOSPHERE_PA
@@ -148,7 +149,7 @@ class Recording(Viewed):
         """Return ranges and accuracies of the channels, faults of samples with remedies, and two figures."""
         return upper("recording_view")(self)
 
-    def at(self, keep: NDArray[np.bool_]) -> Recording:
+    def at(self, keep: Bools) -> Recording:
         """Return the recording at some of its samples."""
         if keep.all():
             return self
@@ -161,7 +162,7 @@ class Recording(Viewed):
         """Weight of the mass beyond the sensor along the axis, positive if it pulls towards -x."""
         return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
 
-    def balance_n(self, acceleration_m_s2: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+    def balance_n(self, acceleration_m_s2: Array | float = 0.0) -> Array:
         """Return the force that remains for friction and for errors, positive if it opposes motion in +x.
 
           balance = F + F_parallel + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
@@ -260,7 +261,7 @@ def clean(recording: Recording, places: dict[str, list[tuple[float, float]]] | N
     """
     counts = dict(recording.flags)
 
-    def count(kind: str, mask: NDArray[np.bool_]) -> None:
+    def count(kind: str, mask: Bools) -> None:
         if number := int(mask.sum()):
             counts[kind] = counts.get(kind, 0) + number
         if places is not None:
@@ -293,7 +294,7 @@ def clean(recording: Recording, places: dict[str, list[tuple[float, float]]] | N
     return replace(recording, flags=counts) if counts != recording.flags else recording
 
 
-def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+def _bad_samples(recording: Recording) -> dict[str, Bools]:
     """Return a mask per kind of bad sample."""
     n = len(recording)
     masks = {kind: np.zeros(n, dtype=bool) for kind in ("spike", "saturated", "stuck")}
@@ -321,7 +322,7 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     return masks
 
 
-def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def spikes(values: Array) -> Bools:
     """Return single samples that differ from both neighbours by much more than the noise, if the neighbours agree.
 
     If the neighbours differ, or the channel changes just before or after, it is a change of level. The overshoot of
@@ -344,7 +345,7 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return mask
 
 
-def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
+def jumps_back(position: Array) -> Bools:
     """Return the samples before jumps over most of the travel, against the motion before and behind them.
 
     Such jumps come from a counter that wraps or is reset, because a piston cannot move in this way.
@@ -362,20 +363,20 @@ def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
     return mask
 
 
-def _upper(steps: NDArray[np.float64], share: float) -> float:
+def _upper(steps: Array, share: float) -> float:
     """Return the quantile of the steps at this probability."""
     some = np.abs(thinned(steps))
     rank = int(share * (some.size - 1))
     return float(np.partition(some, rank)[rank])
 
 
-def equal_runs(values: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def equal_runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Start and length of each run of equal samples."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
     return starts, np.diff(np.concatenate((starts, [values.size])))
 
 
-def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> Bools:
     edges = np.zeros(size + 1, dtype=np.int64)
     np.add.at(edges, starts, 1)
     np.add.at(edges, starts + lengths, -1)
@@ -395,7 +396,7 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
     return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
 
-def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+def clipped(values: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
     """Mark samples at the largest or smallest value of a noisy channel, if long runs have this value.
 
     A channel near its limit also touches it for single samples. These samples are marked like the runs.
@@ -411,7 +412,7 @@ def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[n
     return np.isin(values, np.unique(values[starts[hit]]))
 
 
-def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+def stuck_runs(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
     """Mark runs of one value while the piston moves."""
     starts, lengths = runs
     long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
@@ -422,7 +423,7 @@ def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDAr
     return _fill(position.size, starts[moved], lengths[moved])
 
 
-def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
+def stuck_position(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
     """Mark runs of one position that end in a jump. A real piston leaves its rest without a jump."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
@@ -444,7 +445,7 @@ FORCES_N = (1e7, 1e6)
 LONGEST_M = 100.0
 
 
-def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> None:
+def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
     """Refuse an absolute pressure below vacuum or beyond the range of any rig. Single outliers are ignored.
 
     Raises
@@ -508,6 +509,6 @@ def _no_more(what: str, value: float, limit: float, unit: str, column: str, wher
         )
 
 
-def _all_within(values: NDArray[np.float64], low: float, high: float) -> bool:
+def _all_within(values: Array, low: float, high: float) -> bool:
     """Return whether all values are within; then the slow quantiles are not needed."""
     return bool(low <= values.min() and values.max() <= high)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     import polars as pl
-    from numpy.typing import NDArray
+
+    from pneudrive.arrays import Array, Bools
 
 NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # largest share of rows that are not numbers
@@ -73,7 +74,7 @@ class ForeignTable:
         Names of the file's other columns.
     """
 
-    columns: dict[str, NDArray[np.float64]]
+    columns: dict[str, Array]
     places: dict[int | str, str]
     units: dict[str, str] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
@@ -146,7 +147,7 @@ def _thousands(form: TextForm) -> str:
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 
 
-def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def measurable(values: Array) -> Array:
     """Return numbers with NaN in place of infinite numbers and numbers with infinite squares."""
     if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False if one is NaN
         return values
@@ -320,7 +321,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
 
 def _parse(
     fields: pl.DataFrame, form: TextForm, needed: list[str], dates: dict[str, str], path: Path
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
+) -> tuple[dict[str, Array], Bools]:
     """Return the numbers of readable rows by column, and which rows are readable: those with all needed numbers.
 
     `dates` gives the format of columns of dates and times.

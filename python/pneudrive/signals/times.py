@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Ints
 
 DATE_TIME = "date-time"  # the unit of such a column in a layout
 ISO = ""  # format of ISO 8601; the time of day may stand alone
@@ -61,7 +61,7 @@ def guess_form(texts: Sequence[str]) -> str | None:
     return min(fits, key=lambda form: int(np.ptp(found[form])), default=None)
 
 
-def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[np.float64]:
+def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> Array:
     """Return the seconds since the first date and time of a column.
 
     Parameters
@@ -98,7 +98,7 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
     return out
 
 
-def _nanoseconds(texts: Sequence[str], form: str) -> NDArray[np.int64]:
+def _nanoseconds(texts: Sequence[str], form: str) -> Ints:
     """Return nanoseconds since a fixed day; `NOT_A_TIME` for texts of another format."""
     import polars as pl
 

@@ -27,12 +27,10 @@ from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stu
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples, Sampling
 
-    Array = NDArray[np.float64]
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
 STOP_S = 30.0
@@ -367,7 +365,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     return {name: counts[name] for name in FLAGS if counts.get(name)}
 
 
-def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bool_], int]:
+def _first_of_each(table: Array, step: Ints) -> tuple[Bools, int]:
     """Mark all samples except repetitions of an earlier sample in every channel."""
     order = np.argsort(table[0], kind="stable")
     ordered = table[:, order]
@@ -379,7 +377,7 @@ def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bo
     return fresh, int(again.sum())
 
 
-def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
+def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
     """Count missing samples within steps, from intervals longer than usual in the step and than planned."""
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
@@ -402,7 +400,7 @@ def _usual_interval(intervals: Array) -> Array:
     return np.maximum(medians[: intervals.size], medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size])
 
 
-def _planned_interval(time: Array, step: NDArray[np.int64], cycle: Cycle) -> Array:
+def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
     """Return the interval between samples that the plan allows; 0 inside bursts and without a plan."""
     planned = np.zeros(time.size - 1)
     sampling: Sampling = cycle.sampling
@@ -421,7 +419,7 @@ def _planned_interval(time: Array, step: NDArray[np.int64], cycle: Cycle) -> Arr
     return planned
 
 
-def _sensors(table: Array, step: NDArray[np.int64], cycle: Cycle, identity: Identity) -> tuple[int, int]:
+def _sensors(table: Array, step: Ints, cycle: Cycle, identity: Identity) -> tuple[int, int]:
     """Count saturated and stuck samples over all sensors."""
     saturated, stuck = np.zeros(step.size, dtype=bool), np.zeros(step.size, dtype=bool)
     if not step.size:
@@ -449,7 +447,7 @@ def _sensors(table: Array, step: NDArray[np.int64], cycle: Cycle, identity: Iden
     return int(saturated.sum()), int(stuck.sum())
 
 
-def _steps(table: Array, step: NDArray[np.int64], cycle: Cycle) -> dict[str, int]:
+def _steps(table: Array, step: Ints, cycle: Cycle) -> dict[str, int]:
     """Compare the samples with the requested steps."""
     counts = {"steps_missing": 0, "too_few_samples": 0, "target_missed": 0}
     asked, at = cycle.sampling.samples_per_stroke, cycle.start_m

@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.campaign.planning.planned import Plan
 
-    Array = NDArray[np.float64]
 
 #: A piston slower than this share of the usual speed rests.
 RESTS = 0.1
@@ -66,7 +66,7 @@ def _window_s(position_m: Array, speed_m_s: float) -> float:
     return float(np.clip(20.0 * max(noise_level(position_m), 1e-12) / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
 
 
-def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None = None) -> NDArray[np.int64]:
+def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None = None) -> Ints:
     """Return the number of the move or hold at each sample of a cycle.
 
     Parameters
@@ -103,13 +103,13 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     return _spread(numbers, usable)
 
 
-def _runs(mask: NDArray[np.bool_], value: bool) -> list[tuple[int, int]]:
+def _runs(mask: Bools, value: bool) -> list[tuple[int, int]]:
     """Return the runs of a value, without the first and the last run."""
     edges = (np.flatnonzero(np.diff(mask)) + 1).tolist()
     return [(begin, end) for begin, end in pairwise(edges) if mask[begin] == value]
 
 
-def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _spread(numbers: Ints, usable: Bools) -> Ints:
     """Give unusable samples the step number of the usable sample before them."""
     last = np.maximum.accumulate(np.where(usable, np.arange(numbers.size), -1))
     return np.where(last >= 0, numbers[np.maximum(last, 0)], 0)
@@ -269,7 +269,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     return recording, flags
 
 
-def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
+def _forwards(samples: Samples) -> tuple[Bools, int]:
     """Mark the samples with increasing time, and count the others.
 
     Repeated samples are dropped. After a clock jumped back, times are wrong:
@@ -294,7 +294,7 @@ def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
     return mask, int(finite.sum()) - longest.size
 
 
-def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+def steps_of(recording: Recording, samples: Samples) -> Ints:
     """Return the step of the cycle to which each cleaned sample belongs."""
     order = np.argsort(samples.time_s, kind="stable")
     place = np.searchsorted(samples.time_s[order], recording.time_s)
