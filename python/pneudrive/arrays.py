@@ -1,4 +1,4 @@
-"""Types of arrays, for annotations."""
+"""Types of arrays and intervals, for annotations."""
 
 from __future__ import annotations
 
@@ -12,3 +12,5 @@ Array: TypeAlias = NDArray[np.float64]
 #: Array of truth values, and of whole numbers.
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
+#: Lower and upper end.
+Interval: TypeAlias = tuple[float, float]

@@ -40,6 +40,7 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     import numpy as np
 
+    from pneudrive.arrays import Interval
     from pneudrive.control.motion import Reference
     from pneudrive.describe import Circuit, Drive
 
@@ -130,7 +131,7 @@ class ControlComparison(Viewed):
         return (self.folder / TABLE).is_file()
 
     @property
-    def truth(self) -> dict[str, tuple[float, float]]:
+    def truth(self) -> dict[str, Interval]:
         """Least and largest value of each deviation of the true drive."""
         each: dict[str, list[float]] = {}
         for run in self.runs:

@@ -35,7 +35,7 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -78,7 +78,7 @@ class Level(Shown):
 
     motion: RecordedMotion
     index: int
-    window_m: tuple[float, float]
+    window_m: Interval
     table: Strokes
     sides: dict[int, Side]
     bins: Bools
@@ -245,7 +245,7 @@ class RecordingResult(RecordedMotion, Shown):
 
 
 def level_of(
-    motion: RecordedMotion, index: int, table: Strokes, window_m: tuple[float, float], *, uses_window: bool
+    motion: RecordedMotion, index: int, table: Strokes, window_m: Interval, *, uses_window: bool
 ) -> Level | None:
     """Return one speed class. None if no stroke counts, or the directions have no common bin.
 
@@ -393,10 +393,10 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
 
 def _all_parts(
     file: LongFile, choice: SampleChoice, watch: Watch
-) -> tuple[RecordedMotion, list[Stroke], list[Strokes], tuple[float, float]]:
+) -> tuple[RecordedMotion, list[Stroke], list[Strokes], Interval]:
     """Read the parts: the one with the largest force, all counted strokes, their frames, and the window."""
     kept: RecordedMotion | None = None
-    window: tuple[float, float] | None = None
+    window: Interval | None = None
     strokes: list[Stroke] = []
     tables: list[Strokes] = []
     flags: dict[str, int] = {}
@@ -421,7 +421,7 @@ def _result(
     motion: RecordedMotion,
     strokes: Sequence[Stroke],
     tables: list[Strokes],
-    window: tuple[float, float],
+    window: Interval,
     choice: SampleChoice,
 ) -> RecordingResult:
     """Make the levels of the speed classes, and count the strokes that they use.
@@ -447,7 +447,7 @@ def _result(
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
-def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, float]:
+def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
     """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises

@@ -18,7 +18,7 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.friction.level import Level
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share
@@ -241,7 +241,7 @@ class PressureLine(Shown):
     statement: str
 
     @property
-    def slope_interval_n_pa(self) -> tuple[float, float]:
+    def slope_interval_n_pa(self) -> Interval:
         """Ends of the 95 % interval of the slope."""
         half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
         return self.slope_n_pa - half, self.slope_n_pa + half

@@ -23,7 +23,7 @@ from pneudrive.signals.recording import Recording, refuse_impossible
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.signals.pressure_delay import PressureDelay
 
 
@@ -75,7 +75,7 @@ class Strokes:
     balance_n: Array
 
     @classmethod
-    def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid) -> Strokes:
+    def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: Interval, grid: Grid) -> Strokes:
         """Measure the strokes of one speed class or cycle between two positions, m."""
         rows, balance = [], stroke_rows(motion, strokes, grid)
         covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
@@ -212,7 +212,7 @@ class Side:
     late_n: float = 0.0
 
 
-def _means(motion: RecordedMotion, stroke: Stroke, window: tuple[float, float]) -> dict[str, float]:
+def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> dict[str, float]:
     """Average the settled samples of a stroke between two positions; return nothing without any."""
     recording, part = motion.recording, stroke.samples
     settled, position = motion.settled[part], motion.position_m[part]
@@ -243,9 +243,7 @@ def _usual_range(values: Array) -> float:
     return float(some[some.size - 1 - margin] - some[margin])
 
 
-def stroke_grid(
-    position_m: Array, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
-) -> Grid:
+def stroke_grid(position_m: Array, strokes: Sequence[Stroke], window: Interval, bins: int | None = None) -> Grid:
     """Divide the travel of some strokes into bins: this number in the window, or about four samples in each."""
     low, high = window
     inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]
@@ -297,7 +295,7 @@ class StrokeUse:
 
 
 def stroke_use(
-    strokes: Sequence[Stroke], used: Collection[int], counting: Collection[int], window_m: tuple[float, float]
+    strokes: Sequence[Stroke], used: Collection[int], counting: Collection[int], window_m: Interval
 ) -> StrokeUse:
     """Count the strokes of a recording.
 

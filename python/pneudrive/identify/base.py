@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
@@ -81,7 +81,7 @@ class Intervals(dict[str, tuple[float, float]]):
 
     def __init__(
         self,
-        ends: Mapping[str, tuple[float, float]],
+        ends: Mapping[str, Interval],
         undetermined: Iterable[str | Undetermined] = (),
         *,
         converged: bool = True,
@@ -89,7 +89,7 @@ class Intervals(dict[str, tuple[float, float]]):
         lost = names_of(undetermined)
         super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
 
-    def __missing__(self, name: str) -> tuple[float, float]:
+    def __missing__(self, name: str) -> Interval:
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
@@ -103,7 +103,7 @@ def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
     return {str(getattr(one, "parameter", one)) for one in undetermined}
 
 
-def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
+def whole_interval(value: float, interval: Interval, systematic: float) -> Interval:
     """Return a statistical interval widened by an independent standard uncertainty."""
     if systematic == 0.0:
         return interval
@@ -290,7 +290,7 @@ class Fit(Viewed):
     units: dict[str, str]
     free: tuple[str, ...]
     covariance: Array
-    intervals: dict[str, tuple[float, float]]
+    intervals: dict[str, Interval]
     systematic: dict[str, float] = field(default_factory=dict)
     model_errors: dict[str, float] = field(default_factory=dict)
     sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -300,7 +300,7 @@ class Fit(Viewed):
     provenance: dict[str, Any]
     converged: bool = True
     details: dict[str, dict[str, Any]] = field(default_factory=dict)
-    profiler: Callable[[str], tuple[float, float]] | None = field(default=None, repr=False)
+    profiler: Callable[[str], Interval] | None = field(default=None, repr=False)
     fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
     file: str = field(default="", repr=False)
 
@@ -369,7 +369,7 @@ class Fit(Viewed):
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
 
-    def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
+    def profile(self, names: Sequence[str] | None = None) -> dict[str, Interval]:
         """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.
 
         Undetermined values also have an interval: its open ends are infinite, or at the bound of the value.
@@ -422,7 +422,7 @@ class Fit(Viewed):
         self,
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
+        speeds_m_s: Interval | None = None,
     ) -> SlidingCurve:
         """Return the sliding friction to export, by default at the middle of the measured pressures and all speeds.
 
@@ -435,7 +435,7 @@ class Fit(Viewed):
         a, b = (middle_of(gauge_pa, said.get(f"gauge_{side}_pa")) for side, gauge_pa in sides)
         return self._curve(speeds_m_s or said.get("speed_m_s"), (a, b))
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked below
+    def _curve(self, speeds_m_s: Any, gauges_pa: Interval) -> SlidingCurve:  # noqa: ANN401 - checked below
         """Return the curve between two speeds at the gauge pressures of the chambers."""
         del speeds_m_s, gauges_pa
         raise FitError(f"the {self.TITLE} has no friction to export", rule="a fit of friction or of a drive")
@@ -447,7 +447,7 @@ class Fit(Viewed):
         *,
         gauge_a_pa: float | None = None,
         gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
+        speeds_m_s: Interval | None = None,
     ) -> Exported:
         """Export friction as another tool's law.
 

@@ -19,7 +19,7 @@ from pneudrive.identify.volume import RegulatorFit, VolumeFit
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
 KINDS: dict[str, type[AnyFit]] = {
@@ -83,7 +83,7 @@ def curve_differences(
     return [new - old for old, new in zip(*sides, strict=True)]
 
 
-def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
+def common(before: FrictionFit, after: FrictionFit, name: str) -> Interval:
     """Return the range of a condition that both fits have measured.
 
     Without a common range, the lower end is above the upper end.

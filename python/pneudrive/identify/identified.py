@@ -28,7 +28,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
 
 
@@ -146,7 +146,7 @@ class Identified:
     """
 
     values: Mapping[str, float]
-    intervals: Mapping[str, tuple[float, float]]
+    intervals: Mapping[str, Interval]
     sources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fit: str = ""
     file: str = ""
@@ -338,7 +338,7 @@ def _size(mark: Quantity | StatedPressure | None) -> Quantity:
 
 def _rounded(
     value: float,
-    interval: tuple[float, float] | None,
+    interval: Interval | None,
     mark: Quantity | StatedPressure | None,
     digits: int = DIGITS,
 ) -> str | float:
@@ -369,7 +369,7 @@ def _written(value: float, mark: Quantity | StatedPressure | None) -> str | floa
     return units.write(value, quantity.si_unit, quantity.written) + behind if quantity.si_unit else value
 
 
-def _ends(interval: tuple[float, float], mark: Quantity | StatedPressure | None) -> list[str | float]:
+def _ends(interval: Interval, mark: Quantity | StatedPressure | None) -> list[str | float]:
     """Write both ends of an interval, rounded outwards."""
     return [_written(_outward(end, up=up), mark) for end, up in zip(interval, (False, True), strict=True)]
 
@@ -443,7 +443,7 @@ class Dependences:
 
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
     values: dict[str, float] = field(default_factory=dict)
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    intervals: dict[str, Interval] = field(default_factory=dict)
     sliding: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     source: str = ""

@@ -46,7 +46,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.signals.layout import Layout
 
 
@@ -428,7 +428,7 @@ def _result(
     )
 
 
-def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> tuple[float, float]:
+def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> Interval:
     """Return the interval over all minima: the range in which the cost stays within that of the best one."""
     ends = [search.profile(minimum, name, least=solved.at.standing.cost) for minimum in (solved, *others)]
     return min(low for low, _ in ends), max(high for _, high in ends)
@@ -711,7 +711,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 def _intervals(
     records: Sequence[VolumeRecording], best: OptimizeResult, own: dict[str, Array]
-) -> tuple[dict[str, tuple[float, float]], float]:
+) -> tuple[dict[str, Interval], float]:
     """Return the wider interval, by blocks of time or by runs, and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
@@ -727,7 +727,7 @@ def _intervals(
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
 
 
-def _dead_time(records: Sequence[VolumeRecording], point: Array) -> tuple[float, float]:
+def _dead_time(records: Sequence[VolumeRecording], point: Array) -> Interval:
     """Return the smallest and the largest dead time that fit within 2 % of the best residual."""
     step = float(np.median(np.diff(records[0].time_s)))
     sizes = np.sqrt([2.0 * _fit(records, point, delay).cost for delay in DELAYS * step])

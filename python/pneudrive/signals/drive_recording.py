@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.describe.drive import Drive
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
@@ -417,7 +417,7 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
         _check_range(recording, column, (LOWEST * ambient, HIGHEST * supply), rule, remedy)
 
 
-def _check_range(recording: DriveRecording, column: str, limits: tuple[float, float], rule: str, remedy: str) -> None:
+def _check_range(recording: DriveRecording, column: str, limits: Interval, rule: str, remedy: str) -> None:
     """Refuse a column, if there is one, whose values lie outside limits in SI, single outliers apart."""
     if column in recording and np.isfinite(recording[column]).any():
         low, high = np.nanquantile(recording[column], QUANTILES)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.signals.force_calibration import ForceCalibration
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
@@ -103,14 +103,14 @@ class Recording(Viewed):
     incline_rad: float = 0.0
     accuracy: dict[str, float] = field(default_factory=dict)
     labels: dict[str, str] = field(default_factory=dict)
-    window_m: tuple[float, float] | None = None
+    window_m: Interval | None = None
     source: Path | None = None
     sha256: str | None = None
     synthetic: bool = False
     truth: dict | None = None
     stiffness_n_m: float | None = None
     flags: dict[str, int] = field(default_factory=dict)
-    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    limits: dict[str, Interval] = field(default_factory=dict)
     calibration: dict[str, str] = field(default_factory=dict)
     force_calibration: ForceCalibration | None = None
     parallel: tuple[ParallelForce, ...] = ()
@@ -211,7 +211,7 @@ class SampleFault:
     """Faults of one kind: the number of samples or intervals, and the first and last time of each occurrence, s."""
 
     count: int
-    places: list[tuple[float, float]]
+    places: list[Interval]
 
 
 def find_faults(recording: Recording) -> dict[str, SampleFault]:
@@ -233,12 +233,12 @@ def find_faults(recording: Recording) -> dict[str, SampleFault]:
     RecordingError
         As for `clean`.
     """
-    places: dict[str, list[tuple[float, float]]] = {}
+    places: dict[str, list[Interval]] = {}
     flags = clean(recording, places).flags
     return {kind: SampleFault(count, places.get(kind, [])) for kind, count in flags.items()}
 
 
-def clean(recording: Recording, places: dict[str, list[tuple[float, float]]] | None = None) -> Recording:
+def clean(recording: Recording, places: dict[str, list[Interval]] | None = None) -> Recording:
     """Drop unusable samples and count them by kind.
 
     Parameters

@@ -19,7 +19,7 @@ from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
 
     #: What depends on the drive in a cause: arguments of `Cause`.
@@ -85,7 +85,7 @@ class Cause:
     ratio: Callable[[Scene], tuple[Array, float]] | None = None
     profile: Callable[[Scene], list[Values]] | None = None
     parts: int = 1
-    bounds: tuple[float, float] = (-np.inf, np.inf)
+    bounds: Interval = (-np.inf, np.inf)
     described: bool = True
     free: tuple[str, ...] = ()
 

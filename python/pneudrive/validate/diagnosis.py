@@ -32,7 +32,7 @@ from pneudrive.validate.causes import Cause, causes
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
 
 BLOCK_S = 0.25
@@ -81,7 +81,7 @@ class Culprit:
     stderr: float
     share: float
     rivals: tuple[tuple[str, float], ...]
-    laws: tuple[float, float] | None = None
+    laws: Interval | None = None
     moved: tuple[str, ...] = ()
 
     @property
@@ -95,7 +95,7 @@ class Culprit:
         return self.cause.free
 
     @property
-    def interval(self) -> tuple[float, float]:
+    def interval(self) -> Interval:
         """95 % interval of the amount; of a leak, over all flow laws that the recordings do not distinguish."""
         low, high = self.laws or (self.amount, self.amount)
         return low - NORMAL_95 * self.stderr, high + NORMAL_95 * self.stderr
@@ -420,7 +420,7 @@ class _Regression:
             tuple(_in_words(cause, amount) for cause, amount in moved),
         )
 
-    def over_flow_laws(self, fit: _Fit) -> tuple[float, float] | None:
+    def over_flow_laws(self, fit: _Fit) -> Interval | None:
         """Return the range of amounts of a leak over its possible critical pressure ratios; None for other causes.
 
         The shape of a leak is not known: the ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013]. The

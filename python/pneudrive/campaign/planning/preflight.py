@@ -15,6 +15,7 @@ from pneudrive.errors import ProtocolError, nearest, package_table
 from pneudrive.rig.interface import Changeable, Envelope, Hold, Move, Rig
 
 if TYPE_CHECKING:
+    from pneudrive.arrays import Interval
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
@@ -270,7 +271,7 @@ def _bar(value_pa: float) -> str:
     return f"{value_pa / 1e5:.4g} bar abs"
 
 
-def _celsius(span_k: tuple[float, float]) -> str:
+def _celsius(span_k: Interval) -> str:
     return f"{span_k[0] - ZERO_CELSIUS_K:.4g} to {span_k[1] - ZERO_CELSIUS_K:.4g} degC"
 
 

@@ -27,7 +27,7 @@ from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stu
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Interval, Ints
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples, Sampling
 
@@ -252,7 +252,7 @@ class MeasuringBounds:
     """
 
     supply_pressure_pa: float
-    temperature_k: tuple[float, float]
+    temperature_k: Interval
     force_n: float
     resume_force_n: float
 

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
+    from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
@@ -260,7 +261,7 @@ def _ranges(reading: CampaignData) -> Ranges:
     """Return the lowest and highest measured values."""
     cycles, ambient = reading.sliding, reading.identity.ambient_pressure_pa
 
-    def span(values: np.ndarray) -> tuple[float, float]:
+    def span(values: np.ndarray) -> Interval:
         known = values[np.isfinite(values)]
         return (float(known.min()), float(known.max())) if known.size else (float("nan"), float("nan"))
 

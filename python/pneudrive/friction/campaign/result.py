@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Interval, Ints
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
@@ -381,10 +381,10 @@ class UncertaintySource:
 class Ranges:
     """Lowest and highest measured values; results outside are extrapolation. Pressures are gauge."""
 
-    speed_m_s: tuple[float, float]
-    gauge_a_pa: tuple[float, float]
-    gauge_b_pa: tuple[float, float]
-    temperature_k: tuple[float, float]
+    speed_m_s: Interval
+    gauge_a_pa: Interval
+    gauge_b_pa: Interval
+    temperature_k: Interval
 
 
 def _no_stops() -> pl.DataFrame:

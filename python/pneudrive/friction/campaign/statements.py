@@ -17,6 +17,7 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
@@ -77,7 +78,7 @@ def _ranges(found: CampaignCharacteristics) -> Iterator[Said]:
         yield "range.below_service", {"highest": highest, "service": SERVICE_BAR}
 
 
-def _bar(span: tuple[float, float]) -> str:
+def _bar(span: Interval) -> str:
     low, high = (round(p / PA_PER_BAR, 2) + 0.0 for p in span)
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -554,9 +554,7 @@ def identify_presliding(
     )
 
 
-def _lost(
-    step: float, level: float, values: dict[str, float], ends: dict[str, tuple[float, float]]
-) -> tuple[Undetermined, ...]:
+def _lost(step: float, level: float, values: dict[str, float], ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
     unresolved = unresolved_damping(step, level, values[STIFFNESS])
     remedies = {STIFFNESS: "reverse more slowly and more often, with a finer encoder"}
     remedies |= {} if unresolved else {DAMPING: "reverse at several speeds, some of them ten times faster"}
@@ -613,7 +611,7 @@ def _slope(reversal: Array, step: float) -> tuple[float, float] | None:
     return (1.0 / b, -d / b) if b > 0.0 else None
 
 
-def _interval(values: Array) -> tuple[float, float]:
+def _interval(values: Array) -> Interval:
     """Return the 95 % interval of the mean over reversals; infinite for a single one."""
     if values.size == 1:
         return -np.inf, np.inf

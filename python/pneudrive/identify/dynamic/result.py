@@ -42,7 +42,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Start of the note.
@@ -410,7 +410,7 @@ TOGETHER = 0.95
 RESOLVED_SHARE = 0.1
 
 
-def _lost(fit: DriveFit, ends: dict[str, tuple[float, float]], sizes: Array, weak: Array) -> list[Undetermined]:
+def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -> list[Undetermined]:
     """Return statements on values that the recordings do not determine.
 
     Parameters

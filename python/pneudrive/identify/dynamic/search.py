@@ -26,7 +26,7 @@ from pneudrive.progress import UNWATCHED, Watch
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.identify.base import Undetermined
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -526,7 +526,7 @@ def correlation_time(residual: Array) -> float:
     return max(1.0, 1.0 + 2.0 * float(pairs[: stop[0] if stop.size else None].sum()))
 
 
-def profile(solved: Solved, name: str, least: float | None = None) -> tuple[float, float]:
+def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     """Return the interval of one value by profile likelihood, SI.
 
     With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If

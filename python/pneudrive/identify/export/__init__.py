@@ -48,7 +48,7 @@ from pneudrive.simulation.trajectory import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe import Drive, Friction
 
 
@@ -129,7 +129,7 @@ def middle_of(given: float | None, measured: object) -> float:
 
 def curve_of_drive(
     drive: Drive,
-    speeds_m_s: tuple[float, float] | None,
+    speeds_m_s: Interval | None,
     gauge_a_pa: float | None = None,
     gauge_b_pa: float | None = None,
 ) -> SlidingCurve:

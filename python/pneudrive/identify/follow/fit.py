@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Interval
     from pneudrive.signals.layout import Layout
 
 BEYOND = 0.03  # of the stroke: largest excess of a position
@@ -194,7 +195,7 @@ class Rival:
     gain: float
     predictions: tuple[float, ...]
     values: dict[str, float]
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    intervals: dict[str, Interval] = field(default_factory=dict)
 
     @property
     def earns(self) -> bool:
@@ -449,7 +450,7 @@ def _result(
     )
 
 
-def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, Interval]]:
     """Return the values of the shared numbers of a solution, and their 95 % intervals for its model."""
     values, intervals = {}, {}
     for place, (number, log) in enumerate(zip(solution.problem.numbers, solution.point.shared, strict=True)):
@@ -566,16 +567,14 @@ def _squares(solution: FollowSolution) -> float:
     return float(np.sum(np.square(solution.every_rms)))
 
 
-def _folds(problem: FollowProblem) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
+def _folds(problem: FollowProblem) -> list[tuple[list[Interval], list[Interval]]]:
     """Return parts of the recordings to fit and to predict: halves of each recording, in both orders."""
     ends = [float(record.grid_s[-1]) for record in problem.records]
     first, second = [(0.0, end / 2.0) for end in ends], [(end / 2.0, end) for end in ends]
     return [(first, second), (second, first)]
 
 
-def _predict(
-    problem: FollowProblem, point: FollowPoint, fold: tuple[list[tuple[float, float]], list[tuple[float, float]]]
-) -> float:
+def _predict(problem: FollowProblem, point: FollowPoint, fold: tuple[list[Interval], list[Interval]]) -> float:
     """Fit one part of the recordings, and return the squared residuals of the other part, relative to the range."""
     own = replace(problem, parts=fold[0], weights=list(problem.weights))
     solved = solve_follow(own, point, passes=1)

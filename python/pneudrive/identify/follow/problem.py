@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
 
 #: Standard uncertainty of the gas temperature at a start at rest and in motion, K, and of the delay, s (assumed).
 AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0
@@ -78,7 +78,7 @@ class FollowProblem:
     driven: DrivenCircuit
     records: Sequence[DrivenRecording]
     numbers: Sequence[Number]
-    parts: Sequence[tuple[float, float]] = ()
+    parts: Sequence[Interval] = ()
     is_delayed: bool = True
     starts_free: bool = True
     model: str = "requested model"
@@ -165,7 +165,7 @@ class FollowSolution:
         record = self.problem.records[at]
         return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
 
-    def rms(self, at: int, part: tuple[float, float] | None = None) -> Array:
+    def rms(self, at: int, part: Interval | None = None) -> Array:
         """Return the rms of both residuals of a recording, relative to the range of each pressure."""
         record = self.problem.records[at]
         begin, end = part or (0.0, np.inf)

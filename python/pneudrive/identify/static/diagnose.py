@@ -18,10 +18,10 @@ from pneudrive.numbers import plain
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.identify.static.model import FrictionModel, Observations
 
-Ends = dict[str, tuple[float, float]]
+    Ends = dict[str, Interval]
 
 #: Difference of gauge pressures below which they are one level: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
@@ -53,7 +53,7 @@ def _span(data: Observations) -> dict[str, str]:
     return {"slowest": _mm_s(float(data.speed_m_s.min())), "fastest": _mm_s(float(data.speed_m_s.max()))}
 
 
-def _listed(levels: list[tuple[float, float]]) -> str:
+def _listed(levels: list[Interval]) -> str:
     """Return the first six distinct speed levels as text."""
     shown = [
         _mm_s(low) if _mm_s(low) == _mm_s(high) else f"{1e3 * low:.3g} to {_mm_s(high)}"

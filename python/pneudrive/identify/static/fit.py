@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
@@ -334,7 +334,7 @@ def fit_any_law(
     )
 
 
-def _profile(found: RobustEstimate, name: str) -> tuple[float, float]:
+def _profile(found: RobustEstimate, name: str) -> Interval:
     """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
     model, theta = found.model, found.model.natural(found.q)
     k = model.names.index(name)

@@ -28,7 +28,7 @@ from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Obse
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Interval
 
 #: Floor of the scale, as a share of the largest friction: smaller residuals are rounding.
 SCALE_FLOOR = 1e-10
@@ -362,9 +362,7 @@ MOST_AT_ONCE = 500_000
 SINGULAR_SHARE = 1e-7
 
 
-def profile_intervals(
-    found: RobustEstimate, quantile: float, least: float | None = None
-) -> dict[str, tuple[float, float]]:
+def profile_intervals(found: RobustEstimate, quantile: float, least: float | None = None) -> dict[str, Interval]:
     """Return the intervals of all free parameters in natural units.
 
     Parameters
@@ -414,7 +412,7 @@ def profile_intervals(
     return _close(found, low, high)
 
 
-def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
+def _crossings(log_value: Array, slack: Array) -> Interval:
     """Return the outermost values at which the cost reaches its threshold, interpolated between grid points."""
     inside = np.flatnonzero(slack >= 0.0)
     if inside.size == 0:
@@ -491,7 +489,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
-def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, tuple[float, float]]:
+def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, Interval]:
     """Set ends that the data do not limit to infinity; for a non-negative parameter the lower end is zero."""
     model, estimate = found.model, found.natural
     lower, upper = model.bounds(found.data)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Interval, Ints
 
 #: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
@@ -401,7 +401,7 @@ def survey(
 
 def pressure_levels(data: Observations) -> Ints:
     """Return the index of the pressure level of each value. A level spans 10 %, or 0.1 bar, above its first value."""
-    levels: list[tuple[float, float]] = []
+    levels: list[Interval] = []
     out = np.empty(len(data), dtype=np.int64)
     for i, (a, b) in enumerate(zip(data.gauge_a_pa, data.gauge_b_pa, strict=True)):
         width = max(2.0 * SAME_PRESSURE_PA, 0.1 * max(abs(a), abs(b)))

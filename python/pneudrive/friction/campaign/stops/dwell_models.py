@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Interval, Ints
 
 
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
@@ -131,7 +131,7 @@ class DwellLawFit(Shown):
 
     form: DwellForm
     shape: dict[str, float]
-    shape_intervals: dict[str, tuple[float, float]]
+    shape_intervals: dict[str, Interval]
     level_n: Array
     amplitude_n: Array
     slope_n: float
@@ -526,7 +526,7 @@ def design_stops(
     scale_s: float,
     *,
     stops: int = 12,
-    range_s: tuple[float, float] = (0.1, 1000.0),
+    range_s: Interval = (0.1, 1000.0),
     factor: float = 3.0,
     increment_n: float = 1.0,
     noise_n: float = 0.3,
