@@ -21,7 +21,7 @@ from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
-from pneudrive.free.parameters import with_shape
+from pneudrive.free.parameters import component_numbers, with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
@@ -255,8 +255,6 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
     """Return the quantities of tubes and flow controls, by their names in the drive file."""
     if not drive.lines:
         return {}
-    from pneudrive.free.parameters import component_numbers
-
     form = json.loads(drive.core_json())
     own = (number for number in component_numbers(form) if number[0].startswith(("tubing.", "flow_control.")))
     return {name: parameter_quantity(entry) for name, _, _, entry in own}

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 
+from pneudrive import _core
 from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.description import RIGID, RigDescription
@@ -62,8 +63,6 @@ def steady_friction_n(
     ndarray
         Friction, N, one-dimensional.
     """
-    from pneudrive import _core
-
     velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=np.float64))
     others = {name: table for name, table in friction.items() if name not in ("law", "parameters", "pressure")}
     law, parameters, pressure = friction["law"], friction["parameters"], friction.get("pressure")
@@ -221,8 +220,6 @@ class Past:
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
         """Advance the time, with this power of friction heating the seal."""
-        from pneudrive import _core
-
         rise, time_s = d.tables.thermal.seal_rise, d.tables.thermal.seal_time
         self.seal_rise_k = _core.seal_warming(rise, time_s, self.seal_rise_k, power_w, duration_s)
         self.clock_s += duration_s
@@ -277,8 +274,6 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any
     Run-in and temperature act as on a drive: both on Coulomb and breakaway force, only temperature on viscous friction.
     They are evaluated at the beginning of the step (assumed: a step is short against the time constant of warming).
     """
-    from pneudrive import _core
-
     table, thermal = core_friction(d, past.levels.get("mounting", RIGID)), d.tables.thermal
     excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
     warmer = float(past.room_k(d)) - d.tables.ambient.temperature + past.seal_rise_k

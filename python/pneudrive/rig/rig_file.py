@@ -302,6 +302,4 @@ def _kind(text: str) -> tuple[str, str]:
 
 
 def _said(path: Path) -> str:
-    from pneudrive.describe.files import toml
-
     return str(toml.read(path, RigError, "The guides on rigs show examples of rig files.")[0].get("kind", "simulated"))

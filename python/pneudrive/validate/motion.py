@@ -26,7 +26,7 @@ from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
 from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
 from pneudrive.signals.recording import Recording
-from pneudrive.simulation.trajectory import columns_in, write_whole
+from pneudrive.simulation.trajectory import check_target, columns_in, write_frame, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
 from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
@@ -112,8 +112,6 @@ class FrictionValidation(Viewed):
     def write(self, folder: str | Path) -> list[Path]:
         """Write friction.csv, with a row for each measured point, into an existing folder."""
         import polars as pl
-
-        from pneudrive.simulation.trajectory import check_target, write_frame
 
         target = check_target(Path(folder) / "friction.csv", (".csv",))
         names = ("condition", "direction", "speed_m_s", "friction_n", "low_n", "high_n", "model_n")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
@@ -283,8 +284,6 @@ class FrictionModel(StaticLaw):
 
     def _curve(self, speed: Array, velocity: float, exponent: float | None) -> dict[str, Array]:
         """Return the core's derivatives by the forces and the free shape of the law, for an excess Fs - Fc of 1 N."""
-        from pneudrive import _core
-
         values, choices, names = {"coulomb": 1.0, "viscous": 0.0}, None, ["coulomb"]
         if self.stribeck:
             values |= {"breakaway": 2.0, "stribeck_velocity": velocity}
@@ -487,8 +486,6 @@ class AnyLaw(StaticLaw):
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
-        from pneudrive import _core
-
         law, values, tables = self._core
         at = values | dict(zip(self.names, theta.tolist(), strict=True))
         names, zero = [f"friction.parameters.{n}" for n in self.names], np.zeros(len(data))
