@@ -1,8 +1,8 @@
-"""Types of arrays and intervals, for annotations."""
+"""Types of arrays, intervals and rows, for annotations."""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,3 +14,5 @@ Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 #: Lower and upper end.
 Interval: TypeAlias = tuple[float, float]
+#: Values by column or key.
+Row: TypeAlias = dict[str, Any]

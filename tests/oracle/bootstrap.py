@@ -149,7 +149,7 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
     problem, point, found = solved.problem, solved.point, solved.information
     information_of, gradient_of = [], []
     tau = max((t for _, t in found.inflation.values()), default=1.0)
-    for slopes, residual in zip(found.slopes, solved.at.residuals, strict=True):
+    for slopes, residual in zip(found.slopes, solved.at.standing.residuals, strict=True):
         n = residual.shape[0]
         blocks = int(np.clip(n / max(10.0 * tau, 50.0), LEAST_DRIVE_BLOCKS, 200))
         for part in np.array_split(np.arange(n), min(blocks, n)):

@@ -97,10 +97,8 @@ def systematic_budget(
         entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
     if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
         late = abs(up.late_n - down.late_n) / 2.0, abs(up.late_n + down.late_n) / 2.0
-        basis, words = (
-            "assumed" if recording.parallel and late_s == CLOCK_S else "data",
-            "delay of the pressures relative to the force",
-        )
+        basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
+        words = "delay of the pressures relative to the force"
         entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *late, words))
     return entries
 

@@ -16,7 +16,7 @@ from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import Row, rows_to_dataset
+from pneudrive.friction.friction_map import rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
@@ -29,6 +29,8 @@ from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from pneudrive.arrays import Row
 
     Reader = Callable[[], Recording | LongFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,18 +24,17 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Row
 
 
 _TABLES = package_table(__file__, "columns.toml")
 #: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
 COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["map"].items()}
 LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["campaign"].items()}
-CYCLE_COLUMNS: dict[str, Any] = _TABLES["cycle"]  # column of a cycle -> value of a cycle without it
+CYCLE_COLUMNS: Row = _TABLES["cycle"]  # column of a cycle -> value of a cycle without it
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 FILE = "file"  # attribute: path of the map
-Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
 def rows_to_dataset(rows: list[Row]) -> xr.Dataset:

@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval
+    from pneudrive.arrays import Array, Bools, Interval, Row
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -222,7 +222,7 @@ class Level(Shown):
         return max(self.gauge_pa.values(), key=abs)
 
     @property
-    def rows(self) -> tuple[dict[str, Any], ...]:
+    def rows(self) -> tuple[Row, ...]:
         """Rows of the friction map, one per present direction, with the labels of the recording."""
         rows = []
         for way, side in self.sides.items():

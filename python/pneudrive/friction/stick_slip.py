@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pneudrive.signals import motion
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.friction.bins import Profile
     from pneudrive.signals.recording import Recording
 
@@ -362,7 +362,7 @@ def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip,
     return measure_stick_slip(time, position), piston
 
 
-def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> dict[str, Any]:
+def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
     """Return the evenness of sliding of some strokes by the fields of `Side`: axis or piston, where more is found."""
     axis, piston = [axis for axis, _ in slips], [piston for _, piston in slips if piston is not None]
     seen = max((axis, piston), key=lambda some: sum(s.found for s in some))

@@ -327,11 +327,9 @@ class Instruments:
     def __init__(self, d: RigDescription, seed: int) -> None:
         self.d = d
         draw = stream(seed, "calibration").standard_normal(7)
-        force, air, warm = (
-            d.tables.force_sensor.accuracy,
-            d.tables.pressure_sensor.accuracy,
-            d.tables.temperature_sensor.accuracy,
-        )
+        force = d.tables.force_sensor.accuracy
+        air = d.tables.pressure_sensor.accuracy
+        warm = d.tables.temperature_sensor.accuracy
         self.force = replace(
             d.force_sensor,
             gain_error=force / d.force_sensor.high * draw[0],

@@ -637,10 +637,8 @@ def _time(form: FileForm, column: FileColumn, dates: Sequence[FileColumn]) -> Ti
         times.values = column.values + dates[0].values
     count = samples_of_a_stamp(times.values)
     if count > 1.0:  # stamps that many samples share are replaced by the rate of the samples, if it is even
-        shared, rate = (
-            f"{count:g} samples share each stamp of column {column.place!r}",
-            rate_of_stamps(times.values),
-        )
+        shared = f"{count:g} samples share each stamp of column {column.place!r}"
+        rate = rate_of_stamps(times.values)
         if rate is None or not unit:
             times.question = f'{shared}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
         else:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import lfilter
@@ -19,11 +19,10 @@ from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Row
     from pneudrive.describe.drive import Drive
 
     #: What depends on the drive in a cause: arguments of `Cause`.
-    Row = dict[str, Any]
 
 Change = Callable[[Scene, float], Scene]
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Row
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
@@ -68,7 +68,7 @@ class Check:
 
 
 def checks_of(
-    first: CampaignCharacteristics, second: CampaignCharacteristics, about: dict[str, Any], other: dict[str, Any]
+    first: CampaignCharacteristics, second: CampaignCharacteristics, about: Row, other: Row
 ) -> Iterator[Check]:
     """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
     one, two = _shared(first, about), _shared(second, other)
@@ -83,7 +83,7 @@ def checks_of(
         yield Check(what, shown, other_shown, same, row["consequence"])
 
 
-def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:
+def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float | None]:
     """Return the compared values; NaN if not measured."""
     rig, stated = found.identity, about.get("filter")
     rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
@@ -434,7 +434,7 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     return replace(compared, statements=tuple(_statements(compared, why)))
 
 
-def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
+def about_of(found: CampaignCharacteristics) -> Row:
     """Return ``campaign.json`` of a campaign; empty if the folder cannot be opened."""
     try:
         return Campaign.open(found.folder).about
@@ -442,7 +442,7 @@ def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
         return {}
 
 
-def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[dict[str, Any]]) -> float:
+def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[Row]) -> float:
     """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
     Simulated sensors differ between seeds.

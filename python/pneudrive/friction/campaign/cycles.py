@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -31,13 +31,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.rig.interface import Identity
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
 
-Row = dict[str, Any]
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
 #: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.

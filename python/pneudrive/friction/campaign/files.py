@@ -21,6 +21,7 @@ from pneudrive.simulation.trajectory import check_target, write_frame, write_who
 if TYPE_CHECKING:
     import xarray as xr
 
+    from pneudrive.arrays import Row
     from pneudrive.friction.campaign.compare import Comparison
     from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
@@ -154,7 +155,7 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
 def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
     """Write effects with their intervals, the budget and the statements as TOML."""
     path = check_target(path, (".toml",))
-    tables: dict[str, Any] = {
+    tables: Row = {
         "campaign": found.name,
         "rig": found.identity.name,
         "synthetic": found.synthetic,
@@ -182,7 +183,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
 def write_comparison(compared: Comparison, path: str | Path) -> Path:
     """Write the tests of a comparison, its cautions, and the differences at common points as TOML."""
     path = check_target(path, (".toml",))
-    tables: dict[str, Any] = {
+    tables: Row = {
         "first": compared.first.name,
         "second": compared.second.name,
         "synthetic": compared.first.synthetic or compared.second.synthetic,
@@ -200,7 +201,7 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
     return _write(tables, path)
 
 
-def _write(tables: dict[str, Any], path: Path) -> Path:
+def _write(tables: Row, path: Path) -> Path:
     return write_whole(path, "\n".join(sections(_plain(tables))) + "\n")
 
 
@@ -215,16 +216,16 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
     return [_plain(each) for each in value] or None if isinstance(value, list | tuple) else value
 
 
-def by_chamber(effects: PressureEffects | DwellPressure) -> dict[str, Any]:
+def by_chamber(effects: PressureEffects | DwellPressure) -> Row:
     """Return effects of pressures as plain data: a table of a chamber has its name in its key, ``slope_a``."""
     names = {"slopes": "slope", "means": "mean", "increments": "increment"}
-    found: dict[str, Any] = {}
+    found: Row = {}
     for name, value in vars(effects).items():
         found |= {f"{names[name]}_{key}": each for key, each in value.items()} if name in names else {name: value}
     return found
 
 
-def _series(s: DwellSeries) -> dict[str, Any]:
+def _series(s: DwellSeries) -> Row:
     """Return a series as plain data for files."""
     durations = s.stops["dwell_s"].to_list()
     of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
@@ -246,7 +247,7 @@ def _series(s: DwellSeries) -> dict[str, Any]:
     }
 
 
-def _law(law: DwellLawFit) -> dict[str, Any]:
+def _law(law: DwellLawFit) -> Row:
     plain = ("bic", "weight", "level_n", "amplitude_n", "slope_n", "slope_low_n", "slope_high_n")
     return {
         "name": law.name,

@@ -32,11 +32,11 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Row
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
-    Read = tuple[float, cycles.Row | Skipped | None]
+    Read = tuple[float, Row | Skipped | None]
     """Path length of a cycle's moves, and its row or the reason for a missing one."""
 
 T = TypeVar("T")
@@ -82,7 +82,7 @@ def read_each(read: Callable[[CycleFile, Samples], T], files: Sequence[CycleFile
     return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
 
 
-def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> cycles.Row:
+def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
     """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
     Open chambers that a transducer measures have the mean of its reading, its standard error, and the change between
@@ -103,7 +103,7 @@ def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambien
         raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - ambient_pa) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    row: cycles.Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
+    row: Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
     for side in "ab":
         values = getattr(recording, f"pressure_{side}_pa")[standing]
         if vented and np.ptp(values) > 0:
@@ -223,7 +223,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, cycles.Row]:
+def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]:
     """Return the columns of each cycle that headers, and the cycles before it, determine, by its key.
 
     The rest before a cycle is its stop, or the time since the end of the previous cycle. Its travel is that up to its
@@ -271,7 +271,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
     The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
     """
 
-    def read(file: CycleFile, samples: Samples) -> cycles.Row:
+    def read(file: CycleFile, samples: Samples) -> Row:
         recording, flags = recording_of(file, identity, samples)
         if file.head.cycle.kind in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
@@ -367,7 +367,7 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     )
 
 
-def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[cycles.Row]:
+def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[Row]:
     """Return the row of each level, with its strokes in the bins of position that all levels share."""
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
     runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges_m), []

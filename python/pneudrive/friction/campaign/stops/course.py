@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,12 +40,11 @@ from pneudrive.signals.motion import noise_level
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Row
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
 
-Row = dict[str, Any]
 NOTHING = float("nan")
 #: Least number of samples of a phase.
 FEWEST = 5

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Row
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
@@ -466,7 +466,7 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
-def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float) -> dict[str, Any]:
+def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float) -> Row:
     at = np.log10([series.reference_s])
     low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
     slopes, gains = curve.slopes(at), curve.gains(low, high)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
@@ -71,7 +71,7 @@ TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 def _read(
     file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
-) -> course.Row | Skipped:
+) -> Row | Skipped:
     """Return the columns of a stop, or the reason for a missing one."""
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
@@ -131,9 +131,7 @@ def _read(
     }
 
 
-def _recovery(
-    recording: Recording, friction: Array, part: slice, direction: int, running: course.Running
-) -> course.Row:
+def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: course.Running) -> Row:
     """Fit the return to sliding over the part after the peak at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return course.NO_RECOVERY
@@ -192,7 +190,7 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
     return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
 
 
-def _trace(recording: Recording, friction: Array, phases: course.Phases) -> course.Row:
+def _trace(recording: Recording, friction: Array, phases: course.Phases) -> Row:
     chosen = []
     for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
@@ -248,7 +246,7 @@ def find_stops(
 
 def read_stops(
     files: Sequence[CycleFile], identity: Identity, others: Sequence[course.UninterruptedStroke]
-) -> list[course.Row | Skipped]:
+) -> list[Row | Skipped]:
     """Read some stops one after the other.
 
     Parameters
