@@ -226,7 +226,8 @@ class Members:
             attrs = {"units": number.unit, "long_name": number.name}
             coordinates[number.name] = ("member", columns[number.file_name], attrs)
         for output in self.study.outputs:
-            values, attrs = columns[output.file_name], {"units": output.unit, "long_name": output.long_name}
+            values = columns[output.file_name]
+            attrs = {"units": output.unit, "long_name": output.long_name}
             variables[output.name] = (("member", "time")[: values.ndim], values, attrs)
             if output.word == "samples":
                 times = self.study.sample_times(output.rate_hz)

@@ -449,7 +449,8 @@ class SignalNames:
 
     def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
         self.columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
-        self.towards_b, self.states = towards_b, [signal for signal in states if signal in self.columns]
+        self.towards_b = towards_b
+        self.states = [signal for signal in states if signal in self.columns]
 
     def column(self, signal: str) -> str:
         """Return the column of a signal.

@@ -220,7 +220,9 @@ def sobol_indices(
     """
     d, s = points.shape[1], values.shape[1]
     each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
-    found, ends, used = np.full((2, d, s), np.nan), np.full((2, 2, d, s), np.nan), np.zeros(s, dtype=np.int64)
+    found = np.full((2, d, s), np.nan)
+    ends = np.full((2, 2, d, s), np.nan)
+    used = np.zeros(s, dtype=np.int64)
     for k in range(s):
         f = each[:, np.isfinite(each[..., k]).all(axis=0), k]
         used[k] = m = f.shape[1]

@@ -359,7 +359,9 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stick-slip."""
     if not found.stick_slip:
         return None
-    topic, named, marks = page.Topic("campaign", "stick-slip"), page.condition_names(found), []
+    topic = page.Topic("campaign", "stick-slip")
+    named = page.condition_names(found)
+    marks = []
     conditions = page.spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)

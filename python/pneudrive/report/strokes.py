@@ -124,7 +124,8 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     panels: dict[str, list[tuple[MapGroup, ShownCurve]]] = {}
     for group, curves in groups:
         panels.setdefault(group.assembly, []).extend((group, curve) for curve in curves)
-    is_single, count = len(panels) == 1, sum(curve.x.size for _, curves in groups for curve in curves)
+    is_single = len(panels) == 1
+    count = sum(curve.x.size for _, curves in groups for curve in curves)
     drawn = []
     for assembly, members in spread_evenly(list(panels.items()), MOST_PANELS):
         by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
@@ -253,7 +254,8 @@ def drift(found: Characterisation) -> Section | None:
     long = [level for level in found.levels if max(v.size for v in level.stroke_friction_n.values()) >= 3]
     if not long:
         return None
-    topic, drifting = Topic("recordings", "drift"), [v for v in long if any(s.has_trend for s in v.spreads.values())]
+    topic = Topic("recordings", "drift")
+    drifting = [v for v in long if any(s.has_trend for s in v.spreads.values())]
     strongest = sorted(drifting, key=lambda level: -_drift_share(level))[:MOST_ROWS]
     return topic.section(
         topic.text(drifting=len(drifting), levels=plural(len(long), "speed level")),
@@ -316,7 +318,8 @@ def peaks(found: Characterisation) -> Section | None:
     every = [(result, level, peak) for result in found.results for level in result.levels for peak in level.peaks]
     if not every:
         return None
-    topic, good = Topic("recordings", "reversals"), [peak for _, _, peak in every if not peak.flags]
+    topic = Topic("recordings", "reversals")
+    good = [peak for _, _, peak in every if not peak.flags]
     real = [peak for peak in good if peak.significant]
     counts = {flag: sum(flag in peak.flags for _, _, peak in every) for flag in topic.texts["spoils"]}
     spoilt = "; ".join(

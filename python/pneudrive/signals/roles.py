@@ -194,7 +194,8 @@ class RoleSearch:
         held = next((one for one in signals if is_held(one.values)), None)
         if len(close) > 1 and held is not None and len(signals) > FEWEST:
             self._accept("command", Candidate(held, headers.PHYSICS, HELD), "")
-            rest, why = [one.index for one in signals if one is not held], "numbers alone do not distinguish them"
+            rest = [one.index for one in signals if one is not held]
+            why = "numbers alone do not distinguish them"
             return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
         chosen = self._only_one("position", close, "even strokes", "these columns move alike")
         if chosen is not None:
@@ -250,7 +251,8 @@ class RoleSearch:
     def _pressures(self) -> None:
         named = self.candidates("pressure")
         if not named:
-            rest, has_position = different_signals(self._without_role()), self.guess("position") is not None
+            rest = different_signals(self._without_role())
+            has_position = self.guess("position") is not None
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
             why = "more constant than the force" if has_position else "the only signal besides the time"
             named = [Candidate(one, headers.PHYSICS, (why,)) for one in rest if has_position or is_alone]

@@ -603,7 +603,8 @@ def _sliding(drive: Drive, signals: Signals) -> Bools:
 def bending_m(drive: Drive) -> float:
     """Return the travel after a reversal before friction is that of steady sliding, m."""
     known = drive.friction.parameters
-    stiffness, level = known.get("bristle_stiffness"), known.get("breakaway", known.get("coulomb", 0.0))
+    stiffness = known.get("bristle_stiffness")
+    level = known.get("breakaway", known.get("coulomb", 0.0))
     if not stiffness:
         return LEAST_BENDING_M
     return float(np.clip(BENT * level / stiffness, LEAST_BENDING_M, MOST_BENDING_M))

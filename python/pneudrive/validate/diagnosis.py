@@ -355,7 +355,9 @@ class _Regression:
 
     def newton(self, start: _Fit) -> _Fit:
         """Refine the amounts of causes by Gauss-Newton; an invalid description explains nothing."""
-        every, amounts, best = start.causes, start.amounts, replace(start, amounts=0.0 * start.amounts, share=0.0)
+        every = start.causes
+        amounts = start.amounts
+        best = replace(start, amounts=0.0 * start.amounts, share=0.0)
         best = replace(best, after=self.left)
         low, high = np.array([cause.bounds for cause in every]).T
         for _ in range(NEWTON_STEPS + (not amounts.any())):

@@ -359,7 +359,8 @@ def validate(
         return validate_motion(drive, recordings, layout=layout, progress=progress, cancel=cancel)
     fitted: dict[str, str] = {}
     if isinstance(drive, DriveFit):
-        fitted, (drive, sensors) = drive.hashes, (drive.apply(), drive if sensors is None else sensors)
+        fitted = drive.hashes
+        drive, sensors = drive.apply(), drive if sensors is None else sensors
     refuse_circuit(drive)
     if not hasattr(drive, "core_json"):
         raise DescriptionError(

@@ -129,7 +129,8 @@ def check_path(
     row = int(np.argmin(needs.singular_values))
     if needs.singular_values[row] < least:
         what = f"the path of {platform.name} comes to a nearly singular pose at t = {times[row]:.4g} s"
-        value, rule = f"smallest singular value {needs.singular_values[row]:.3g}", f"at least {least:g}"
+        value = f"smallest singular value {needs.singular_values[row]:.3g}"
+        rule = f"at least {least:g}"
         raise CommandError(what, value=value, rule=rule, remedy="Tilt less, or move the path towards half strokes.")
     coupled = float(np.abs(needs.couplings).max())
     if coupled > MOST_COUPLED:

@@ -162,7 +162,9 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         tables, text = toml.read(str(given), start='For instance heave = "sine 30 mm 0.5 Hz around 470 mm".')
         name = str(given)
     else:
-        tables, text, name = dict(given), "", "; ".join(f"{key}: {line}" for key, line in given.items())
+        tables = dict(given)
+        text = ""
+        name = "; ".join(f"{key}: {line}" for key, line in given.items())
     with toml.locating(name, text) if text else nullcontext():
         tables.pop("schema", None)
         unknown = next((key for key in tables if key not in platform.coordinates), None)

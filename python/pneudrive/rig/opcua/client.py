@@ -178,7 +178,9 @@ class OpcUaRig:
 
     def _run(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
         """Start a command and wait for its answer."""
-        identity, look, handshake = self._start(verb, arguments), FIRST_LOOK_S, self._link.nodes.handshake
+        identity = self._start(verb, arguments)
+        look = FIRST_LOOK_S
+        handshake = self._link.nodes.handshake
         deadline = time.monotonic() + SLACK * expected_s + handshake.patience_s
         while not self._ended(identity):
             self._wait(look, deadline, verb)

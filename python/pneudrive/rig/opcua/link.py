@@ -220,7 +220,8 @@ class Link:
             variant = values.get(name)
             kind, length = ua.VariantType[node.type], 0
             if variant is not None and variant.VariantType is not ua.VariantType.Null:  # None: a constant
-                kind, length = variant.VariantType, len(variant.Value) if isinstance(variant.Value, list) else 0
+                kind = variant.VariantType
+                length = len(variant.Value) if isinstance(variant.Value, list) else 0
             self.served[name] = ServedNode(node, ids[name], kind, length)
 
     async def _start_heart(self) -> None:

@@ -203,7 +203,8 @@ class RigServer:
         server.limits = ServerLimits(BUFFER, BUFFER, LARGEST_MESSAGE // BUFFER + 1, LARGEST_MESSAGE)
         await protect(server, self.protection)
         internal = server.iserver
-        internal.max_connections, internal.max_pending_activation_seconds = MOST_CONNECTIONS, SESSION_S
+        internal.max_connections = MOST_CONNECTIONS
+        internal.max_pending_activation_seconds = SESSION_S
         internal.max_pending_messages_per_connection = MOST_REQUESTS
         internal.create_session = lambda name, **_: ServedSession(internal, self, name)
         internal.lookup_external_session = lambda _: None  # a session does not continue on another connection
@@ -445,7 +446,8 @@ class RigServer:
 
     def _simulate(self, verb: Verb, text: str) -> None:
         """Call a verb of simulated rigs with its argument as JSON, and publish the result."""
-        name, argument = verb.name.lower(), parse_json(text or "null", "simulation.text", RigError)
+        name = verb.name.lower()
+        argument = parse_json(text or "null", "simulation.text", RigError)
         kind, rule = ARGUMENTS.get(verb, (object, ""))
         levels = argument.values() if verb is Verb.CHANGE and isinstance(argument, dict) else ()
         if not isinstance(argument, kind) or not all(isinstance(level, str) for level in levels):
