@@ -12,7 +12,7 @@ from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch
 from pneudrive.control.motion import Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.control.tuning import Controller, laws
+from pneudrive.control.tuning import Controller, Tuning, laws
 from pneudrive.errors import PneudriveError
 from pneudrive.simulation.simulate import require
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
