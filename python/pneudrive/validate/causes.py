@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Interval, Row
     from pneudrive.describe.drive import Drive
 
-    #: What depends on the drive in a cause: arguments of `Cause`.
-
+#: A change of the scene by an amount. Rows hold what depends on the drive in a cause: arguments of `Cause`.
 Change = Callable[[Scene, float], Scene]
 
 #: Bounds of a change as a share of the present value.
