@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
 from pneudrive.errors import Cancelled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
 
 T = TypeVar("T")
+
+#: Called as ``progress(done, total, task)``; see `Watch`.
+Progress: TypeAlias = Callable[[float, float, str], None]
 
 LEAST_PAUSE_S = 0.1  # the callback is called at most this often: no caller can read faster
 
@@ -45,7 +49,7 @@ class Watch:
     ['recordings: 0 of 2', 'recordings: 2 of 2']
     """
 
-    def __init__(self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None) -> None:
+    def __init__(self, progress: Progress | None = None, cancel: Flag | None = None) -> None:
         self._progress, self._cancel = progress, cancel
         self._last = float("-inf")
 

@@ -33,7 +33,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 
@@ -526,7 +526,7 @@ def benchmark(
     keep_runs: bool | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
     named: str = "",
 ) -> ControlComparison:

@@ -20,13 +20,13 @@ from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
-from pneudrive.progress import UNWATCHED, Flag, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.simulation.simulate import Run, made_from, positive, require
 from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     import xarray as xr
@@ -88,7 +88,7 @@ def run(
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Run a drive under control along a reference. Simulated: the law and the drive share the core's equations.

@@ -15,10 +15,10 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import UNWATCHED, Progress, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
@@ -215,7 +215,7 @@ def drive_characteristic(
     name: str,
     *,
     intervals: bool = True,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
     **settings: Any,  # noqa: ANN401 - of each characteristic its own
 ) -> xr.Dataset:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.tables.signal import Positions, Signal
     from pneudrive.errors import PneudriveError
-    from pneudrive.progress import Flag
+    from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
     from pneudrive.simulation.session import Session
 
@@ -364,7 +364,7 @@ class Circuit(Described):
         rtol: float = 1e-6,
         ledger: bool = False,
         budget: int | None = None,
-        progress: Callable[[float, float, str], None] | None = None,
+        progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> xr.Dataset:
         """Simulate the circuit; ``pn.simulate(circuit, ...)`` is the same.

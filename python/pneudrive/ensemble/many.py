@@ -27,7 +27,7 @@ from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.seal import damage
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import SOLVER, require
 from pneudrive.simulation.start import check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
@@ -526,7 +526,7 @@ def simulate_many(
     errors: str = "keep",
     max_members_in_memory: int = IN_MEMORY,
     threads: int | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Simulate a drive or a circuit in many variants, its members, and keep selected numbers of each run.

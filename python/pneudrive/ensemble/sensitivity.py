@@ -15,10 +15,10 @@ from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
 from pneudrive.ensemble.many import EnsembleStudy, Executor, Members, results, study_of
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def sensitivity(
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Find the numbers of a drive that its outputs depend on.

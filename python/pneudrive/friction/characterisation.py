@@ -21,7 +21,7 @@ from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import LongFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
@@ -257,7 +257,7 @@ def characterise_recordings(
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
     *,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Characterisation:
     """Characterise recordings: strokes, friction, offset, uncertainty, closure, lines over pressure.

@@ -38,13 +38,13 @@ from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, sentence, sentences
 from pneudrive.numbers import plain
-from pneudrive.progress import UNWATCHED, Flag, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.units import readable
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from pneudrive.arrays import Array, Interval
     from pneudrive.signals.layout import Layout
@@ -177,7 +177,7 @@ def identify_volume(
     free: Sequence[str] | None = None,
     *,
     layout: Layout | str | Path | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> VolumeFit:
     """Identify parameters of a tank from recordings of its pressure.

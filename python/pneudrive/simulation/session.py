@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
-from pneudrive.progress import Watch
+from pneudrive.progress import Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
@@ -177,7 +177,7 @@ class Session:
         self,
         until: float,
         *,
-        progress: Callable[[float, float, str], None] | None = None,
+        progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> None:
         """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
@@ -220,7 +220,7 @@ class Session:
         *,
         reads: Sequence[str] = ("position_m", "velocity_m_s"),
         command: str = "command",
-        progress: Callable[[float, float, str], None] | None = None,
+        progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> dict[str, np.ndarray]:
         """Run a sampled controller: each command holds for a period.

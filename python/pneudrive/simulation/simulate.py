@@ -12,7 +12,7 @@ from pneudrive import __version__, units
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, naming, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.lazy_names import upper
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import UNWATCHED, Progress, Watch
 from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
@@ -22,7 +22,7 @@ from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
@@ -110,7 +110,7 @@ def simulate(
     ledger: bool = False,
     sensitivities: Sequence[str] = (),
     budget: int | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Simulate a drive or a circuit.

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
-from pneudrive.progress import Watch
+from pneudrive.progress import Progress, Watch
 from pneudrive.simulation.simulate import positive, simulate
 from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
@@ -32,7 +32,7 @@ def lines(
     lengths: Sequence[str | float] = LENGTHS,
     diameters: Sequence[str | float] = DIAMETERS,
     *,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.

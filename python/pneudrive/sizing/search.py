@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import Cancelled, CommandError
-from pneudrive.progress import Watch
+from pneudrive.progress import Progress, Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import hardest, machine_checks, rank_of, simulated
 from pneudrive.sizing.folder import SizingFolder
@@ -73,7 +73,7 @@ def size(
     draws_best: int = DRAWS_BEST,
     out: str | Path | None = None,
     threads: int | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
     provisional: Callable[[SizingResult], None] | None = None,
 ) -> SizingResult:

@@ -23,14 +23,14 @@ import numpy as np
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.validate.balance import BALANCES, Scene, Signals, Values
 from pneudrive.validate.causes import Cause, causes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
@@ -456,7 +456,7 @@ def diagnose(
     drive: Drive,
     signals: Sequence[Signals],
     *,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Diagnosis:
     """Find the causes that explain the residuals of the balances.

@@ -21,7 +21,7 @@ from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
 from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
 from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
@@ -31,7 +31,7 @@ from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, b
 from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from pneudrive.arrays import Array, Bools
     from pneudrive.describe.drive import Drive
@@ -541,7 +541,7 @@ def validate_motion(
     recordings: str | Path | Recording | Iterable[str | Path | Recording],
     *,
     layout: Layout | str | Path | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> MotionValidation:
     """Compare a circuit with recordings of its driven piston, and the measured forces with each other.

@@ -18,7 +18,7 @@ from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, write_whole
@@ -28,7 +28,7 @@ from pneudrive.validate.motion import MotionValidation, RegulatorValidation, val
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive
@@ -191,9 +191,7 @@ class Validation(Viewed):
                 rows.append(row)
         return rows
 
-    def diagnosis(
-        self, progress: Callable[[float, float, str], None] | None = None, cancel: Flag | None = None
-    ) -> Diagnosis:
+    def diagnosis(self, progress: Progress | None = None, cancel: Flag | None = None) -> Diagnosis:
         """Return the causes that explain the residuals; see `pneudrive.validate.diagnosis`."""
         if "_diagnosis" not in vars(self):
             found = diagnose(self.drive, [r.signals for r in self.records], progress=progress, cancel=cancel)
@@ -274,7 +272,7 @@ def validate(
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Validation: ...
 @overload
@@ -284,7 +282,7 @@ def validate(
     *,
     follow: Literal["motion"],
     layout: Layout | str | Path | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> MotionValidation: ...
 @overload
@@ -302,7 +300,7 @@ def validate(
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Validation | MotionValidation | RegulatorValidation:
     """Validate a drive against its recordings.

@@ -25,12 +25,12 @@ from pneudrive.errors import CommandError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import Run, positive
 from pneudrive.simulation.start import check_tolerance
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     import xarray as xr
@@ -303,7 +303,7 @@ def run_pose(
     mismatch: Mismatch | str | Path | None = None,
     dynamics: str = "full",
     rtol: float = RTOL,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
     """Run a platform under control along a path of its pose. Simulated: controllers and platform share equations.

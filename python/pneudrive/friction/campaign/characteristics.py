@@ -26,11 +26,11 @@ from pneudrive.friction.friction_map import BOTH, LEVELS, Condition
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     import polars as pl
     import xarray as xr
@@ -52,7 +52,7 @@ def campaign_friction(
     campaign: Campaign | str | Path,
     protocol: SampleChoice | None = None,
     processes: int | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> CampaignCharacteristics:
     """Characterise a campaign.

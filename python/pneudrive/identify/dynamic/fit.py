@@ -22,7 +22,7 @@ from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
-from pneudrive.progress import UNWATCHED, Flag, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 from pneudrive.signals.motion import turning_points
 from pneudrive.simulation.bench_circuit import Dragged
@@ -112,7 +112,7 @@ def identify(
     *,
     follow: Literal["motion"],
     layout: str | Path | None = None,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> FollowFit: ...
 def identify(

@@ -19,12 +19,12 @@ from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem,
 from pneudrive.identify.identified import FittedData, remedy_for, sentence, stated
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
-from pneudrive.progress import Flag, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.recording import Recording
 from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -326,7 +326,7 @@ def identify_motion(
     *,
     layout: Layout | str | Path | None = None,
     rivals: bool = True,
-    progress: Callable[[float, float, str], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> FollowFit:
     """Identify numbers of a circuit from its chamber pressures along a recorded motion.
