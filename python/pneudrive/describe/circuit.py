@@ -33,7 +33,7 @@ from pneudrive.describe.tables.starts import (
     start_place,
     start_values,
 )
-from pneudrive.errors import DescriptionError, Problems, together, warn
+from pneudrive.errors import DescriptionError, PneudriveError, Problems, together, warn
 from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
 from pneudrive.repr_tables import Card
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.tables.signal import Positions, Signal
-    from pneudrive.errors import PneudriveError
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
     from pneudrive.simulation.session import Session

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive.describe.components import Component, component, component_class, within
 from pneudrive.describe.connections import AMBIENT, Part
@@ -11,10 +11,7 @@ from pneudrive.describe.files import catalogue
 from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.short import TABLES, Short
-from pneudrive.errors import DescriptionError
-
-if TYPE_CHECKING:
-    from pneudrive.errors import Problems
+from pneudrive.errors import DescriptionError, Problems
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 

@@ -13,12 +13,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.keys import invalid, wrong
-from pneudrive.errors import nearest
+from pneudrive.errors import Problems, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from pneudrive.errors import Problems
 
 ARROW = "->"
 PILOT_LINE = ".."

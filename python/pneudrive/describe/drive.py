@@ -23,7 +23,7 @@ from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
-from pneudrive.describe.tables.signal import Positions
+from pneudrive.describe.tables.signal import Positions, Signal
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.tables.signal import Signal
     from pneudrive.simulation.session import Session
 
 # Defaults without a source: results that use them say so.

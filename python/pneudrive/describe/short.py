@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.connections import ARROW
 from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import DescriptionError, Problems, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.errors import Problems
 
 #: Tables of a drive file that describe components.
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")

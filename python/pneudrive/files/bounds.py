@@ -5,12 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError, nearest, package_table
-
-if TYPE_CHECKING:
-    from pneudrive.errors import PneudriveError
+from pneudrive.errors import CommandError, PneudriveError, nearest, package_table
 
 VARIABLE = "PNEUDRIVE_BOUNDS"
 

@@ -14,13 +14,11 @@ import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
-from pneudrive.errors import package_table
+from pneudrive.errors import PneudriveError, package_table
 from pneudrive.files.bounds import bound, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from pneudrive.errors import PneudriveError
 
 
 def rendered(

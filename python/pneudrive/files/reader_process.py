@@ -13,15 +13,12 @@ import warnings
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pneudrive.errors import PneudriveError, RecordingError
-from pneudrive.files.formats import LONGEST_REASON, OPENERS, plain
-
-if TYPE_CHECKING:
-    from pneudrive.files.formats import Opened
+from pneudrive.files.formats import LONGEST_REASON, OPENERS, Opened, plain
 
 resource = None
 with suppress(ImportError):  # not on Windows

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.fmu.description import IDENTIFIER, build_description, compiled_files, description
-from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
+from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import check_tolerance
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.fmu.variables import FmuPlan
 
 
 # --- The library inside every FMU and every C program of a drive.

@@ -20,10 +20,10 @@ from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.derived import derived, derived_in_circuit
+from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest
-from pneudrive.progress import UNWATCHED
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.start import ready
 
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.base import Described
     from pneudrive.describe.system import ShortNames
-    from pneudrive.describe.tables.derived import Derived
-    from pneudrive.progress import Watch
 
 
 # --- Numbers of a drive's circuit by their names in the drive file, and the gas of its tubes.

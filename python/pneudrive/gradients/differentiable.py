@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.ensemble.outputs import SignalNames, reductions
+from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.free.parameters import Differentiator
+from pneudrive.free.parameters import Differentiator, Sensitivities
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import start
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.ensemble.outputs import Output, Reduction
-    from pneudrive.free.parameters import Sensitivities
     from pneudrive.simulation.command import Commands
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")

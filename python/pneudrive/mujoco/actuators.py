@@ -15,7 +15,7 @@ from pneudrive._core import ControlSensors, close_step
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.describe.system import PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
-from pneudrive.simulation.command import inputs
+from pneudrive.simulation.command import Commands, inputs
 from pneudrive.simulation.session import Session
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import check_tolerance
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.simulation.command import Commands
 
     Described = Drive | Circuit
 

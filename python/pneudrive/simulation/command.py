@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
-from pneudrive.describe.tables.signal import Positions
+from pneudrive.describe.tables.signal import Positions, Signal
 from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from pneudrive.describe.tables.signal import Signal
 
     CommandInput: TypeAlias = Signal | Positions | None
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
-from pneudrive.progress import Progress, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive._core import Session as CoreSession
-    from pneudrive.progress import Flag
 
 LEAST_PART = 1e-6  # of a period that is no rounding
 #: Types of a compiled controller: result, then time and outputs.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from pneudrive import __version__, units
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, naming, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.lazy_names import upper
-from pneudrive.progress import UNWATCHED, Progress, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
@@ -22,8 +22,6 @@ from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import xarray as xr
 
     from pneudrive._core import SimulationResult
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
     from pneudrive.free.parameters import Sensitivities
-    from pneudrive.progress import Flag
 
 MOST_BUDGET = 10**15
 #: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
-from pneudrive.progress import Progress, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import positive, simulate
 from pneudrive.simulation.trajectory import TABLE
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.describe import Drive
-    from pneudrive.progress import Flag
 
 LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
 SAMPLES = 1000.0  # m/s; gives the expected time of a stroke

@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.sizing.checks import PROBABILITY, Provisional, rank_of
+from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, SizedDrive, rank_of
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
-from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeRuns
+from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeResults, StrokeRuns
 from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.checks import DrawResults, Hardest, SizedDrive
-    from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
 
 #: Least air of a cycle over that which fills both sides, before a pair is probed (assumed).

@@ -15,16 +15,14 @@ import numpy as np
 from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.sizing.choices import WITHOUT
-from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting
+from pneudrive.sizing.choices import WITHOUT, DriveChoice, PartChoice
+from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.arrays import Array, Bools
-    from pneudrive.sizing.choices import DriveChoice, PartChoice
-    from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
 
 

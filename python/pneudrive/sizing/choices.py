@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.components import component_class
-from pneudrive.describe.files.catalogue import PREFIX, check, entries, part_table
+from pneudrive.describe.files.catalogue import PREFIX, Entry, check, entries, part_table
 from pneudrive.describe.files.sourced import parted
 from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.describe.files.catalogue import Entry
     from pneudrive.sizing.task import SizingTask
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")

@@ -15,12 +15,11 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_
 from pneudrive.describe.circuit import Circuit
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
 from pneudrive.sizing.checks import Shortage, mechanical_shortage
-from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, choices, grouped
+from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.task import SizingTask, TaskSupply
 
 

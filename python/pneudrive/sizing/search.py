@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import Cancelled, CommandError
-from pneudrive.progress import Progress, Watch
+from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import hardest, machine_checks, rank_of, simulated
+from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, rank_of, simulated
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import Pruning, nearest_possible
-from pneudrive.sizing.result import SizingResult, nearest_miss, savings
+from pneudrive.sizing.result import Saving, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune_all
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array
-    from pneudrive.progress import Flag
-    from pneudrive.sizing.checks import Provisional, SizedDrive
-    from pneudrive.sizing.result import Saving
 
 #: Draws of each leader, and of those that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024

@@ -24,13 +24,12 @@ from pneudrive.describe.system import System
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
 from pneudrive.ensemble.variation import CoreMembers
-from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, choices
+from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.arrays import Array
-    from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.task import SizingTask
 
 #: What is drawn, in the order of the columns of a draw.

@@ -15,14 +15,13 @@ import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.sizing.checks import energy_limit, peak_limit
-from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
+from pneudrive.sizing.strokes import DRAWN, DriveStrokes, Setting, StrokeResults, StrokeRuns, points, run_all
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Sequence
 
     from pneudrive.arrays import Array
     from pneudrive.sizing.choices import DriveChoice
-    from pneudrive.sizing.strokes import DriveStrokes, StrokeResults
     from pneudrive.sizing.task import SizingTask
 
     #: Yields runs, takes their results.

@@ -30,7 +30,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import read_map
 from pneudrive.identify.design import CANDIDATES
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.files import read_fit
+from pneudrive.identify.files import AnyFit, read_fit
 from pneudrive.identify.static.model import NOT_SLIDING, fingerprint
 from pneudrive.identify.static.result import FrictionFit, values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
@@ -45,7 +45,6 @@ from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.identify.files import AnyFit
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files that are read: for all results, for one result
 MOST_DRIVES = 500  # kept drives

@@ -8,13 +8,12 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import DescriptionError, together, tomllib
+from pneudrive.errors import DescriptionError, PneudriveError, together, tomllib
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from pneudrive.errors import PneudriveError
 
 _HEADER = re.compile(r"\s*+\[\[?([^\]]+)\]\]?\s*+(?:#.*)?$")
 _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""

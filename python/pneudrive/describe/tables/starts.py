@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.describe.connections import is_platform
+from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.keys import invalid, within, wrong
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
-
     from pneudrive._core import Platform
     from pneudrive.arrays import Array
     from pneudrive.describe.components import Component
-    from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.describe.tables.parts import Ambient, Initial
 
 

@@ -20,7 +20,7 @@ from pneudrive.progress import Watch
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
-from pneudrive.views import STATES, Finding, View, worst
+from pneudrive.views import STATES, Finding, SentView, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import Array, shell, wrong_request
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from pneudrive.ensemble.many import EnsembleStudy
     from pneudrive.platforms import Platform
-    from pneudrive.views import SentView
 
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles

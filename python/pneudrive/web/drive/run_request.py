@@ -16,7 +16,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.files.load import described_in
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import Run, positive, run
 from pneudrive.web.messages import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
@@ -24,7 +24,6 @@ from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pneudrive.progress import Flag
 
 Found = TypeVar("Found")
 Described = Drive | Circuit

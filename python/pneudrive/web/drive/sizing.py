@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import numbers
 from pneudrive.constants import ANR_LITRES_PER_KG
@@ -13,16 +13,13 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
-from pneudrive.sizing.checks import READ
+from pneudrive.sizing.checks import READ, SizedDrive
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choices
 from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, maker_type
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import plain, problems_of
 from pneudrive.web.workspace import Workspace
-
-if TYPE_CHECKING:
-    from pneudrive.sizing.checks import SizedDrive
 
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")

@@ -14,7 +14,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.identify.design import next_measurements
-from pneudrive.identify.files import read_fit
+from pneudrive.identify.files import AnyFit, read_fit
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import (
     PROBABILITIES,
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
-
-    from pneudrive.identify.files import AnyFit
 
 
 MAPS = (".parquet", ".csv")

@@ -22,7 +22,7 @@ from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import is_trajectory, load_recording, read_trajectory
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.recording import find_faults
+from pneudrive.signals.recording import Recording, find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
@@ -31,8 +31,6 @@ from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, saf
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-
-    from pneudrive.signals.recording import Recording
 
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key

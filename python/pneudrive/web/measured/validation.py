@@ -32,7 +32,7 @@ from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownFigure
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.lineage import SAME, Lineage
+from pneudrive.web.lineage import SAME, Edge, Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, plain, python, shell, wrong_request
@@ -42,7 +42,6 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.web.lineage import Edge
 
 FIT = "fit.toml"  # of a map with one assembly
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
