@@ -49,7 +49,7 @@ from pneudrive.errors import (
     warn as warn,
 )
 from pneudrive.lazy_names import upper as upper
-from pneudrive.progress import Flag as Flag
+from pneudrive.progress import Flag as Flag, Progress as Progress
 from pneudrive.repr_tables import Card as Card
 from pneudrive.simulation.command import Commands as Commands
 from pneudrive.simulation.session import Session as Session
@@ -119,7 +119,7 @@ class Circuit(Described):
         rtol: float = 1e-06,
         ledger: bool = False,
         budget: int | None = None,
-        progress: Callable[[float, float, str], None] | None = None,
+        progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> xr.Dataset: ...
     def sources(self) -> list[str]: ...
