@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -22,7 +23,6 @@ with used_later(__name__):
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.report import control as control_pages
-    from pneudrive.report import fit as fit_pages
     from pneudrive.report import page as pages
     from pneudrive.report import recordings as recordings_page
     from pneudrive.studies import bracha
@@ -162,8 +162,9 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
     made = reproduction.reproduce(folder / bracha.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
-    sections = (pages.view_section("controlled-axis", control_pages.view_of_controlled_run(axis), synthetic=True),)
-    report = recordings_page.recordings_report(found, fits, fit_pages.WithSections(made, sections))
+    controlled = pages.view_section("controlled-axis", control_pages.view_of_controlled_run(axis), synthetic=True)
+    report = recordings_page.recordings_report(found, fits, made)
+    report = replace(report, sections=[*report.sections[:-1], controlled, report.sections[-1]])
     page = report.write(folder)
     typer.echo(f"{report.title}: {len(found.results)} recordings")
     for number, line in enumerate(report.lines, 1):

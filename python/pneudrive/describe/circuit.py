@@ -17,7 +17,7 @@ from pneudrive.describe.components import Component, within
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
-from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
+from pneudrive.describe.formulas.formula import formula_of
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.keys import wrong
 from pneudrive.describe.kinds import COMMAND, component_kinds
@@ -186,7 +186,7 @@ class Circuit(Described):
                     key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
                     written.read_file(table.get("friction"), "law", f"{key}.friction", law_of, path)
                     if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(_formula_of, entry), path)
+                        written.read_file(table, "formula", key, partial(formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: dict[str, Any]) -> Circuit:
@@ -457,10 +457,6 @@ def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
     """Return the area of a piston on chamber a's side, m2."""
     area = getattr(component, "area_a_m2", None)
     return 0.25 * math.pi * component.bore_m**2 if area is None else float(area)
-
-
-def _formula_of(entry: Mapping[str, Any], given: str, folder: Path) -> ComponentFormula:
-    return formula_of(given, entry, folder)
 
 
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:

@@ -277,7 +277,7 @@ def component(table: Mapping[str, Any]) -> Component:
     if not isinstance(kind, str) or kind not in kinds:
         raise wrong("kind", f"kind = {kind!r} is not known", remedy=nearest(str(kind), kinds))
     if kinds[kind]["formula"]:
-        formula = formula_of(table.get("formula"), kinds[kind])
+        formula = formula_of(table.get("formula"), entry=kinds[kind])
         taken = next((key for key in formula.parameters if hasattr(Component, key)), None)
         if taken:
             what = f'the name of parameter "{taken}" of formula "{formula.name}" is already in use'

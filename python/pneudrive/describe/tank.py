@@ -148,16 +148,13 @@ class Tank(Described):
             "ambient": ambient,
             "volume": volume,
             "line": None if line is None else self._line_core(line),
-            "tube": self._numbers_of_tube(),
+            "tube": None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa),
         }
 
     def _line_core(self, line: TankLine) -> dict[str, Any]:
         out = self.ambient.core() | line.stored() | {"pressure_pa": self._other_side_pa(line)}
         out.pop("pressure", None)
         return out
-
-    def _numbers_of_tube(self) -> dict[str, float] | None:
-        return None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa)
 
     def _other_side_pa(self, line: TankLine) -> float:
         if line.pressure is None:

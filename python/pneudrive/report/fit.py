@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
@@ -102,19 +102,6 @@ class Study(Protocol):
     def addition(self, found: Characterisation | None) -> Addition:
         """Return the sections that this study adds to a report, with or without recordings."""
         ...
-
-
-@dataclass(frozen=True)
-class WithSections:
-    """A study followed by the sections of further studies."""
-
-    study: Study
-    sections: tuple[Section, ...]
-
-    def addition(self, found: Characterisation | None) -> Addition:
-        """Return the sections that this study adds to a report, with or without recordings."""
-        own = self.study.addition(found)
-        return replace(own, sections=(*own.sections, *self.sections))
 
 
 # --- Provenance: software, data, sources, and validation on real data.

@@ -94,7 +94,7 @@ class ComponentFormula(written.Written):
     __hash__ = written.Written.__hash__
 
 
-def formula_of(given: object, entry: Mapping[str, Any], folder: Path | None = None) -> ComponentFormula:
+def formula_of(given: object, folder: Path | None = None, *, entry: Mapping[str, Any]) -> ComponentFormula:
     """Return the formula of a component from a formula, its tables, or ``file:NAME.toml``.
 
     Raises

@@ -107,16 +107,13 @@ class Block:
 
     def cells(self) -> Iterator[Place]:
         """Return the points of the grid on which no line runs."""
-        for low_x, low_y, high_x, high_y in (self.symbol, self._label_box()):
+        for low_x, low_y, high_x, high_y in (self.symbol, label_box(self.label)):
             for x in range(math.ceil(low_x - 0.4), math.floor(high_x + 0.4) + 1):
                 for y in range(math.ceil(low_y - 0.4), math.floor(high_y + 0.4) + 1):
                     yield self.x + x, self.y + y
         for port in self.marks:
             (x, y), (across, up) = self.port(port), DIRECTIONS[self.directions[port]]
             yield x + across, y + up
-
-    def _label_box(self) -> Box:
-        return label_box(self.label)
 
 
 def label_box(label: Label) -> Box:

@@ -174,7 +174,8 @@ def figure_8(run: Experiment) -> PaperFigure:
     shares = _shares(found)
     gauge = np.array([share.condition.pressure_a_pa for share in _by_pressure(found)])
     gauge -= run.campaign.identity.ambient_pressure_pa
-    speed, mean_speed = _driven(run)[: shares[0]["speed_m_s"].size], shares[0]["speed_m_s"]
+    mean_speed = shares[0]["speed_m_s"]
+    speed = np.array([max(v for v, _ in strokes) for strokes in run.true_strokes()])[: mean_speed.size]
     total, air, seal = (np.array([share[name] for share in shares]) for name in ("total_n", "air_n", "seal_n"))
     truth = _truths(run).reshape(total.shape)
     rises = np.diff(total, axis=0)
@@ -241,11 +242,6 @@ def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]
-
-
-def _driven(run: Experiment) -> Array:
-    """Return the commanded speed of each cycle, m/s."""
-    return np.array([max(speed for speed, _ in strokes) for strokes in run.true_strokes()])
 
 
 def _truths(run: Experiment) -> Array:
