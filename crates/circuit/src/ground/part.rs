@@ -149,7 +149,7 @@ impl<'y, S: Copy> OwnMut<'y, S> {
     }
 }
 
-/// An event of a part in one lane, and what the change of its mode needs.
+/// An event of a part in one lane, with the values that the change of its mode uses.
 pub struct Switching<'s, P> {
     pub event: usize,
     pub lane: usize,

@@ -512,7 +512,7 @@ class AnyLaw(StaticLaw):
 # --- Selection of the independent values of a friction map for a fit.
 
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
-#: Flags of rows that are no points of F(v): the mean force of stick-slip is none at the mean speed.
+#: Flags of rows that are not points of F(v): the mean force of stick-slip does not belong to the mean speed.
 NOT_SLIDING = ("stick_slip",)
 #: Smallest friction of a map, N: smaller values in every row are rounding, and their squares would underflow.
 NO_FRICTION_N = 1e-12
