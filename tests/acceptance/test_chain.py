@@ -142,9 +142,9 @@ SPEED = np.geomspace(1e-3, 0.45, 12)
 
 
 def truth():
-    values = dict(D.parameters)
+    values = dict(D.friction["parameters"])
     for force in ("coulomb", "breakaway"):
-        values[force] += (D.pressure[f"{force}_a"] + D.pressure[f"{force}_b"]) * GAUGE_PA
+        values[force] += (D.friction["pressure"][f"{force}_a"] + D.friction["pressure"][f"{force}_b"]) * GAUGE_PA
     return values
 
 
@@ -196,6 +196,6 @@ def test_pressure_slopes_come_back():
     curves = pn.characterise(sweep(RIG, speeds, gauges, count=2, seed=12))
     fit = pn.fit_friction(curves, pressure_dependence=True)
     assert fit.undetermined == ()
-    for name, value in D.pressure.items():
+    for name, value in D.friction["pressure"].items():
         assert fit.parameters[name] == pytest.approx(value, rel=0.05)
         assert abs(fit.parameters[name] - value) <= max(fit.expanded_uncertainty(name), 1e-9)

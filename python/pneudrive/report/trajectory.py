@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.errors import CommandError
 from pneudrive.figures import (
     LOOKS,
     MEASURED,
@@ -106,6 +107,8 @@ def plot(
 def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
     """Draw one panel for each kind of variable, on one time axis, from at most `most` samples."""
     check_si(run)
+    if "time" not in run.coords:
+        raise CommandError("this is not the dataset of a run", rule="with a coordinate time, as pn.simulate returns it")
     part = thin(run.time, most)
     time, panels = run.time.to_numpy()[part], []
     for label, variables in _panels(run):

@@ -80,9 +80,7 @@ def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def check_si(run: xr.Dataset) -> None:
-    """Raise a CommandError for a dataset without time, or in other units, because names and labels are in SI."""
-    if "time" not in getattr(run, "coords", ()):
-        raise CommandError("this is not the dataset of a run", rule="with a coordinate time, as pn.simulate returns it")
+    """Raise a CommandError for a run in other units, because names of columns and labels of axes are in SI."""
     for name, variable in run.variables.items():
         if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
             what = f"{name} of this run is in {variable.attrs.get('units')}"
