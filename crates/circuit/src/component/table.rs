@@ -40,7 +40,7 @@ impl Deref for Row {
 }
 
 /// Declares the parameters of a component as rows of a table. Rows that several kinds share are named: `NAME;` for one
-/// row, `..NAMES;` for several. A key that is put together stands in brackets behind its row's name.
+/// row, `..NAMES;` for several. The brackets behind a row's name hold a composed key, in place of the name.
 #[macro_export]
 macro_rules! table {
     ($($(..$rows:ident)? $($key:ident $([$composed:expr])? $(: $unit:literal, $bounds:expr $(, default $default:expr)?
