@@ -159,8 +159,8 @@ def select_friction_law(
     laws : sequence of str
         ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each combined with each law; by default none and all if the pressure was
-        varied. Empty: none.
+        Dependences on pressure, each combined with each law. Empty: each law without pressure. By default both, if the
+        pressure was varied.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
