@@ -1,6 +1,6 @@
-"""Sensitivity of a drive's outputs to its numbers: Sobol indices and Morris' elementary effects.
+"""Sensitivity of a drive's outputs to its numbers: Sobol indices.
 
-Both methods use points in the unit cube, which the distributions convert to values of the numbers.
+The points lie in the unit cube. The distributions convert them to values of the numbers.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.stats import bootstrap, qmc
 
 from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
 from pneudrive.ensemble.many import EnsembleStudy, Executor, Members, results, study_of
-from pneudrive.errors import CommandError, nearest, warn
+from pneudrive.errors import CommandError, warn
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 
@@ -28,19 +28,13 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.outputs import Output
     from pneudrive.simulation import command as commands
 
-#: Base points of Sobol indices, trajectories of Morris' method, by default.
-BASE_POINTS, TRAJECTORIES = 1024, 50
-METHODS = ("sobol", "morris")
-LEVELS = 4  # of the grid of Morris' method
+BASE_POINTS = 1024
 #: Resamples of the bootstrap, and how many are evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
-#: Variables of the result -> long name; those that are fractions have no unit, the others that of the output.
+#: Variables of the result -> long name.
 LONG_NAMES = {
     "first": "fraction of the variance that the number causes alone",
     "total": "fraction of the variance that the number causes, with its interactions",
-    "mu_star": "mean of the absolute elementary effects",
-    "mu": "mean of the elementary effects",
-    "sigma": "standard deviation of the elementary effects",
     "used": "number of points used: those with finite values",
 }
 
@@ -52,8 +46,7 @@ def sensitivity(
     *,
     vary: Mapping[str, Any],
     outputs: Sequence[str | Output] | None = None,
-    method: str = "sobol",
-    n: int | None = None,
+    n: int = BASE_POINTS,
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = 1e-6,
     seed: int = 0,
@@ -64,10 +57,8 @@ def sensitivity(
 ) -> xr.Dataset:
     """Find the numbers of a drive that its outputs depend on.
 
-    ``"sobol"`` gives the fraction of each output's variance that each number causes alone (first order) and with its
-    interactions (total) [saltelli2010,jansen1999]. It runs n (d + 2) members for d numbers. ``"morris"`` screens many
-    numbers with few runs, n (d + 1). It gives means and standard deviation of elementary effects
-    [morris1991,campolongo2007].
+    Sobol indices are the fraction of each output's variance that each number causes alone (first order) and with its
+    interactions (total) [saltelli2010,jansen1999]. They take n (d + 2) members for d numbers.
 
     Parameters
     ----------
@@ -75,10 +66,8 @@ def sensitivity(
         As for `pneudrive.simulate_many`. Outputs that are samples do not have a sensitivity.
     vary : mapping
         Name -> distribution, ``"normal(30 N, 10 %)"``. The numbers vary independently.
-    method : str
-        ``"sobol"`` or ``"morris"``.
-    n : int, optional
-        Base points (by default 1024; best a power of 2), or trajectories (50).
+    n : int
+        Base points, best a power of 2. A small number such as 64 screens many numbers.
     seed : int
         Random seed of the design and of the bootstrap.
     confidence : float
@@ -88,20 +77,18 @@ def sensitivity(
     -------
     xarray.Dataset
         Dimensions number and output. They contain ``first``, ``total``, with ``first_interval`` and ``total_interval``
-        (dimension end: lower, upper). With the method of Morris, they contain ``mu_star`` with ``mu_star_interval``,
-        ``mu`` and ``sigma``. Their unit is that of the output (coordinate ``unit``) over the whole distribution of the
-        number. ``used`` counts the base points or trajectories of each output without missing values. NaN for an output
-        that does not vary.
+        (dimension end: lower, upper). ``used`` counts the base points of each output without missing values. NaN for an
+        output that does not vary.
 
     Warns
     -----
     PneudriveWarning
-        Members failed, or an output has no value for some members. Their base points or trajectories are left out.
+        Members failed, or an output has no value for some members. Their base points are left out.
 
     Raises
     ------
     CommandError
-        As `pneudrive.simulate_many`, or an unknown method, or a number without a distribution.
+        As `pneudrive.simulate_many`, or a number without a distribution.
 
     Examples
     --------
@@ -112,14 +99,11 @@ def sensitivity(
     >>> found.total.sel(output="max_velocity").idxmax().item()
     'load.mass'
     """
-    if method not in METHODS:
-        raise CommandError(f'there is no method "{method}"', remedy=nearest(method, METHODS))
     if not 0.0 < confidence < 1.0:
         raise CommandError(f"confidence = {confidence}", rule="between 0 and 1")
-    count = n if n is not None else BASE_POINTS if method == "sobol" else TRAJECTORIES
-    if isinstance(count, bool) or count < 2:
-        raise CommandError(f"n = {count} is too few", rule="at least 2")
-    design = replace(design_of(vary), members=count)
+    if isinstance(n, bool) or n < 2:
+        raise CommandError(f"n = {n} is too few", rule="at least 2")
+    design = replace(design_of(vary), members=n)
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
     shape = study.rows.shape
     if shape is None or design.correlation or design.fit is not None:
@@ -129,13 +113,12 @@ def sensitivity(
     if sampled:
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
     names, about = study.rows.names, {**study.about(), "vary": shape.about()}
-    about |= {"method": method, "n": count, "seed": seed, "confidence": confidence}
-    points, indices = (sobol_points, sobol_indices) if method == "sobol" else (morris_points, elementary_effects)
-    cube = points(count, len(names), seed)
+    about |= {"n": n, "seed": seed, "confidence": confidence}
+    cube = sobol_points(n, len(names), seed)
     study = replace(study, rows=Rows.table(names, shape.values(cube)))
     study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
-    return _labelled(study, indices(cube, values, confidence=confidence, seed=seed), about)
+    return _labelled(study, sobol_indices(cube, values, confidence=confidence, seed=seed), about)
 
 
 def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
@@ -154,15 +137,11 @@ def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Ma
     import xarray as xr
 
     upper("Pneu")  # registers `dataset.pneu`
-    unit = {"units": "1" if "first" in found else "that of the output"}
-    dimensions, variables = ("end", "number", "output"), dict[str, Any]()
+    dimensions = ("end", "number", "output")
+    variables = {}
     for name, x in found.items():
         long_name = LONG_NAMES.get(name) or f"interval of the {LONG_NAMES[name.removesuffix('_interval')]}"
-        variables[name] = (
-            dimensions[-x.ndim :],
-            x,
-            {"long_name": long_name, **({"units": "1"} if x.ndim == 1 else unit)},
-        )
+        variables[name] = (dimensions[-x.ndim :], x, {"long_name": long_name, "units": "1"})
     coordinates = {
         "number": ("number", list(study.rows.names), {"long_name": "number of the drive"}),
         "output": ("output", [output.name for output in study.outputs], {"long_name": "output"}),
@@ -170,7 +149,7 @@ def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Ma
         "end": ("end", ["lower", "upper"], {"long_name": "end of the interval"}),
     }
     drive = study.variation.drive
-    citations = ["saltelli2010", "jansen1999"] if "first" in found else ["morris1991", "campolongo2007"]
+    citations = ["saltelli2010", "jansen1999"]
     return xr.Dataset(variables, coordinates, {"title": drive.name, **about, "citations": citations})
 
 
@@ -178,14 +157,11 @@ def sobol_points(n: int, d: int, seed: int) -> Array:
     """Return the points at which Sobol indices are estimated, shape (n (d + 2), d), within the unit cube.
 
     The points are n points A, n points B, and for each argument the points A with this argument from B [saltelli2010].
-    A and B are
-    halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
+    A and B are halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
     """
     both = qmc.Sobol(2 * d, scramble=True, rng=seed).random_base2(int(np.ceil(np.log2(n))))[:n] + HALF_CELL
     a, b = both[:, :d], both[:, d:]
-    mixed = np.repeat(a[None], d, axis=0)
-    for k in range(d):
-        mixed[k, :, k] = b[:, k]
+    mixed = np.where(np.eye(d, dtype=bool)[:, None], b, a)
     return np.concatenate([a, b, mixed.reshape(-1, d)])
 
 
@@ -194,9 +170,6 @@ def sobol_indices(
 ) -> dict[str, NDArray[Any]]:
     """Estimate Sobol indices of first and total order.
 
-    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
-    mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
-    [saltelli2010,jansen1999].
     For each output, a base point is left out if one of its d + 2 values is not finite.
 
     Parameters
@@ -208,7 +181,7 @@ def sobol_indices(
     confidence : float
         Nominal coverage probability of an interval, from a percentile bootstrap over base points.
     resamples : int
-        Number of bootstrap samples, rounded up to a multiple of 50.
+        Number of bootstrap samples.
     seed : int
         Random seed of the bootstrap.
 
@@ -220,110 +193,40 @@ def sobol_indices(
     """
     d, s = points.shape[1], values.shape[1]
     each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
-    found = np.full((2, d, s), np.nan)
+    complete = np.isfinite(each).all(axis=0)
+    indices = np.full((2, d, s), np.nan)
     ends = np.full((2, 2, d, s), np.nan)
-    used = np.zeros(s, dtype=np.int64)
     for k in range(s):
-        f = each[:, np.isfinite(each[..., k]).all(axis=0), k]
-        used[k] = m = f.shape[1]
-        if m < 2 or np.ptp(f[:2]) == 0.0:
+        f = each[:, complete[:, k], k]
+        if f.shape[1] < 2 or np.ptp(f[:2]) == 0.0:
             continue
-        f = f - f[:2].mean()
-        found[..., k] = _indices(f, np.full((1, m), 1.0 / m))[0]
-        rng = np.random.default_rng([seed, k])
-        weights = (rng.multinomial(m, np.full(m, 1.0 / m), size=TOGETHER) / m for _ in range(0, resamples, TOGETHER))
-        again = np.concatenate([_indices(f, weight) for weight in weights])
-        ends[..., k] = np.nanquantile(again, _tails(confidence), axis=0)
-    return {
-        "first": found[0],
-        "total": found[1],
-        "first_interval": ends[:, 0],
-        "total_interval": ends[:, 1],
-        "used": used,
-    }
+        indices[..., k] = _indices(f)
+        again = bootstrap(
+            [np.arange(f.shape[1])],
+            lambda rows, axis, f=f: _indices(f[:, rows]),  # scipy asks for `axis`: it is the last one
+            n_resamples=resamples,
+            batch=TOGETHER,
+            method="percentile",
+            rng=np.random.default_rng([seed, k]),
+        ).bootstrap_distribution
+        ends[..., k] = np.nanquantile(again, [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)], axis=-1)
+    intervals = {"first_interval": ends[:, 0], "total_interval": ends[:, 1]}
+    return {"first": indices[0], "total": indices[1], **intervals, "used": complete.sum(axis=0)}
 
 
-def _tails(confidence: float) -> list[float]:
-    """Return the probabilities at both ends of an interval."""
-    return [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)]
+def _indices(f: Array) -> Array:
+    """Return first and total order of one output, shape (2, d, ...).
 
-
-def _indices(f: Array, weights: Array) -> Array:
-    """Return first and total order of one output, shape (r, 2, d), for r weightings of its base points.
+    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
+    mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
+    [saltelli2010,jansen1999]. `scipy.stats.sobol_indices` has the same estimators, for a power of 2 of points only.
 
     Parameters
     ----------
-    f : ndarray, shape (d + 2, m)
+    f : ndarray, shape (d + 2, ..., m)
         Values at A, B, and A with each argument of B.
-    weights : ndarray, shape (r, m)
-        Weights of the base points. Each row adds up to 1.
     """
-    a, b, mixed = f[0], f[1], f[2:]
-    mean, moved = weights @ (0.5 * (a + b)), mixed - a
-    variance = weights @ (0.5 * (a * a + b * b)) - mean * mean
-    first = weights @ (b * moved).T - mean[:, None] * (weights @ moved.T)
+    b = f[1] - f[:2].mean(axis=(0, -1))[..., None]
+    moved = f[2:] - f[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a resample that is all one point
-        return np.stack([first, 0.5 * (weights @ (moved * moved).T)], axis=1) / variance[:, None, None]
-
-
-def morris_points(trajectories: int, d: int, seed: int) -> Array:
-    """Return Morris' trajectories through a grid in the unit cube, shape (trajectories (d + 1), d) [morris1991].
-
-    Each trajectory starts at a random point of a grid of four levels. It moves one argument after the other, in
-    random order and by two levels. The grid uses the centres of cells, so no point is on a
-    face of the cube, where the value of a normal distribution would be infinite.
-    """
-    rng = np.random.default_rng(seed)
-    step = LEVELS // 2
-    out = np.empty((trajectories, d + 1, d))
-    for path in out:
-        at = rng.integers(LEVELS, size=d)
-        path[0] = at
-        for k, argument in enumerate(rng.permutation(d), start=1):
-            at[argument] += step if at[argument] < step else -step
-            path[k] = at
-    return (out.reshape(-1, d) + 0.5) / LEVELS
-
-
-def elementary_effects(
-    points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
-) -> dict[str, NDArray[Any]]:
-    """Estimate Morris' measures [morris1991], with the mean of absolute effects [campolongo2007].
-
-    Parameters
-    ----------
-    points : ndarray, shape (trajectories (d + 1), d)
-        Points from `morris_points`.
-    values : ndarray, shape (trajectories (d + 1), s)
-        Values of s outputs there; a trajectory with one that is not finite is left out, output by output.
-    confidence, resamples, seed
-        As for `sobol_indices`.
-
-    Returns
-    -------
-    dict
-        ``mu_star``, ``mu`` and ``sigma``: mean of the absolute elementary effects, their mean and standard deviation,
-        shape (d, s), in units of the output over the unit range of the argument. ``mu_star_interval``, shape (2, d, s).
-        ``used``: trajectories of each output. NaN for an output with less than 2 trajectories.
-    """
-    d, s = points.shape[1], values.shape[1]
-    moves = np.diff(points.reshape(-1, d + 1, d), axis=1)
-    order = np.abs(moves).argmax(axis=2)[..., None]
-    effects = np.empty((len(moves), d, s))
-    by_step = np.diff(values.reshape(-1, d + 1, s), axis=1) / np.take_along_axis(moves, order, axis=2)
-    np.put_along_axis(effects, order, by_step, axis=1)
-    complete = np.isfinite(effects.sum(axis=1))
-    found = {name: np.full((d, s), np.nan) for name in ("mu_star", "mu", "sigma")}
-    interval = np.full((2, d, s), np.nan)
-    for k in range(s):
-        own = effects[complete[:, k], :, k]
-        if len(own) < 2:
-            continue
-        size = np.abs(own)
-        for measure, x in zip(
-            found.values(), (size.mean(axis=0), own.mean(axis=0), own.std(axis=0, ddof=1)), strict=True
-        ):
-            measure[:, k] = x
-        picks = np.random.default_rng([seed, k]).integers(len(own), size=(resamples, len(own)))
-        interval[..., k] = np.quantile(size[picks].mean(axis=1), _tails(confidence), axis=0)
-    return {**found, "mu_star_interval": interval, "used": complete.sum(axis=0)}
+        return np.stack([np.mean(b * moved, axis=-1), 0.5 * np.mean(moved**2, axis=-1)]) / f[:2].var(axis=(0, -1))

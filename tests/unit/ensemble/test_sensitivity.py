@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import sobol_indices as scipy_indices
 from scipy.stats import uniform
 
-from pneudrive.ensemble.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
+from pneudrive.ensemble.sensitivity import sobol_indices, sobol_points
 
 A, B = 7.0, 0.1
 
@@ -51,20 +51,3 @@ def test_base_points_with_a_failed_member_are_left_out():
     assert found["total"][:, 0] == pytest.approx(found["total"][:, 1], abs=0.02)
     constant = sobol_indices(points[:40], np.ones((5 * 8, 1)), resamples=2)
     assert np.isnan(constant["first"]).all()
-
-
-def test_elementary_effects_tell_linear_bent_and_idle_arguments():
-    points = morris_points(200, 3, seed=4)
-    assert points.min() == 0.125
-    assert points.max() == 0.875
-    values = np.column_stack([-3.0 * points[:, 0] + (points[:, 1] - 0.5) ** 2, points[:, 2]])
-    values[7, 1] = np.nan
-    found = elementary_effects(points, values)
-    assert found["mu"][0] == pytest.approx([-3.0, 0.0])
-    assert found["mu_star"][0] == pytest.approx([3.0, 0.0])
-    assert found["sigma"][0] == pytest.approx([0.0, 0.0], abs=1e-12)
-    # By hand: (x - 1/2)^2 over the steps 1/8 -> 5/8 and 3/8 -> 7/8 changes by -1/8 and +1/8.
-    assert found["mu_star"][1, 0] == pytest.approx(0.25)
-    assert found["sigma"][1, 0] == pytest.approx(0.25, rel=0.02)
-    assert found["mu_star"][2] == pytest.approx([0.0, 1.0], abs=1e-12)
-    assert found["used"].tolist() == [200, 199]
