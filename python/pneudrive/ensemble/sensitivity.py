@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Bools
     from pneudrive.describe import Drive, Initial
     from pneudrive.ensemble.outputs import Output
     from pneudrive.simulation import command as commands
 
+#: Base points by default.
 BASE_POINTS = 1024
 #: Resamples of the bootstrap, and how many are evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
@@ -193,7 +194,7 @@ def sobol_indices(
     """
     d, s = points.shape[1], values.shape[1]
     each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
-    complete = np.isfinite(each).all(axis=0)
+    complete: Bools = np.asarray(np.isfinite(each).all(axis=0))
     indices = np.full((2, d, s), np.nan)
     ends = np.full((2, 2, d, s), np.nan)
     for k in range(s):
