@@ -2,7 +2,6 @@
 //! outputs) and parts. A new component needs a file here and a word in `components!`.
 
 mod build;
-mod extra;
 mod flow;
 mod formula;
 mod gas;
@@ -11,6 +10,7 @@ mod instance;
 mod kind;
 mod kinds;
 pub(crate) mod mechanics;
+mod points;
 mod prelude;
 mod quantity;
 mod series;
@@ -22,13 +22,13 @@ mod walls;
 use crate::table;
 
 pub use build::{Acts, Build, Component, Leg, Piston};
-pub use extra::{Extra, Points};
 pub(crate) use instance::Given;
 pub use instance::{Brings, Instance, Node, Terminals, Vessel, WallHeat};
 pub(crate) use kind::joint_volume;
 pub use kind::{Choice, FrictionTable, Holds, Kind, Port, PortKind, axis, gas};
 pub use kinds::{KINDS, formula_kind};
 pub(crate) use kinds::{bring, check, compose, series};
+pub use points::Points;
 pub use quantity::{Quantity, Starting};
 pub(crate) use series::{Chain, PortId};
 pub use table::{Row, count, join};

@@ -15,7 +15,7 @@ pub use balance::{Channel, Kind};
 pub use common::Common;
 pub(crate) use common::{log, specific_entropy};
 pub use error::Error;
-pub(crate) use error::{refuse, with_unit};
+pub(crate) use error::{check_bounds, refuse};
 pub(crate) use gathered::{gathered, inputs, one_path};
 pub use ids::{AxisId, GasId};
 pub use jobs::run_jobs;

@@ -23,8 +23,8 @@ pub use assembly::{
 };
 pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
-    Brings, Choice, Extra, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port,
-    PortKind, Quantity, Row, Starting, formula_kind,
+    Brings, Choice, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port, PortKind,
+    Quantity, Row, Starting, formula_kind,
 };
 pub use ground::{
     AxisId, AxisNode, Channel, DIRECTIONS, Error, GasId, GasNode, Given, Input, Kind, Net, Part, run_jobs,

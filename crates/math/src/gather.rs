@@ -11,18 +11,43 @@ pub trait Gather<R> {
     fn gather(each: &[&Self]) -> Self::Lanes;
 }
 
-/// Implements [`Gather`] for a struct, from its fields with numbers and those that all lanes share.
+/// Implements [`Gather`] for a struct, from its fields with numbers, those that all lanes share, and those that a
+/// function of all lanes gives.
 #[macro_export]
 macro_rules! gather {
-    ($name:ident { $($field:ident),* $(,)? } $(same { $($same:ident),* $(,)? })?) => {
-        impl<R: $crate::Lane> $crate::Gather<R> for $name<f64> {
-            type Lanes = $name<R>;
+    ($name:ident $([const $constant:ident: $type:ty])? { $($field:tt),* $(,)? }
+        $(same { $($same:ident),* $(,)? })? $(of { $($other:ident: $of:expr),* $(,)? })?) => {
+        impl<R: $crate::Lane $(, const $constant: $type)?> $crate::Gather<R> for $name<f64 $(, $constant)?> {
+            type Lanes = $name<R $(, $constant)?>;
 
             #[inline(never)]
-            fn gather(each: &[&Self]) -> $name<R> {
+            fn gather(each: &[&Self]) -> Self::Lanes {
                 $name {
                     $($field: $crate::Gather::gather(&$crate::field(each, |own| &own.$field)),)*
                     $($($same: each[0].$same.clone(),)*)?
+                    $($($other: $of(each),)*)?
+                }
+            }
+        }
+    };
+}
+
+/// Implements [`Gather`] for an enum, each of whose variants has one value. All lanes must have the same variant.
+#[macro_export]
+macro_rules! gather_enum {
+    ($name:ident { $($variant:ident),* $(,)? }) => {
+        impl<R: $crate::Lane> $crate::Gather<R> for $name<f64> {
+            type Lanes = $name<R>;
+
+            fn gather(each: &[&Self]) -> $name<R> {
+                match each[0] {
+                    $($name::$variant(_) => {
+                        let each: Vec<_> = each
+                            .iter()
+                            .map(|own| if let $name::$variant(own) = own { own } else { panic!("lanes must share one law") })
+                            .collect();
+                        $name::$variant($crate::Gather::gather(&each))
+                    })*
                 }
             }
         }

@@ -19,7 +19,7 @@ mod rate_and_state;
 mod stribeck;
 
 use crate::parameter::Parameter;
-use math::{Gather, Lane, Over, Real};
+use math::{Over, Real};
 use serde::{Serialize, Serializer};
 
 pub use arguments::{At, Levels};
@@ -377,22 +377,7 @@ macro_rules! laws {
             }
         }
 
-        impl<R: Lane> Gather<R> for AnyLaw<f64> {
-            type Lanes = AnyLaw<R>;
-
-            fn gather(each: &[&Self]) -> AnyLaw<R> {
-                match each[0] {
-                    $(AnyLaw::$name(_) => AnyLaw::$name($name::gather(&math::field(each, |law| match law {
-                        AnyLaw::$name(law) => law,
-                        _ => panic!("lanes must share one friction law"),
-                    }))),)*
-                    AnyLaw::Formula(_) => AnyLaw::Formula(Formula::gather(&math::field(each, |law| match law {
-                        AnyLaw::Formula(law) => law,
-                        _ => panic!("lanes must share one friction law"),
-                    }))),
-                }
-            }
-        }
+        math::gather_enum!(AnyLaw { $($name,)* Formula });
 
         impl<P: Real> AnyLaw<P> {
             /// Returns its entry in the registry, or that of the custom law.

@@ -5,7 +5,7 @@ mod pipe;
 pub use film::{Film, Geometry};
 pub use pipe::{Pipe, nusselt};
 
-use math::{Both, Gather, Lane, Over, Real};
+use math::{Both, Over, Real};
 
 /// Heat flow from the wall into the gas, W:  Q = h A (T_wall - T).
 ///
@@ -144,22 +144,4 @@ impl<R: Real> Heat<R> {
     }
 }
 
-impl<R: Lane> Gather<R> for Heat<f64> {
-    type Lanes = Heat<R>;
-
-    fn gather(each: &[&Self]) -> Heat<R> {
-        macro_rules! same {
-            ($law:ident) => {
-                each.iter().map(|heat| if let Heat::$law(own) = heat { own } else { unreachable!("one law") })
-            };
-        }
-        match each[0] {
-            Heat::Newton(_) => {
-                let coefficients: Vec<f64> = same!(Newton).copied().collect();
-                Heat::Newton(R::from_lanes(|lane| coefficients[lane]))
-            }
-            Heat::Film(_) => Heat::Film(Film::gather(&same!(Film).collect::<Vec<_>>())),
-            Heat::Pipe(_) => Heat::Pipe(Pipe::gather(&same!(Pipe).collect::<Vec<_>>())),
-        }
-    }
-}
+math::gather_enum!(Heat { Newton, Film, Pipe });

@@ -5,4 +5,4 @@ mod formula;
 mod inertia;
 pub use end_stop::EndStop;
 pub use formula::{FORCE, ForceFormula};
-pub use inertia::Inertia;
+pub use inertia::{Inertia, SlottedLever, TwoLinks};

@@ -3,7 +3,7 @@
 use super::friction::contact;
 use super::joints::one_of;
 use crate::component::{Choice, FrictionTable, Given, Instance, KINDS, Kind, Row, check};
-use crate::ground::{Error, Lifted, refuse, with_unit};
+use crate::ground::{Error, Lifted, check_bounds, refuse};
 use crate::specification::Component;
 
 /// A component with its numbers, checked.
@@ -66,19 +66,16 @@ fn number(spec: &Component, table: &Kind, choices: &[usize], row: &Row) -> Resul
             each.any(|(choice, place)| choice.name == of && choice.options[*place] == option)
         }
         None => {
-            let is_given = spec.points.is_some() && table.extra.key() == Some(row.unless);
+            let is_given = spec.points.is_some() && table.points.is_some_and(|own| own.key == row.unless);
             is_given || spec.numbers.contains_key(row.unless)
         }
     };
     let name = &spec.name;
     match spec.numbers.get(row.key).copied().or(row.default) {
-        Some(value) if !value.is_finite() || !row.bounds.contain(value) => refuse(format!(
-            "{name}.{} = {} is out of bounds: it must be {}",
-            row.key,
-            with_unit(value, row.unit),
-            row.bounds.rule(value)
-        )),
+        Some(value) => {
+            check_bounds(&format!("{name}.{}", row.key), value, row.unit, &row.bounds).map(|()| Some(value))
+        }
         None if row.follows.is_empty() && !is_spared() => refuse(format!("{name}.{} is missing", row.key)),
-        value => Ok(value),
+        None => Ok(None),
     }
 }

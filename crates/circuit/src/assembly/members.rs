@@ -8,7 +8,7 @@ use super::numbers::{place, split};
 use super::variables::Assembly;
 use super::wiring::wire;
 use crate::component::{Instance, check};
-use crate::ground::{Error, Lifted, Seeds, refuse, seeds, unfit, with_unit};
+use crate::ground::{Error, Lifted, Seeds, check_bounds, refuse, seeds, unfit};
 use crate::specification::{self, Friction, FromJson};
 use physics::Gas;
 use serde_json::Value;
@@ -163,15 +163,7 @@ impl Members {
             }
         };
         let Some((bounds, unit)) = bounds else { return Ok(()) };
-        if value.is_finite() && bounds.contain(value) {
-            return Ok(());
-        }
-        refuse(format!(
-            "{} = {} is out of bounds: it must be {}",
-            self.names[place],
-            with_unit(value, unit),
-            bounds.rule(value)
-        ))
+        check_bounds(&self.names[place], value, unit, &bounds)
     }
 
     /// Returns the member with these numbers, in the order of the names.

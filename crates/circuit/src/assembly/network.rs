@@ -14,7 +14,7 @@ use crate::assembly::warnings::{HAZARD, impact_warning, stop_warning, through_wa
 use crate::circuit::{Impact, Look};
 use crate::component::mechanics::end_stop::Taken;
 use crate::component::{Instance, Piston, PortId, PortKind};
-use crate::ground::{AxisId, Error, Lifted, refuse, with_unit};
+use crate::ground::{AxisId, Error, Lifted, check_bounds, refuse};
 use crate::specification;
 use ode::Options;
 use physics::above;
@@ -104,14 +104,10 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
 /// Ambient pressure and temperature, Pa and K.
 fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
     let each = [("pressure", spec.pressure_pa, "Pa"), ("temperature", spec.temperature_k, "K")];
-    match each.iter().find(|(_, value, _)| !above(0.0).contain(*value)) {
-        Some((name, value, unit)) => refuse(format!(
-            "ambient.{name} = {} is out of bounds: it must be {}",
-            with_unit(*value, unit),
-            above(0.0).rule(*value)
-        )),
-        None => Ok([spec.pressure_pa, spec.temperature_k]),
+    for (name, value, unit) in each {
+        check_bounds(&format!("ambient.{name}"), value, unit, &above(0.0))?;
     }
+    Ok([spec.pressure_pa, spec.temperature_k])
 }
 
 /// Warnings about a description, and the sources of its laws.

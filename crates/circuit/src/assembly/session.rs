@@ -15,7 +15,7 @@ use crate::assembly::schedule::{Due, ScheduledAction};
 use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::component::{Starting, Timing};
-use crate::ground::{Error, Net, refuse, with_unit};
+use crate::ground::{Error, Net, check_bounds, refuse};
 use crate::part::InputId;
 use calls::ShortCalls;
 use math::Lane;
@@ -295,19 +295,16 @@ impl Session {
 
     fn check(&self, input: usize, value: f64) -> Result<(), Error> {
         let Settable { name, unit, bounds, target, .. } = &self.inputs()[input];
+        check_bounds(name, value, unit, bounds)?;
         let whole = matches!(target, Target::Timed(timing) if self.timings()[*timing].is_whole());
-        if value.is_finite() && bounds.contain(value) {
-            if whole && value.fract() != 0.0 {
-                let positions = if bounds.contain(-1.0) { "-1, 0 or 1" } else { "0 or 1" };
-                return refuse(format!(
-                    "{name} = {value}: it must be {positions}, because it switches. Take a proportional valve for fractions, or 2/2 \
-                     or 3/2 valves with pwm_frequency"
-                ));
-            }
-            return Ok(());
+        if whole && value.fract() != 0.0 {
+            let positions = if bounds.contain(-1.0) { "-1, 0 or 1" } else { "0 or 1" };
+            return refuse(format!(
+                "{name} = {value}: it must be {positions}, because it switches. Take a proportional valve for fractions, or 2/2 \
+                 or 3/2 valves with pwm_frequency"
+            ));
         }
-        let (value, rule) = (with_unit(value, unit), bounds.rule(value));
-        refuse(format!("{name} = {value} is out of bounds: it must be {rule}"))
+        Ok(())
     }
 
     /// Sets an input from now on.

@@ -1,6 +1,6 @@
 //! Components whose equation is a user's formula with separate parameters.
 
-use super::{Acts, Build, Choice, Component, Extra, Given, Instance, Kind, Row, Terminals, axis, gas};
+use super::{Acts, Build, Choice, Component, Given, Instance, Kind, Row, Terminals, axis, gas};
 use crate::circuit::Path;
 use crate::component::Quantity;
 use crate::component::instance::Written;
@@ -62,7 +62,7 @@ impl Component for FormulaRestriction {
             options: &["alike", "shut"],
             meaning: "Flow from port 2 to port 1: by the same formula, or none",
         }],
-        extra: Extra::Formula(&MASS_FLOW),
+        formula: Some(&MASS_FLOW),
         inputs: &[("command", "1", "opening, 0 to 1")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         ..Kind::PLAIN
@@ -101,7 +101,7 @@ impl Component for Force {
         text: "A force on a mass, in +x, that is your formula of position, velocity and a command, with its own \
                parameters. One account of the ledger books all its work.",
         ports: &[axis("1", false)],
-        extra: Extra::Formula(&FORCE),
+        formula: Some(&FORCE),
         inputs: &[("command", "1", "command, -1 to 1")],
         outputs: &[("force_n", "N", "force in +x")],
         ..Kind::PLAIN

@@ -1,9 +1,9 @@
 //! The formula or the points of a component, from its description.
 
-use super::extra::{Extra, Points};
 use super::formula::written;
 use super::instance::Given;
 use super::kind::Kind;
+use super::points::Points;
 use crate::ground::{Error, refuse};
 use crate::specification;
 use physics::Parameter;
@@ -12,21 +12,21 @@ impl Given<f64> {
     /// Checked additions of a component of a kind.
     pub fn of(base: &'static Kind, spec: &specification::Component) -> Result<Self, Error> {
         let refuse = |what: String| refuse(format!("{}{what}", spec.name));
-        match (base.extra, &spec.formula, &spec.points) {
-            (Extra::Nothing, None, None) => Ok(Given::Nothing),
-            (Extra::Formula(role), Some(formula), None) => match written(base, role, formula) {
+        match (base.formula, base.points, &spec.formula, &spec.points) {
+            (None, None, None, None) => Ok(Given::Nothing),
+            (Some(role), _, Some(formula), None) => match written(base, role, formula) {
                 Ok(written) => Ok(Given::Formula(written)),
                 Err(refusal) => refuse(format!(".formula.{refusal}")),
             },
-            (Extra::Points(own), None, Some(points)) => match examined(&own, points) {
+            (_, Some(own), None, Some(points)) => match examined(&own, points) {
                 Ok(()) => Ok(Given::Points(points.clone())),
                 Err(what) => refuse(format!(".{}{what}", own.key)),
             },
-            (Extra::Points(own), None, None) if own.optional => Ok(Given::Nothing),
-            (Extra::Formula(_), None, _) => refuse(".formula is missing".into()),
-            (Extra::Points(own), _, None) => refuse(format!(".{} is missing", own.key)),
-            (_, Some(_), None) => refuse(format!(": a {} has no formula", base.key)),
-            (_, _, Some(_)) => refuse(format!(": a {} has no points", base.key)),
+            (_, Some(own), None, None) if own.optional => Ok(Given::Nothing),
+            (Some(_), _, None, _) => refuse(".formula is missing".into()),
+            (_, Some(own), _, None) => refuse(format!(".{} is missing", own.key)),
+            (_, _, Some(_), None) => refuse(format!(": a {} has no formula", base.key)),
+            (_, _, _, Some(_)) => refuse(format!(": a {} has no points", base.key)),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The table of a kind of component.
 
-use super::extra::Extra;
+use super::points::Points;
 use super::table::Row;
-use physics::written::Given;
+use physics::written::{Given, Role};
 use serde::{Serialize, Serializer};
 
 /// Volume of a port of a fitting or a valve, m3 (assumed): a bore of 5 mm, 10 mm long.
@@ -139,9 +139,10 @@ pub struct Kind {
     pub parameters: &'static [Row],
     /// Its choices, which are words and not numbers.
     pub choices: &'static [Choice],
-    /// Its additional parameters: formula or points.
-    #[serde(flatten)]
-    pub extra: Extra,
+    /// Quantity for which it takes a formula with separate parameters.
+    pub formula: Option<&'static Role>,
+    /// Its table of points.
+    pub points: Option<Points>,
     /// Whether gas can always pass between its ports.
     pub open: bool,
     /// Whether it takes a friction table.
@@ -166,7 +167,8 @@ impl Kind {
         ports: &[],
         parameters: &[],
         choices: &[],
-        extra: Extra::Nothing,
+        formula: None,
+        points: None,
         open: false,
         friction: FrictionTable::No,
         discrete: &[],

@@ -1,7 +1,6 @@
 //! Every kind of component.
 
 use super::build::{Build, Component};
-use super::extra::Extra;
 use super::instance::{Brings, Given, Instance, Terminals};
 use super::kind::Kind;
 use super::{flow, formula, gas, mechanics, valves};
@@ -114,8 +113,7 @@ pub fn formula_kind(
     formula: &Text,
 ) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
     let base = KINDS.iter().find(|own| own.key == kind)?;
-    let Extra::Formula(role) = base.extra else { return None };
-    let made = formula::written(base, role, formula);
+    let made = formula::written(base, base.formula?, formula);
     Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
 }
 

@@ -1,5 +1,7 @@
 //! Errors of descriptions and runs.
 
+use physics::Bounds;
+
 /// Errors of a description or a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -22,7 +24,11 @@ pub(crate) fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
     Err(Error::Specification(message.into()))
 }
 
-/// Writes a number with its unit.
-pub(crate) fn with_unit(value: f64, unit: &str) -> String {
-    if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
+/// Refuses a number that is not finite or not within its bounds.
+pub(crate) fn check_bounds(name: &str, value: f64, unit: &str, bounds: &Bounds) -> Result<(), Error> {
+    if value.is_finite() && bounds.contain(value) {
+        return Ok(());
+    }
+    let (unit, rule) = (if unit == "1" { String::new() } else { format!(" {unit}") }, bounds.rule(value));
+    refuse(format!("{name} = {value}{unit} is out of bounds: it must be {rule}"))
 }

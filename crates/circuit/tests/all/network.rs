@@ -394,7 +394,7 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
     }
     let friction =
         if kind.friction != circuit::FrictionTable::No { case_a()["friction"].clone() } else { Value::Null };
-    let formula = if let circuit::Extra::Formula(role) = kind.extra {
+    let formula = if let Some(role) = kind.formula {
         let output = match role.output.0 {
             "mass_flow" => "opening*slope*(p_up - p_down)*(1 + opening*p_down/p_up)",
             "force" => "-k*(x - rest) - c*v + command*k*rest",
@@ -410,8 +410,7 @@ fn usual(kind: &circuit::ComponentKind) -> Value {
         Value::Null
     };
     // From the origin to something usual.
-    let points = if let circuit::Extra::Points(circuit::Points { columns, optional: false, .. }) = kind.extra
-    {
+    let points = if let Some(circuit::Points { columns, optional: false, .. }) = kind.points {
         json!(
             [0.0, 1.0]
                 .map(|share| columns.iter().map(|own| share * value(own.key, own.unit)).collect::<Vec<_>>())

@@ -1,5 +1,5 @@
 use crate::curve::Curve;
-use math::{Gather, Lane, Over, Real};
+use math::{Over, Real};
 
 /// Least fraction of l^2 that l^2 - s^2 keeps, so that a toggle of almost folded links stays finite.
 const FOLDED: f64 = 1e-3;
@@ -13,25 +13,33 @@ const FOLDED: f64 = 1e-3;
 pub enum Inertia<P> {
     /// Measured or computed m(x), kg over m.
     Table(Curve<P>),
-    /// A lever with a slot that a pin on the axis turns: tan(phi) = (x - x_0)/h, m = J (dphi/dx)^2 = J h^2/(h^2 + s^2)^2.
-    Lever {
-        /// Moment of inertia J about its pivot, kg m2.
-        inertia: P,
-        /// Distance h of the pivot from the line of the pin, m.
-        distance: P,
-        /// Position x_0 at which it is perpendicular to the line, m.
-        centre: P,
-    },
-    /// A toggle of two links of length l whose knee the axis moves. The mass M at its end moves by 2 sqrt(l^2 - s^2),
-    /// so m = 4 M s^2/(l^2 - s^2).
-    Toggle {
-        /// Mass M at the end, kg.
-        mass: P,
-        /// Length l of each link, m.
-        link: P,
-        /// Position x_0 at which it is stretched, m.
-        centre: P,
-    },
+    /// A lever with a slot.
+    Lever(SlottedLever<P>),
+    /// A toggle of two links.
+    Toggle(TwoLinks<P>),
+}
+
+/// A lever with a slot that a pin on the axis turns: tan(phi) = (x - x_0)/h, m = J (dphi/dx)^2 = J h^2/(h^2 + s^2)^2.
+#[derive(Clone, Debug)]
+pub struct SlottedLever<P> {
+    /// Moment of inertia J about its pivot, kg m2.
+    pub inertia: P,
+    /// Distance h of the pivot from the line of the pin, m.
+    pub distance: P,
+    /// Position x_0 at which it is perpendicular to the line, m.
+    pub centre: P,
+}
+
+/// A toggle of two links of length l whose knee the axis moves. The mass M at its end moves by 2 sqrt(l^2 - s^2),
+/// so m = 4 M s^2/(l^2 - s^2).
+#[derive(Clone, Debug)]
+pub struct TwoLinks<P> {
+    /// Mass M at the end, kg.
+    pub mass: P,
+    /// Length l of each link, m.
+    pub link: P,
+    /// Position x_0 at which it is stretched, m.
+    pub centre: P,
 }
 
 impl<P: Real> Inertia<P> {
@@ -40,14 +48,14 @@ impl<P: Real> Inertia<P> {
     pub fn at<S: Over<P>>(&self, x: S) -> [S; 2] {
         match self {
             Inertia::Table(curve) => [curve.value(x), S::c(0.5) * curve.slope(x)],
-            Inertia::Lever { inertia, distance, centre } => {
+            Inertia::Lever(SlottedLever { inertia, distance, centre }) => {
                 let [j, h, x0] = [*inertia, *distance, *centre].map(S::from);
                 let s = x - x0;
                 let q = S::one() / (h * h + s * s);
                 let m = j * h * h * q * q;
                 [m, S::c(-2.0) * m * s * q]
             }
-            Inertia::Toggle { mass, link, centre } => {
+            Inertia::Toggle(TwoLinks { mass, link, centre }) => {
                 let [m, l, x0] = [*mass, *link, *centre].map(S::from);
                 let s = x - x0;
                 let (left, least) = (l * l - s * s, S::c(FOLDED) * l * l);
@@ -64,46 +72,12 @@ impl<P: Real> Inertia<P> {
     pub fn usual(&self) -> P {
         match self {
             Inertia::Table(curve) => curve.largest(),
-            Inertia::Lever { inertia, distance, .. } => *inertia / (*distance * *distance),
-            Inertia::Toggle { mass, .. } => P::c(4.0) * *mass,
+            Inertia::Lever(lever) => lever.inertia / (lever.distance * lever.distance),
+            Inertia::Toggle(toggle) => P::c(4.0) * toggle.mass,
         }
     }
 }
 
-impl<R: Lane> Gather<R> for Inertia<f64> {
-    type Lanes = Inertia<R>;
-
-    fn gather(each: &[&Self]) -> Inertia<R> {
-        let numbers = |of: &dyn Fn(&Inertia<f64>) -> [f64; 3]| {
-            std::array::from_fn(|i| R::from_lanes(|lane| of(each[lane])[i]))
-        };
-        match each[0] {
-            Inertia::Table(_) => {
-                let curves: Vec<&Curve<f64>> = each.iter().filter_map(|own| own.curve()).collect();
-                Inertia::Table(Curve::gather(&curves))
-            }
-            Inertia::Lever { .. } => {
-                let [inertia, distance, centre] = numbers(&Inertia::numbers);
-                Inertia::Lever { inertia, distance, centre }
-            }
-            Inertia::Toggle { .. } => {
-                let [mass, link, centre] = numbers(&Inertia::numbers);
-                Inertia::Toggle { mass, link, centre }
-            }
-        }
-    }
-}
-
-impl Inertia<f64> {
-    fn curve(&self) -> Option<&Curve<f64>> {
-        if let Inertia::Table(curve) = self { Some(curve) } else { None }
-    }
-
-    fn numbers(&self) -> [f64; 3] {
-        match *self {
-            Inertia::Table(_) => [0.0; 3],
-            Inertia::Lever { inertia: one, distance: two, centre }
-            | Inertia::Toggle { mass: one, link: two, centre } => [one, two, centre],
-        }
-    }
-}
+math::gather_enum!(Inertia { Table, Lever, Toggle });
+math::gather!(SlottedLever { inertia, distance, centre });
+math::gather!(TwoLinks { mass, link, centre });

@@ -1,7 +1,7 @@
 use crate::component::mechanics::table_force::{POSITION, curve};
 use crate::component::prelude::*;
 use physics::Parameter;
-use physics::mechanics::Inertia;
+use physics::mechanics::{Inertia, SlottedLever, TwoLinks};
 
 const KIND: Kind = Kind { ports: &[axis("1", false)], ..Kind::PLAIN };
 
@@ -22,7 +22,7 @@ impl Component for InertiaTable {
                so energy is conserved. m is given at points; beyond them it is constant. Weight is not \
                included: add it as a force/position.",
         sources: &["fritsch1984"],
-        extra: Extra::points(&[
+        points: Points::of(&[
             POSITION,
             Parameter {
                 key: "mass",
@@ -73,7 +73,7 @@ impl Component for Lever {
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let [inertia, distance, centre] =
             ["moment_of_inertia", "distance", "centre"].map(|key| own.number(key));
-        moves(Inertia::Lever { inertia, distance, centre }, at, build);
+        moves(Inertia::Lever(SlottedLever { inertia, distance, centre }), at, build);
     }
 }
 
@@ -101,6 +101,6 @@ impl Component for Toggle {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let [mass, link, centre] = ["mass", "link_length", "centre"].map(|key| own.number(key));
-        moves(Inertia::Toggle { mass, link, centre }, at, build);
+        moves(Inertia::Toggle(TwoLinks { mass, link, centre }), at, build);
     }
 }

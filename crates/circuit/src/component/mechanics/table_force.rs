@@ -47,7 +47,7 @@ macro_rules! force {
 
         impl Component for $name {
             const KIND: Kind =
-                Kind { key: $key, title: $title, text: $text, extra: Extra::points(&[$over, FORCE]), ..KIND };
+                Kind { key: $key, title: $title, text: $text, points: Points::of(&[$over, FORCE]), ..KIND };
 
             fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
                 let Some(axis) = at.axis(0) else { return };

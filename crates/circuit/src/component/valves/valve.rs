@@ -113,8 +113,8 @@ const OPENING: Parameter = Parameter {
 
 const FLOW_TABLE: &str = "flow_table";
 
-const fn flow_table(columns: &'static [Parameter]) -> Extra {
-    Extra::points_in(FLOW_TABLE, columns, true)
+const fn flow_table(columns: &'static [Parameter]) -> Option<Points> {
+    Some(Points { key: FLOW_TABLE, columns, optional: true, most: 50 })
 }
 
 const FLOW_SHAPE: Choice = Choice {
@@ -187,7 +187,7 @@ impl Component for Proportional53 {
                opens 1 to 2 and 4 to 5. Or a flow table gives the conductance of each edge over the opening. The spool follows \
                the command at once, or as a system of second order with bounded speed behind a dead time and a play.",
         sources: &["iso6358-2013", "fritsch1984"],
-        extra: flow_table(&[
+        points: flow_table(&[
             OPENING,
             flow("supply_4", "Conductance from port 1 to port 4"),
             ratio("supply_4_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
@@ -260,7 +260,7 @@ impl Component for Proportional32 {
                Or a flow table gives the conductance of both over the opening. The spool follows the command at once, or as a \
                system of second order with bounded speed behind a dead time and a play.",
         sources: &["iso6358-2013", "fritsch1984"],
-        extra: flow_table(&[
+        points: flow_table(&[
             OPENING,
             flow("supply", "Conductance from port 1 to port 2"),
             ratio("supply_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),

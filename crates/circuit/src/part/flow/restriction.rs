@@ -1,5 +1,5 @@
 use crate::ground::{Between, Common, Input, Net, Part, inputs, one_path, post_ideal};
-use math::{Gather, Lane, Over, Real};
+use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 
 /// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
@@ -15,18 +15,9 @@ pub struct Restriction<P> {
     pub path: Between,
 }
 
-impl<R: Lane> Gather<R> for Restriction<f64> {
-    type Lanes = Restriction<R>;
-
-    fn gather(each: &[&Self]) -> Restriction<R> {
-        Restriction {
-            law: Iso6358::gather(&math::field(each, |part| &part.law)),
-            opening: R::of_each(each, |own| own.opening),
-            closed: each.iter().all(|part| part.closed),
-            path: each[0].path,
-        }
-    }
-}
+math::gather!(Restriction { law, opening } same { path } of {
+    closed: |each: &[&Self]| each.iter().all(|part| part.closed),
+});
 
 /// Returns the flow with a gain. A restriction may be shut in this lane but open in another one. Its flow
 /// is then exactly zero, even at a trial state whose flow is NaN.
@@ -78,13 +69,7 @@ impl<P: Lane> Part<P> for Restriction<P> {
 #[derive(Clone, Debug)]
 pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
 
-impl<R: Lane> Gather<R> for OtherRestriction<f64> {
-    type Lanes = OtherRestriction<R>;
-
-    fn gather(each: &[&Self]) -> OtherRestriction<R> {
-        OtherRestriction(Restriction::gather(&math::field(each, |part| &part.0)))
-    }
-}
+math::gather!(OtherRestriction { 0 });
 
 impl<P: Lane> Part<P> for OtherRestriction<P> {
     fn inputs(&self) -> &'static [Input] {

@@ -2,7 +2,7 @@ use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State, S
 use crate::part::gas::volume::LEAST_ROOM;
 use crate::part::mechanics::axis::events_of_a_mass;
 use crate::part::{Axis, ChamberLaw, EndStops, Face, Volume};
-use math::{Gather, Lane, Over};
+use math::{Lane, Over};
 use physics::constants::P_0;
 
 /// A double-acting cylinder: an axis between two chambers, with end stops. It has the same laws as its separate parts,
@@ -37,21 +37,9 @@ pub(crate) const INNER: usize = 6;
 /// A cylinder with other friction, or with a real gas.
 pub type OtherCylinder<P> = Cylinder<P, false>;
 
-impl<R: Lane, const USUAL: bool> Gather<R> for Cylinder<f64, USUAL> {
-    type Lanes = Cylinder<R, USUAL>;
-
-    fn gather(each: &[&Self]) -> Self::Lanes {
-        Cylinder {
-            axis: Gather::gather(&math::field(each, |own| &own.axis)),
-            volumes: Gather::gather(&math::field(each, |own| &own.volumes)),
-            faces: Gather::gather(&math::field(each, |own| &own.faces)),
-            stops: Gather::gather(&math::field(each, |own| &own.stops)),
-            least_room: Gather::gather(&math::field(each, |own| &own.least_room)),
-            least_wall: R::of_each(each, |own| own.least_wall),
-            met: each.iter().any(|own| own.met),
-        }
-    }
-}
+math::gather!(Cylinder [const USUAL: bool] { axis, volumes, faces, stops, least_room, least_wall } of {
+    met: |each: &[&Self]| each.iter().any(|own| own.met),
+});
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     /// Far behind the end of its stroke, the piston meets the covers, if there are any, and has swept the whole wall.

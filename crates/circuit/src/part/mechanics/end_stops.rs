@@ -65,20 +65,9 @@ impl<P: Lane> Covers<P> {
 
 math::gather!(Follows { law, supply, rise, start } same { damped });
 
-impl<R: Lane> Gather<R> for EndStops<f64> {
-    type Lanes = EndStops<R>;
-
-    fn gather(each: &[&Self]) -> EndStops<R> {
-        let covered = each.iter().any(|part| part.covers.is_some());
-        EndStops {
-            law: EndStop::gather(&math::field(each, |part| &part.law)),
-            covers: covered.then(|| Covers::gather(each)),
-            stroke: R::of_each(each, |own| own.stroke),
-            axis: each[0].axis,
-            follows: Gather::gather(&math::field(each, |part| &part.follows)),
-        }
-    }
-}
+math::gather!(EndStops { law, stroke, follows } same { axis } of {
+    covers: |each: &[&Self]| each.iter().any(|part| part.covers.is_some()).then(|| Covers::gather(each)),
+});
 
 impl<R: Lane> Covers<R> {
     /// Depth of a lane without covers.

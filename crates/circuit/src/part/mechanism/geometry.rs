@@ -2,7 +2,7 @@
 
 use crate::part::mechanism::Mechanism;
 use crate::part::mechanism::jet::Smooth;
-use math::{Gather, Lane, Real};
+use math::Real;
 
 /// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame, all others in
 /// the axes of the platform.
@@ -44,52 +44,10 @@ pub struct Geometry<P> {
     pub near: [Option<P>; 3],
 }
 
-impl<P: Copy> Geometry<P> {
-    /// Returns the same with every number replaced.
-    pub fn map<Q>(&self, mut f: impl FnMut(P) -> Q) -> Geometry<Q> {
-        macro_rules! places {
-            ($of:expr) => {
-                $of.iter().map(|place| place.map(&mut f)).collect()
-            };
-        }
-        Geometry {
-            frame: places!(self.frame),
-            platform: places!(self.platform),
-            directions: places!(self.directions),
-            lengths: self.lengths.iter().map(|x| f(*x)).collect(),
-            lift: self.lift.map(&mut f),
-            mass: f(self.mass),
-            centre: self.centre.map(&mut f),
-            inertia: self.inertia.map(&mut f),
-            payload: f(self.payload),
-            payload_at: self.payload_at.map(&mut f),
-            rods: self.rods.iter().map(|x| f(*x)).collect(),
-            rod_centre: f(self.rod_centre),
-            barrel: f(self.barrel),
-            barrel_centre: f(self.barrel_centre),
-            leg_inertia: f(self.leg_inertia),
-            heavy_legs: self.heavy_legs,
-            near: self.near.map(|x| x.map(&mut f)),
-        }
-    }
-}
-
-impl<R: Lane> Gather<R> for Geometry<f64> {
-    type Lanes = Geometry<R>;
-
-    fn gather(each: &[&Self]) -> Geometry<R> {
-        let numbers = each.iter().map(|own| {
-            let mut numbers = Vec::new();
-            own.map(|x| numbers.push(x));
-            numbers
-        });
-        let (numbers, mut next) = (numbers.collect::<Vec<_>>(), 0..);
-        each[0].map(|_| {
-            let i = next.next().unwrap_or(0);
-            R::from_lanes(|lane| numbers[lane][i])
-        })
-    }
-}
+math::gather!(Geometry {
+    frame, platform, directions, lengths, lift, mass, centre, inertia, payload, payload_at, rods, rod_centre, barrel,
+    barrel_centre, leg_inertia, near,
+} same { heavy_legs });
 
 type Vector<T> = [T; 3];
 
