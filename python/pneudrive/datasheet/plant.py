@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.valve_flow import EXHAUST, FLOW_KEYS, path_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.export import steady_force
 from pneudrive.simulation.session import Session
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 #: Keys of a switching valve that a proportional one does not have.
 _TIMES = ("time_on", "time_off", "travel_share", "pwm_frequency", "pwm_model", "normally", "centre")
-#: Keys of the paths of a valve with five ports from its supply, and to its exhaust.
-_SIZES, _EXHAUST = ("conductance", "nominal_flow", "kv", "cv"), "exhaust_"
 LOCK = "rod-lock"
 #: Position of a valve that keeps its position.
 _KEPT = "position"
@@ -120,7 +119,7 @@ def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
     if HELD[kind] != "valve/proportional-5/3":
         return out
     supply, exhaust = path_of(table, exhaust=False), path_of(table, exhaust=True)
-    out = {key: value for key, value in out.items() if not key.startswith(_EXHAUST) and key not in _SIZES}
+    out = {key: value for key, value in out.items() if not key.startswith(EXHAUST) and key not in FLOW_KEYS}
     paths = {"4": (supply, exhaust), "2": (supply, exhaust)}
     if supply == exhaust:
         return out | supply
@@ -137,20 +136,6 @@ def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
                 point |= {f"{way}_{port}_critical_pressure_ratio": path.numbers(1e5)["critical_pressure_ratio"]}
         points.append(point)
     return out | {"flow_table": points, "flow_shape": "straight"}
-
-
-def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
-    """Return size and shape of a path of a valve.
-
-    The exhaust has the values of the supply unless other values are given.
-    """
-    shape = {key: table[key] for key in ("critical_pressure_ratio", "subsonic_index", "linear_above") if key in table}
-    out = {key: table[key] for key in _SIZES if key in table} | shape
-    own = {key.removeprefix(_EXHAUST): value for key, value in table.items() if key.startswith(_EXHAUST)}
-    if exhaust and own:
-        sized = any(key in own for key in _SIZES)
-        out = {key: value for key, value in out.items() if not (sized and key in _SIZES)} | own
-    return out
 
 
 def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:

@@ -7,28 +7,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import _core, units
-from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity, gas_at
-from pneudrive.datasheet.plant import HeldDrive, path_of
-from pneudrive.describe import Ambient
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError
+from pneudrive.simulation.tube_study import steady_flow
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe import Drive
     from pneudrive.describe.files.catalogue import Entry
 
 
 # --- Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve.
 
 RATIOS = (1e-4, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the pressures behind and before
-SETTLED_S = 5.0  # after that the flow through a line is steady
 ISOTHERMAL_S = 60.0
 
 
@@ -37,40 +37,18 @@ def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, 
 
     The edge of the valve is wide open; gas enters at the reference temperature.
     """
-    return np.array([_flow(_stand(plant, side, inward, upstream, ratio * upstream)) for ratio in ratios])
-
-
-def _stand(plant: HeldDrive, side: str, inward: bool, before: float, behind: float) -> Circuit:
     circuit = plant.circuit
     port, line = plant.line(side)
-    valve = circuit.components[port.partition(".")[0]].plain()
+    name = port.partition(".")[0]
+    valve = circuit.components[name].plain()
     edge = path_of(valve, exhaust=not inward)
     if "flow_table" in valve or not edge:
-        raise CommandError.of("datasheet.no_single_flow", valve=port.partition(".")[0])
-    kelvin = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
-    parts: dict[str, Any] = {
-        "upstream": {"kind": "reservoir", "pressure": f"{before!r} Pa abs", "temperature": kelvin},
-        "edge": {"kind": "fitting"} | edge,
-    } | {name: circuit.components[name] for name, *_ in line}
-    way = (
-        [("edge", "1", "2"), *line]
-        if inward
-        else [*((n, out, near) for n, near, out in line[::-1]), ("edge", "1", "2")]
-    )
-    enters = [f"{name}.{first}" for name, first, _ in way]
-    leaves = [f"{name}.{last}" for name, _, last in way]
-    joined = zip(["upstream", *leaves], [*enters, "ambient"], strict=True)
-    return type(circuit)(
-        gas=circuit.gas,
-        ambient=Ambient(pressure=units.Pressure(behind, gauge=False)),
-        components=parts,
-        connections=tuple(f"{one} -> {other}" for one, other in joined),
-    )
-
-
-def _flow(stand: Circuit) -> float:
-    run = stand.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
-    return abs(float(run["upstream.mass_flow"][-1]))
+        raise CommandError.of("datasheet.no_single_flow", valve=name)
+    parts = {"edge": {"kind": "fitting"} | edge} | {name: circuit.components[name] for name, *_ in line}
+    way = [("edge", "1", "2"), *line]
+    if not inward:
+        way = [*((n, out, near) for n, near, out in line[::-1]), way[0]]
+    return np.array([steady_flow(parts, way, upstream, ratio * upstream, circuit.gas) for ratio in ratios])
 
 
 def reduce_flow(

@@ -7,17 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.describe.connections import AMBIENT, ARROW
+from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import positive, simulate
 from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
 
     from pneudrive.describe import Drive
+    from pneudrive.describe.tables.parts import Gas
 
 LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
 SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
@@ -123,30 +126,47 @@ def _row(drive: Drive) -> dict[str, float]:
 def _vent_conductance(drive: Drive) -> float:
     """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
 
-    The equations of the drive itself are used. The pressure between line and valve settles during the run. The pressure
-    behind the valve is so low that the flow is choked.
+    The pressure behind the valve is so low that the flow is choked. Unit: m3/(s Pa).
     """
-    from pneudrive.describe import Ambient
+    parts, pressure = drive.circuit.components, drive.supply_pressure_pa
+    lines = {name: parts[name] for name in ("flow_control_b", "tube_b") if name in parts}
+    edge = {"kind": "fitting"} | path_of(parts["valve"].plain(), exhaust=True)
+    way = [*((name, "2", "1") for name in lines), ("edge", "1", "2")]
+    flow = steady_flow({"edge": edge, **lines}, way, pressure, VACUUM * pressure, drive.gas)
+    return flow / (ANR_DENSITY_KG_M3 * pressure)
 
-    circuit = drive.circuit
-    names = [name for name in ("flow_control_b", "tube_b") if name in circuit.components]
-    valve = {key: given for key, given in circuit.components["valve"].plain().items() if key not in ("kind", "command")}
-    pressure = drive.supply_pressure_pa
+
+def steady_flow(
+    parts: Mapping[str, Any], way: Sequence[tuple[str, str, str]], before_pa: float, behind_pa: float, gas: Gas
+) -> float:
+    """Return the steady mass flow through components in series between two pressures, kg/s.
+
+    The pressures between the components settle during a run.
+
+    Parameters
+    ----------
+    parts : mapping
+        Components by name, or their tables.
+    way : sequence of (str, str, str)
+        Each component with the ports by which the gas enters and leaves, in the direction of the flow.
+    before_pa, behind_pa : float
+        Pressures at both ends, absolute. The gas before the path has the temperature of ISO 6358.
+    gas : Gas
+    """
+    from pneudrive.describe import Ambient, Circuit
+
     temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
-    parts = {
-        "chamber": {"kind": "reservoir", "pressure": f"{pressure!r} Pa abs", "temperature": temperature},
-        "edge": {"kind": "fitting"} | valve,
-    } | {name: circuit.components[name] for name in names}
-    ways_in, ways_out = [*(f"{name}.2" for name in names), "edge.1"], [*(f"{name}.1" for name in names), "edge.2"]
-    joined = zip(["chamber", *ways_out], [*ways_in, "ambient"], strict=True)
-    way = type(circuit)(
-        gas=drive.gas,
-        ambient=Ambient(pressure=units.Pressure(VACUUM * pressure, gauge=False)),
-        components=parts,
-        connections=tuple(f"{one} -> {other}" for one, other in joined),
+    upstream = {"kind": "reservoir", "pressure": f"{before_pa!r} Pa abs", "temperature": temperature}
+    leaves = ["upstream", *(f"{name}.{last}" for name, _, last in way)]
+    enters = [*(f"{name}.{first}" for name, first, _ in way), AMBIENT]
+    stand = Circuit(
+        gas=gas,
+        ambient=Ambient(pressure=units.Pressure(behind_pa, gauge=False)),
+        components={"upstream": upstream, **parts},
+        connections=tuple(f"{one} {ARROW} {other}" for one, other in zip(leaves, enters, strict=True)),
     )
-    steady = way.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
-    return abs(float(steady["chamber.mass_flow"][-1])) / (ANR_DENSITY_KG_M3 * pressure)
+    run = stand.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
+    return abs(float(run["upstream.mass_flow"][-1]))
 
 
 def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:

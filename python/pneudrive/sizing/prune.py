@@ -12,7 +12,8 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.tables.parts import Gas
+from pneudrive.simulation.tube_study import VACUUM, steady_flow
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
 from pneudrive.sizing.checks import Shortage, mechanical_shortage
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 #: By this factor the gas ahead of a piston is compressed, at most, over a whole stroke (assumed): 1.5 leaves room for
 #: drives that run ahead of their choked speed.
 COMPRESSED = 1.5
-#: Time of a run in which the flow through a tube settles, s, and pressure behind it over that before it: choked.
-SETTLED_S, VACUUM = 1.0, 1e-4
 
 
 class SafeBounds:
@@ -257,16 +256,8 @@ def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) ->
 def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
     """Return the sonic conductance of a tube, m3/(s Pa), from its choked flow."""
     pressure = task.supply_pa
-    mains = {"kind": "reservoir", "pressure": f"{pressure!r} Pa abs", "temperature": f"{ANR_TEMPERATURE_K} K"}
-    line = Circuit.model_validate(
-        {
-            "ambient": {"pressure": f"{VACUUM * pressure!r} Pa abs"},
-            "components": {"mains": mains, "tube": dict(tube.table)},
-            "connections": ("mains -> tube -> ambient",),
-        }
-    )
-    run = line.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
-    return abs(float(run["tube.mass_flow"][-1])) / (ANR_DENSITY_KG_M3 * pressure)
+    flow = steady_flow({"tube": dict(tube.table)}, [("tube", "1", "2")], pressure, VACUUM * pressure, Gas())
+    return flow / (ANR_DENSITY_KG_M3 * pressure)
 
 
 def _dead(choice: DriveChoice, end: str) -> float:

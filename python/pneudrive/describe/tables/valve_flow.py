@@ -7,13 +7,13 @@ law itself. Each function states its assumptions, and `docs/guide/valve-flow.md`
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import _core, constants
 from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5
@@ -60,8 +60,8 @@ def conductance_from_cv(cv: float) -> float:
 USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given without critical_pressure_ratio"
 
 
-#: Alternative keys of a flow path's size.
-FLOW_KEYS = ("conductance", "nominal_flow", "kv", "cv")
+#: Alternative keys of a flow path's size, and the prefix of the keys of the path to the exhaust.
+FLOW_KEYS, EXHAUST = ("conductance", "nominal_flow", "kv", "cv"), "exhaust_"
 
 
 def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> None:
@@ -97,3 +97,17 @@ def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
     if flow is not None:
         return conductance_from_nominal_flow(flow, b, m)
     return conductance_from_kv(kv) if kv is not None else conductance_from_cv(cv or 0.0)
+
+
+def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
+    """Return size and shape of a path of a valve.
+
+    The exhaust has the values of the supply unless other values are given.
+    """
+    shape = {key: table[key] for key in ("critical_pressure_ratio", "subsonic_index", "linear_above") if key in table}
+    out = {key: table[key] for key in FLOW_KEYS if key in table} | shape
+    own = {key.removeprefix(EXHAUST): value for key, value in table.items() if key.startswith(EXHAUST)}
+    if exhaust and own:
+        sized = any(key in own for key in FLOW_KEYS)
+        out = {key: value for key, value in out.items() if not (sized and key in FLOW_KEYS)} | own
+    return out
