@@ -277,6 +277,10 @@ class Circuit(Described):
         """The circuit itself; this property exists because drives have `Drive.circuit`."""
         return self
 
+    def circuit_values(self, given: object) -> Mapping[str, Any]:
+        """Return start values, given as a dict or a text, as a table."""
+        return start_values(given)
+
     def read_start(self, given: object) -> dict[str, float]:
         """Return the start state in SI, from start values as a dict or a text."""
         return self.core_initial(start_values(given))
@@ -449,7 +453,7 @@ class Circuit(Described):
         """Write the circuit as a file that `load` reads back to the same bits."""
         tables: dict[str, Any] = {"schema": self.schema_version} | self.to_dict()
         components = tables.pop("components").items()
-        blocks = [block for name, one in components for block in toml.tables_of(f"components.{name}", one)]
+        blocks = [block for name, one in components for block in toml.blocks(one, f"components.{name}", 2)]
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 

@@ -326,22 +326,19 @@ class Drive(Described):
                 raise wrong(f"initial.pressure_{chamber}", f"initial pressure_{chamber} = {pressure} is below vacuum")
         if self.is_plain:
             return state
-        whole = {short_name(name): value for name, value in self.circuit_initial(start).items()}
+        whole = {short_name(name): value for name, value in self.circuit_start(start).items()}
         return whole | {"contact_age_s": start.contact_age_s}
 
-    def circuit_initial(self, initial: Initial | None = None) -> dict[str, float]:
-        """Return the start state by the names of the circuit; tubes start at the pressure of their chamber."""
-        given = (initial or Initial()).to_dict()
-        given.pop("contact_age", None)
-        names = {key: f"cylinder.{key}" for key in ("position", "velocity")}
-        for chamber in "ab":
-            for key in ("pressure", "temperature"):
-                names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
-        return self.circuit.core_initial({names[k]: v for k, v in given.items()})
+    def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, Any]:
+        """Return the given start values by the names of the circuit, without the age of the contact."""
+        values = (read_initial(given) or Initial()).to_dict()
+        values.pop("contact_age", None)
+        ends = {f"{key}_{chamber}": f"{chamber}.{key}" for chamber in "ab" for key in ("pressure", "temperature")}
+        return {f"cylinder.{ends.get(key, key)}": value for key, value in values.items()}
 
     def circuit_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
-        """Return the start state in SI by the names of the circuit, without the age of the contact."""
-        return self.circuit_initial(read_initial(given))
+        """Return the start state in SI by the names of the circuit; tubes start at the pressure of their chamber."""
+        return self.circuit.core_initial(self.circuit_values(given))
 
     def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
         """Return the start state in SI, from an `Initial` or its keys as a dict or a text."""

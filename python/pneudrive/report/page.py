@@ -8,9 +8,9 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from io import BytesIO, StringIO
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -272,10 +272,6 @@ def inline(svg: str, name: str, description: str) -> str:
     return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', given, body, count=1)
 
 
-# --- Sections and tables of a page: text from files, numbers from records, and pictures.
-
-# --- Tables of a page, made of records: a column names its field and format; the field's name gives the unit.
-
 # --- Numbers in the report's form, and values that several sections need.
 
 MM = 1e3  # of a metre
@@ -382,64 +378,6 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 }
 
 
-class PageColumn(NamedTuple):
-    """A column of a table.
-
-    Attributes
-    ----------
-    head : str
-        Its heading; the unit follows from the end of the field's name.
-    field : str
-        Name of the field of a record (``"stop.speed_m_s"``). "" takes the values of a tuple one after the other.
-    form : str
-        Format of a number, as in ``format``, or one of the named forms. "spare": a column that is left out if empty.
-    """
-
-    head: str
-    field: str = ""
-    form: str = ""
-
-    @classmethod
-    def read(cls, text: str) -> PageColumn:
-        """Read ``head | field | form``.
-
-        Examples
-        --------
-        >>> PageColumn.read("speed | speed_m_s | .3g"), PageColumn.read("p || chance")
-        (PageColumn(head='speed', field='speed_m_s', form='.3g'), PageColumn(head='p', field='', form='chance'))
-        """
-        return cls(*(part.strip() for part in text.split("|")))
-
-
-def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn]) -> ShownTable:
-    """Make a table with a row for each record.
-
-    Parameters
-    ----------
-    caption : str
-    records : iterable
-        Results, or tuples of as many values as there are columns.
-    columns : sequence of PageColumn
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> made = table("", [SimpleNamespace(speed_m_s=0.0204)], [PageColumn("speed", "speed_m_s", ".3g")])
-    >>> made.head, made.rows
-    (('speed, mm/s',), (('20.4',),))
-    """
-    sizes = [quantity(column.field) for column in columns]
-    head = tuple(f"{c.head}, {unit}" if unit else c.head for c, (_, unit) in zip(columns, sizes, strict=True))
-    rows = []
-    for record in records:
-        values = [attrgetter(c.field)(record) if c.field else record[i] for i, c in enumerate(columns)]
-        in_unit = [v if size == 1.0 else v / size for v, (size, _) in zip(values, sizes, strict=True)]
-        rows.append(tuple(cell(value, column.form) for value, column in zip(in_unit, columns, strict=True)))
-    kept = [i for i, c in enumerate(columns) if c.form != SPARE or any(row[i] not in ("", NOTHING) for row in rows)]
-    rows = [tuple(row[i] for i in kept) for row in rows]
-    return ShownTable(caption, tuple(head[i] for i in kept), tuple(rows))
-
-
 def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold
     """Return a value as text: estimates with their interval, a missing value as a dash."""
     if isinstance(value, str):
@@ -514,11 +452,24 @@ class Topic:
         return Picture(shown.name, shown.caption, shown.figure, synthetic)
 
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
-        """Return a table of records."""
-        said = self.texts[name]
-        read = [PageColumn.read(text) for text in said["columns"]]
-        columns = [column._replace(head=column.head.format(**values)) for column in read]
-        return table(said.get("caption", "").format(**values), records, columns)
+        """Return a table with a row for each record: results, or tuples of as many values as there are columns.
+
+        A column is ``head | field | form``. The unit in its heading follows from the end of the field's name, such as
+        ``stop.speed_m_s``; without a field, values are taken from tuples. The form is that of ``format``, or a named
+        one. A column of the form "spare" is left out if it is empty.
+        """
+        texts, rows = self.texts[name], list(records)
+        heads, columns = [], []
+        for index, column in enumerate(texts["columns"]):
+            head, field, form = (*map(str.strip, column.split("|")), "", "")[:3]
+            size, unit = quantity(field)
+            read = attrgetter(field) if field else itemgetter(index)
+            cells = [cell(value if size == 1.0 else value / size, form) for value in map(read, rows)]
+            if form != SPARE or not {"", NOTHING}.issuperset(cells):
+                heads.append(f"{head}, {unit}".removesuffix(", ").format(**values))
+                columns.append(cells)
+        caption = texts.get("caption", "").format(**values)
+        return ShownTable(caption, tuple(heads), tuple(zip(*columns, strict=True)))
 
     def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of a view; its caption is that of the table, or the title of the topic."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -240,8 +240,6 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
 
 _JOULE = " [J]"
 _KIND = "reservoir"
-#: Endings of the core's start values -> unit in which they are given.
-_UNITS = {"_pa": "Pa abs", "_k": "K", "_m_s": "m/s", "_m": "m"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -327,32 +325,10 @@ def energy_balance(
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
     circuit = drive.circuit
     lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
-    air = _balance(drive, command, duration, initial, rtol=rtol, cancel=cancel)
-    return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)
-
-
-def _balance(
-    drive: Drive | Circuit,
-    command: Commands,
-    duration: str | float,
-    initial: Initial | Mapping[str, object] | str | None,
-    **options: Any,  # noqa: ANN401 - of `simulate_many`
-) -> dict[str, float]:
-    """Return the mass that each reservoir of a drive supplies, kg."""
-    circuit = drive.circuit
     supplies = [name for name, one in circuit.components.items() if one.kind == _KIND]
-    if not supplies:
-        return {}
-    if drive.system.names:
-        start = drive.circuit_start(initial)
-        initial = {
-            key.removesuffix(end): f"{value!r} {unit}" for key, value in start.items() for end, unit in _one(key)
-        }
-        command = cast("Commands", dict.fromkeys(circuit.commandable, command))
-    as_it_is = {f"{supplies[0]}.pressure": [circuit.components[supplies[0]].plain()["pressure"]]}
-    masses = _supplied(circuit, command, duration, as_it_is, supplies, initial=initial, **options)
-    return {name: float(mass[0]) for name, mass in zip(supplies, masses, strict=True)}
-
-
-def _one(key: str) -> list[tuple[str, str]]:
-    return [(end, unit) for end, unit in _UNITS.items() if key.endswith(end)][:1]
+    commands: Any = dict.fromkeys(circuit.commandable, command) if drive.system.names else command
+    as_it_is = {f"{name}.pressure": [circuit.components[name].plain()["pressure"]] for name in supplies[:1]}
+    options = {"initial": drive.circuit_values(initial), "rtol": rtol, "cancel": cancel}
+    masses = _supplied(circuit, commands, duration, as_it_is, supplies, **options) if supplies else []
+    air = {name: float(mass[0]) for name, mass in zip(supplies, masses, strict=True)}
+    return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -267,19 +268,12 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
     """Return a drive with one of its numbers multiplied by a factor."""
     given = values(drive)[name]
     if isinstance(given.mark, StatedPressure):
-        pressure = _part(drive, name)
+        pressure = attrgetter(name)(drive)
         text = f"{factor * pressure.value_pa!r} Pa {'gauge' if pressure.gauge else 'abs'}"
         return drive.replace({name: text})
     unit = given.mark.si_unit if given.mark is not None else ""
     value = factor * given.si
     return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
-
-
-def _part(drive: Drive, name: str) -> units.Pressure:
-    found: Any = drive
-    for key in name.split("."):
-        found = getattr(found, key)
-    return found
 
 
 def _of(plant: HeldDrive) -> dict[str, float]:

@@ -249,26 +249,20 @@ def write(tables: dict[str, Any]) -> str:
     dead_volume = { a = "1 cm3", b = "1 cm3" }
     <BLANKLINE>
     """
-    plain = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if not isinstance(value, dict)]
-    blocks = ["\n".join(plain)] if plain else []
-    for key, value in tables.items():
-        if isinstance(value, dict):
-            blocks += tables_of(key_text(key), value)
-    return "\n\n".join(blocks) + "\n"
+    return "\n\n".join(blocks(tables)) + "\n"
 
 
-def tables_of(name: str, table: dict[str, Any]) -> list[str]:
-    """Write a table, and its inner tables that do not fit on a line as separate tables."""
-    deep = {key: value for key, value in table.items() if _depth(value) > 2}
-    body = [f"{key_text(key)} = {value_text(value)}" for key, value in table.items() if key not in deep]
-    blocks = ["\n".join([f"[{name}]", *body])]
+def blocks(tables: dict[str, Any], name: str = "", inline: int = 0) -> list[str]:
+    """Write a table, then its inner tables of more than `inline` levels as separate tables.
+
+    Inner tables of a separate table stay on its lines if they have at most two levels, those of a deep one do not.
+    """
+    deep = {key: value for key, value in tables.items() if _depth(value) > inline}
+    body = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if key not in deep]
+    out = ["\n".join([f"[{name}]", *body] if name else body)] if name or body else []
     for key, value in deep.items():
-        plain = {k: v for k, v in value.items() if not isinstance(v, dict)}
-        blocks += tables_of(f"{name}.{key_text(key)}", plain)
-        for k, v in value.items():
-            if isinstance(v, dict):
-                blocks += tables_of(f"{name}.{key_text(key)}.{key_text(k)}", v)
-    return blocks
+        out += blocks(value, f"{name}.{key_text(key)}".lstrip("."), 0 if inline else 2)
+    return out
 
 
 def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
