@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,7 +12,6 @@ import numpy as np
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming
-from pneudrive.units import parse_pressure
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
@@ -357,7 +357,7 @@ def linearise(
         states=[short[name] for name in found.states],
         inputs=[short[name] for name in found.inputs],
         outputs=[short[found.outputs[k]] for k in keep],
-        name=_label(plant.name),
+        name=re.sub(r"\W", "_", plant.name),
     )
 
 
@@ -385,10 +385,6 @@ def _short(name: str, plant: HeldDrive) -> str:
     return short_name(name, plant.piston).replace(f"{plant.valve}.command", "command").replace(".", "_")
 
 
-def _label(name: str) -> str:
-    return "".join(letter if letter.isalnum() else "_" for letter in name)
-
-
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
     """Return pressures of both chambers and of the upstream nodes, at ambient temperature. The shape is (nodes, 2)."""
     if pressures is None:
@@ -413,7 +409,7 @@ def moving_gas(plant: HeldDrive, position: float) -> Array:
 
 def _pressure(given: str | float, plant: HeldDrive) -> float:
     with naming("pressures", PneudriveError):
-        value = parse_pressure(given).absolute_pa(plant.ambient[0]) if isinstance(given, str) else float(given)
+        value = units.parse_pressure(given).absolute_pa(plant.ambient[0]) if isinstance(given, str) else float(given)
     if not (math.isfinite(value) and value > 0.0):
         raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
     return value

@@ -8,7 +8,7 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -53,23 +53,14 @@ RESTING = 0.02  # share of the samples at each end whose mean is a pressure at r
 STILL = 5e-4  # largest relative change of the pressure among them
 
 
-class TankAir(NamedTuple):
-    """Air of a cycle, measured and simulated, litres ANR."""
-
-    cycle: str
-    measured: float
-    simulated: float
-    synthetic: bool
-
-
 def is_of_tank(path: Path, layout: Path | None) -> bool:
     """Return whether a file is a recording of a fixed volume by its layout."""
     found = find_layout(path) if layout is None else Layout.load(layout)
     return found is not None and found.kind == KIND
 
 
-def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
-    """Return the air of a cycle from a recording of the tank, and that of the simulation at its mean pressure.
+def _air(drive: Drive, recording: VolumeRecording) -> tuple[float, float]:
+    """Return the air of a cycle from a recording of the tank, and that of the simulation at its mean pressure, l ANR.
 
     Raises
     ------
@@ -82,9 +73,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> TankAir:
     room, density = drive.ambient.temperature_k, drive.gas.anr_density_kg_m3
     mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
-    cycle = f"half period {recording.labels['half_period']}"
-    simulated = litres_anr(drawn_mass(fed, 1.0, half), density)
-    return TankAir(cycle, litres_anr(mass, density), simulated, "synthetic" in recording.labels)
+    return litres_anr(mass, density), litres_anr(drawn_mass(fed, 1.0, half), density)
 
 
 def _label(recording: VolumeRecording, key: str, unit: str) -> float:
@@ -261,15 +250,14 @@ def _with_air(
     """Read the air of cycles from recordings of a tank, and return the other recordings unchanged."""
     others = [path for path in recordings if path not in of_tank]
     rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
-    airs: dict[str, list[TankAir]] = defaultdict(list)
-    for recording in read_volume_recordings(of_tank, layout):
+    tanks = read_volume_recordings(of_tank, layout)
+    airs: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for recording in tanks:
         air = _air(drive, recording)
-        airs[air.cycle].append(air)
-    found = []
-    for cycle, some in airs.items():
-        seen, told = np.array([one.measured for one in some]), np.array([one.simulated for one in some])
-        found.append(_compared(cycle, "air_per_cycle", seen, told, "l ANR"))
-    marked = all(one.synthetic for some in airs.values() for one in some)
+        airs[f"half period {recording.labels['half_period']}"].append(air)
+    pairs = ((cycle, np.array(some).T) for cycle, some in airs.items())
+    found = [_compared(cycle, "air_per_cycle", seen, told, "l ANR") for cycle, (seen, told) in pairs]
+    marked = all(SYNTHETIC in recording.labels for recording in tanks)
     names = tuple(path.name for path in recordings)
     return replace(rest, numbers=(*rest.numbers, *found), synthetic=rest.synthetic and marked, names=names)
 

@@ -270,10 +270,6 @@ def _key(table: str, key: str) -> str:
     return key if key.startswith("friction.") else f"{table}.{key}"
 
 
-def _printed(text: str, unit: str) -> float:
-    return units.parse(text, unit) if unit else units.parse_pressure(text).value_pa
-
-
 @characteristic(
     "published",
     definition="Published figures of the parts of this drive, and the figures of the drive: "
@@ -304,7 +300,9 @@ def _published(plant: HeldDrive) -> Found:
             if figure.key in FIGURES:
                 one = FIGURES[figure.key]
                 title = f"{part.name}: {figure.key.replace('_', ' ')} {figure.value} [{figure.source}]"
-                rows.append((title, _printed(figure.value, one.unit), one))
+                printed = figure.value
+                value = units.parse(printed, one.unit) if one.unit else units.parse_pressure(printed).value_pa
+                rows.append((title, value, one))
     if not rows:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])

@@ -313,7 +313,7 @@ def volume_figure(solution: FollowSolution, at: int) -> Figure:
 QUANTILES = {"lowest": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "highest": 1.0}
 MOST_PANELS, BINS = 6, 24
 #: Variables of a sensitivity that are drawn -> look.
-DRAWN = {"total": Look("blue"), "first": Look("orange"), "mu_star": Look("blue"), "sigma": Look("orange")}
+DRAWN = {"total": Look("blue"), "first": Look("orange")}
 
 
 def ensemble_view(found: xr.Dataset) -> View:
@@ -362,33 +362,27 @@ def ensemble_view(found: xr.Dataset) -> View:
 
 def sensitivity_view(found: xr.Dataset) -> View:
     """Return the view of sensitivities: each number's effect on each output, with intervals, and bars."""
-    numbers, drawn = [str(name) for name in found["number"].to_numpy()], [name for name in DRAWN if name in found]
-    names = [*drawn, *(["mu"] if "mu" in found else [])]
+    numbers = [str(name) for name in found["number"].to_numpy()]
     rows, leading, findings, panels = [], [], [], []
     for output in map(str, found["output"].to_numpy()):
         own = found.sel(output=output)
-        unit = "" if "total" in found else str(own["unit"].item())
-        if not np.isfinite(own[drawn[0]]).any():
+        total = own["total"].to_numpy()
+        if not np.isfinite(total).any():
             findings.append(Finding(f"{output} does not vary with these numbers.", "open"))
             continue
         marks, positions = [], np.arange(len(numbers), dtype=float)
-        for place, name in enumerate(names):
+        for place, (name, color) in enumerate(DRAWN.items()):
             at = positions + 0.2 - 0.4 * place
-            ends = own[f"{name}_interval"].to_numpy() if f"{name}_interval" in own else None
-            if name in DRAWN:
-                marks.append(Bars(at, own[name].to_numpy(), name.replace("_", " "), DRAWN[name], 0.35, across=True))
-            marks += [Line(ends[:, k], (y, y)) for k, y in enumerate(at)] if ends is not None else []
-            words = name.replace("_", " ")
-            for k, number in enumerate(numbers):
-                interval = None if ends is None else (float(ends[0, k]), float(ends[1, k]))
-                value = (float(own[name][k]), unit, interval)
-                rows.append(ShownValue(f"{output}, {number}, {name}", f"{output}: {number}", words, *value))
-        column = own[drawn[0]].to_numpy()
-        most = rows[int(np.nanargmax(column)) - len(names) * len(numbers)]
-        words = f"{output}, most by {most.label.removeprefix(f'{output}: ')}: {most.quantity}"
-        leading.append(LeadingValue(ShownValue(most.key, most.label, words, most.value, unit, most.interval)))
-        axis = Axis(f"effect / {unit}" if unit else "fraction of the variance", is_si=not unit)
-        panels.append(Panel(marks, output, axis, Axis(names=numbers)))
+            low, high = own[f"{name}_interval"].to_numpy()
+            marks.append(Bars(at, own[name].to_numpy(), name, color, 0.35, across=True))
+            marks += [Line(ends, (y, y)) for y, *ends in zip(at, low, high, strict=True)]
+            for number, value, *ends in zip(numbers, own[name].to_numpy(), low, high, strict=True):
+                key, interval = f"{output}, {number}, {name}", (float(ends[0]), float(ends[1]))
+                rows.append(ShownValue(key, f"{output}: {number}", name, float(value), "", interval))
+        at = int(np.nanargmax(total))
+        words = f"{output}, most by {numbers[at]}: total"
+        leading.append(LeadingValue(replace(rows[at - len(DRAWN) * len(numbers)], quantity=words)))
+        panels.append(Panel(marks, output, Axis("fraction of the variance", is_si=False), Axis(names=numbers)))
     points = zip(found["output"].values, found["used"].values, strict=True)
     used = ", ".join(f"{int(count)} for {name}" for name, count in points)
     figure = Figure(panels[:MOST_PANELS], columns=2, row_in=0.7 + 0.3 * len(numbers), rest_in=0.5)

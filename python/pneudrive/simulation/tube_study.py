@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.describe.connections import AMBIENT, ARROW
 from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
 from pneudrive.progress import Flag, Progress, Watch
@@ -158,12 +157,12 @@ def steady_flow(
     temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
     upstream = {"kind": "reservoir", "pressure": f"{before_pa!r} Pa abs", "temperature": temperature}
     leaves = ["upstream", *(f"{name}.{last}" for name, _, last in way)]
-    enters = [*(f"{name}.{first}" for name, first, _ in way), AMBIENT]
+    enters = [*(f"{name}.{first}" for name, first, _ in way), "ambient"]
     stand = Circuit(
         gas=gas,
         ambient=Ambient(pressure=units.Pressure(behind_pa, gauge=False)),
         components={"upstream": upstream, **parts},
-        connections=tuple(f"{one} {ARROW} {other}" for one, other in zip(leaves, enters, strict=True)),
+        connections=tuple(f"{one} -> {other}" for one, other in zip(leaves, enters, strict=True)),
     )
     run = stand.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
     return abs(float(run["upstream.mass_flow"][-1]))

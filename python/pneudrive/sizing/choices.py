@@ -282,7 +282,9 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     if not is_fixed:
         over["stroke"] = units.write(task.stroke_m, "m", "mm")
     if cushion:  # the dead volume of the sheet is split between chamber and port
-        over |= {f"dead_volume_{end}": _assumed(assumed[f"dead_volume_{end}"]) for end in "ab"}
+        for key in ("dead_volume_a", "dead_volume_b"):
+            value, why = assumed[key]
+            over[key] = {"value": value, "assumed": why}
     return _guided(entry, _choice(entry, over, assumed), task.guide_friction_n)
 
 
@@ -369,7 +371,3 @@ _MAKERS = {"cylinder": _cylinder, "valve": _valve, "tube": _tube, "flow_control"
 
 def _cm3(volume_m3: float) -> str:
     return f"{1e6 * volume_m3:.3g} cm3"
-
-
-def _assumed(given: tuple[Any, str]) -> dict[str, Any]:
-    return {"value": given[0], "assumed": given[1]}

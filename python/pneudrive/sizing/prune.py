@@ -98,8 +98,7 @@ class SafeBounds:
         return None
 
     def _force(self, choice: DriveChoice) -> Shortage | None:
-        friction = choice.cylinder.table["friction"]["coulomb"]
-        least = self.task.spread.friction[0] * _newton(friction)
+        least = self.task.spread.friction[0] * choice.cylinder.numbers["friction.parameters.coulomb"]
         areas = choice.areas_m2
         for outward, area in zip((True, False), areas, strict=True):
             most = self.gauge * area
@@ -265,10 +264,6 @@ def _dead(choice: DriveChoice, end: str) -> float:
     numbers, tube = choice.cylinder.numbers, choice.tube.numbers
     own = numbers[f"dead_volume_{end}"] + numbers.get(f"cushion_{end}_port_volume", 0.0)
     return own + math.pi / 4.0 * tube["diameter"] ** 2 * tube["length"]
-
-
-def _newton(given: object) -> float:
-    return units.parse(str(given["value"] if isinstance(given, dict) else given), "N")
 
 
 # --- Choices of parts that pass the safe bounds, as cylinders with tubes, and the reason for each removed choice.
