@@ -222,14 +222,16 @@ def sizing_sheet(found: SizingResult) -> View:
         for slot, name in best.parts.items()
         if name not in (WITHOUT, "*")
     ]
-    missing = [check for check in found.open_checks if "clamp" in " ".join(check.remedies)]
-    order += [("1", "missing", f"rod clamp, {math.ceil(check.value or 0.0)} N or more", "–") for check in missing]
+    clamps = [("missing", math.ceil(check.value)) for check in found.open_checks if "hangs" in check.name]
+    if not clamps and task.clamp_force_n is not None:
+        clamps = [("clamp", task.clamp_force_n)]
+    order += [("1", slot, f"rod clamp, {force:g} N or more", "–") for slot, force in clamps]
     return View(
         f"{task.name}: {in_words(best.parts)}",
         state="good" if found.ready else "open",
         leading=tuple(_leading(found)),
         findings=tuple(check.finding for check in found.open_checks),
-        notes=(*yearly(found), f"{best.needles}."),
+        notes=(*yearly(found), f"{best.needles}.", topic.say("ports")),
         tables=(
             ShownTable(topic.say("order"), ("number", "", "type", "catalogue"), tuple(order)),
             _ranges([best], topic.say("ranges")),
@@ -244,8 +246,7 @@ def sheet_report(found: SizingResult) -> Report:
     verdict = [Finding(found.answer, view.state), *view.findings]
     given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)
     sketch = topic.picture("sketch", view.figures[0].figure, False)
-    keys = dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin))
-    note = topic.text(version=__version__, sources="; ".join(references(keys)) or "none")
+    note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
     parts = topic.section(Paragraph(given), sketch, *view.tables, Items(view.notes), note)
     return Report(view.title, verdict, [parts], synthetic=True)
 
@@ -322,5 +323,9 @@ def _method(found: SizingResult) -> Section:
 def _sources(found: SizingResult) -> Iterable[Section]:
     if found.best is None:
         return
-    keys = dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin))
-    yield Topic("sizing", "sources").section(Items(references(keys)), synthetic=False)
+    yield Topic("sizing", "sources").section(Items(_cited(found)), synthetic=False)
+
+
+def _cited(found: SizingResult) -> tuple[str, ...]:
+    """Return the references of the values of the best choice."""
+    return references(dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin)))

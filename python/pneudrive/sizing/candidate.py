@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -84,12 +84,10 @@ class TubedCylinder:
         """Return the runs with the widest and earliest-opening valve of the pair: nominal and fast, out and back."""
         numbers: dict[str, float] = dict(self.valves[0].numbers)
         for valve in self.valves:
-            choice = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL)
-            wide = {"conductance": choice.valve_paths["feed"]["conductance"]}
-            wide["exhaust_conductance"] = choice.valve_paths["vent"]["conductance"]
-            for key in ("critical_pressure_ratio", "exhaust_critical_pressure_ratio"):
-                wide[key] = valve.numbers.get(key, valve.numbers["critical_pressure_ratio"])
-            numbers |= {key: max(value, numbers.get(key, 0.0)) for key, value in wide.items()}
+            paths = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL).valve_paths
+            for before, path in (("", paths["feed"]), ("exhaust_", paths["vent"])):
+                for key in ("conductance", "critical_pressure_ratio"):
+                    numbers[before + key] = max(path[key], numbers.get(before + key, 0.0))
         early = {
             key: min((one.numbers[key] for one in self.valves if key in one.numbers), default=0.0)
             for key in ("time_on", "time_off", "delay", "travel_share")
@@ -265,23 +263,13 @@ class SizingCandidate:
             margin -= RESERVE + (not self.choice.is_throttled)
         return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
 
-    def take_rough(self, found: Tuned) -> None:
-        """Take rough settings."""
-        self.rough = found
-        if not is_worth_more(found):
-            self._is_short(found)
-
-    def take_tuned(self, found: Tuned) -> None:
-        """Take tuned settings."""
-        self.tuned = found
-        if found.nominal < 0.0:
-            self._is_short(found)
-
-    def _is_short(self, found: Tuned) -> None:
+    def take_settings(self, stage: Literal["rough", "tuned"], found: Tuned) -> None:
+        """Take rough or tuned settings."""
+        setattr(self, stage, found)
         name, limit, value = found.short
         if found.nominal < 0.0:
             self.lost = f"{name}: {value:.3g} in the nominal case, limit {limit:.3g} (SI)"
-        else:
+        elif stage == "rough" and not is_worth_more(found):
             self.lost = f"spreads: margin of {100.0 * found.least:.0f} % in the worst case"
 
     def take_hardest(self, found: Hardest, final: int) -> None:

@@ -20,7 +20,7 @@ from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting,
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Bools
     from pneudrive.sizing.task import SizingTask
@@ -110,11 +110,10 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
 
 def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
     """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or else an assumed rule."""
-    stated = {"task": task.impact_energy_j, "data sheet": choice.cylinder.printed_si("cushion_energy", "J")}
-    known = {origin: limit for origin, limit in stated.items() if limit is not None}
+    stated = (task.impact_energy_j, "task"), (choice.cylinder.printed_si("cushion_energy", "J"), "data sheet")
+    known = [(limit, origin) for limit, origin in stated if limit is not None]
     if known:
-        origin = min(known, key=lambda name: known[name])
-        return known[origin], origin
+        return min(known)
     rule = f"assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston; neither task nor data sheet has a limit"
     return IMPACT_ENERGY_J_M2 * max(choice.areas_m2), rule
 
@@ -202,6 +201,8 @@ BUCKLING_SAFETY = 5.0
 #: Free length over stroke of a rod whose cylinder is fixed at its front and whose end is guided, and whose end is free
 #: (Euler: effective length 0.7 and 2 times the free length).
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
+#: Remedy of a value that no data sheet of the catalogue states.
+CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 
 
 class MachineCheck(NamedTuple):
@@ -210,11 +211,13 @@ class MachineCheck(NamedTuple):
     Attributes
     ----------
     name : str
-    value, limit : float or None
-        In the unit; None if no data sheet states it.
+    value : float
+        In the unit.
+    limit : float or None
+        None if no data sheet states it.
     unit : str
     is_kept : bool or None
-        None if it cannot be decided.
+        None if it cannot be decided: no data sheet states the limit, or it is assumed.
     rule : str
         Standard or rule that it follows.
     remedies : tuple of str
@@ -222,7 +225,7 @@ class MachineCheck(NamedTuple):
     """
 
     name: str
-    value: float | None
+    value: float
     limit: float | None
     unit: str
     is_kept: bool | None
@@ -235,12 +238,18 @@ class MachineCheck(NamedTuple):
         return self.is_kept is not True
 
     @property
+    def numbers(self) -> str:
+        """The value and its limit in words."""
+        limit = "of the machine" if self.is_kept else "not on the sheet"
+        if self.limit is not None:
+            limit = f"{three(self.limit)} {self.unit}"
+        return f"{self.name}: {three(self.value)} {self.unit}, limit {limit}"
+
+    @property
     def finding(self) -> Finding:
         """The check in words, with its remedies if it is open."""
         kept = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
-        value, limit = (f"{three(one)} {self.unit}" if one is not None else "" for one in self[1:3])
-        limit = limit or ("of the machine" if self.is_kept else "not on the sheet")
-        line = f"{self.name}: {value}, limit {limit}: {kept} ({self.rule})."
+        line = f"{self.numbers}: {kept} ({self.rule})."
         if not self.is_open:
             return Finding(line)
         state = "open" if self.is_kept is None else "bad"
@@ -259,60 +268,46 @@ def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
     return math.pi**2 * STEEL_PA * inertia / (EFFECTIVE[task.guide] * task.stroke_m) ** 2 / BUCKLING_SAFETY
 
 
-def side_load_n(task: SizingTask) -> float:
-    """Return the weight of the load across the axis that the cylinder carries, N; zero with a guide."""
-    across = 0.0 if abs(task.incline_rad) == 0.5 * math.pi else math.cos(task.incline_rad)
-    return task.mass_kg * STANDARD_GRAVITY_M_S2 * across if task.guide == "none" else 0.0
+def _check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> MachineCheck:
+    """Compare a value with its limit; an assumed limit, or none, decides nothing."""
+    is_kept = None if limit is None or rule.startswith("assumed") else value <= limit
+    return MachineCheck(name, value, limit, unit, is_kept, rule, remedies)
 
 
-def push_n(cylinder: PartChoice, task: SizingTask) -> float:
-    """Return the largest force on the rod, N: the highest supply pressure on the whole piston."""
-    gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
-    return gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
+def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[MachineCheck]:
+    """Yield the checks of a cylinder with any valve and tube: side load of its sheet, and buckling of its rod.
 
-
-def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | None:
-    """Return the reason why a cylinder cannot carry the load: side load of its sheet, or buckling of its rod."""
-    load, weight = cylinder.printed_si("max_load", "N"), side_load_n(task)
-    if load is not None and weight > load:
-        said = f"it permits {three(load)} N across, the load weighs {three(weight)} N"
-        return Shortage("side load", load / weight, said)
-    limit, push = buckling_n(cylinder, task), push_n(cylinder, task)
-    if limit is not None and push > limit:
-        said = f"the rod can bear {three(limit)} N without buckling, and the piston pushes with {three(push)} N"
-        return Shortage("buckling", limit / push, said)
-    return None
+    Without a guide, the cylinder carries the weight of the load across its axis. The largest force on the rod is that
+    of the highest supply pressure on the whole piston.
+    """
+    if task.guide == "none" and task.across_n:
+        carried = 'guide = "ball" or "plain", if the machine carries the load'
+        limit = cylinder.printed_si("max_load", "N")
+        rule = "maker's sheet of the cylinder"
+        yield _check("side load", task.across_n, limit, "N", rule, carried, f"printed.max_load {CATALOGUE}")
+    if (buckles := buckling_n(cylinder, task)) is not None:
+        rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
+        gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
+        push = gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
+        yield _check("buckling of the rod", push, buckles, "N", rule)
 
 
 def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> list[MachineCheck]:
     """Return the checks of a sized drive: failed ones first, then undecided ones, then passed ones."""
-    found, cylinder = [], choice.cylinder
-
-    def check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> None:
-        kept = None if limit is None else value <= limit
-        found.append(MachineCheck(name, value, limit, unit, kept, rule, remedies))
-
-    own = "of the maker's sheet in a catalogue of your own (--catalogue)"
-    weight = side_load_n(task)
-    if weight:
-        carried = 'guide = "ball" or "plain", if the machine carries the load'
-        limit = cylinder.printed_si("max_load", "N")
-        check("side load", weight, limit, "N", "maker's sheet of the cylinder", carried, f"printed.max_load {own}")
-    if (buckles := buckling_n(cylinder, task)) is not None:
-        rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
-        check("buckling of the rod", push_n(cylinder, task), buckles, "N", rule)
+    cylinder = choice.cylinder
+    found = list(mechanical_checks(cylinder, task))
     limit, origin = energy_limit(task, choice)
-    absorber = "impact_energy, from the data sheet of cylinder or shock absorber"
-    check("energy at the end", drive.energy, limit, "J", origin, absorber)
+    absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(drive.energy)} J or more"
+    found.append(_check("energy at the end", drive.energy, limit, "J", origin, absorber))
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
         energy = 2.0 * task.cycles_per_hour * drive.energy
-        check("energy per hour", energy, hourly, "J", "maker's sheet of the absorber", "fewer cycles_per_hour")
+        rule = "maker's sheet of the absorber"
+        found.append(_check("energy per hour", energy, hourly, "J", rule, "fewer cycles_per_hour"))
     if task.cycles is not None:
         lives = [part.printed_si("b10_cycles", "") for part in (cylinder, choice.valve)]
         life = min((one for one in lives if one is not None), default=None) if None not in lives else None
-        kept = None if life is None else task.cycles <= life
-        rule, remedy = "B10 of cylinder and valve, ISO 19973", f"printed.b10_cycles of both {own}"
-        found.append(MachineCheck("life", task.cycles, life, "cycles", kept, rule, (remedy,)))
+        rule, remedy = "B10 of cylinder and valve, ISO 19973", f"printed.b10_cycles of both {CATALOGUE}"
+        found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
     if math.sin(task.incline_rad):
         found.append(_hanging_load(choice, task))
     return sorted(found, key=lambda one: (one.is_kept is not False, one.is_kept is not None))

@@ -93,6 +93,11 @@ class PartChoice:
             return units.parse_pressure(given).value_pa
         return units.parse(given, unit) if unit else float(given)
 
+    @property
+    def tube_diameter_m(self) -> float | None:
+        """Outer diameter of a tube, or of the tubes that fit into the connectors of another part, m."""
+        return self.printed_si("outer_diameter", "m") or self.printed_si("tube_outer_diameter", "m")
+
 
 NO_FLOW_CONTROL = PartChoice(WITHOUT, {"kind": FLOW_CONTROL}, {})
 
@@ -203,7 +208,9 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
     """
     groups: dict[tuple[Any, ...], list[PartChoice]] = {}
     for one in parts:
-        groups.setdefault((one.form, tuple(sorted(one.numbers.items())), one.assumed), []).append(one)
+        groups.setdefault((one.form, one.tube_diameter_m, tuple(sorted(one.numbers.items())), one.assumed), []).append(
+            one
+        )
     return [replace(first, alike=tuple(one.name for one in rest)) for first, *rest in groups.values()]
 
 

@@ -6,6 +6,7 @@ Every bound uses the favourable end of each spread, so a removed choice fails in
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.tube_study import VACUUM, steady_flow
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
-from pneudrive.sizing.checks import Shortage, mechanical_shortage
+from pneudrive.sizing.checks import Shortage, mechanical_checks
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class SafeBounds:
         for part in (choice.valve, choice.tube, choice.flow_control):
             if (found := self.part(part)) is not None:
                 return found
-        return self.cylinder(choice.cylinder) or self._time(choice)
+        return self.cylinder(choice.cylinder) or self.fits(choice)
 
     def part(self, part: PartChoice) -> Shortage | None:
         """Compare the task with the printed limits on the sheet of a part."""
@@ -87,8 +88,11 @@ class SafeBounds:
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
         """Compare the task with the sheet of the cylinder."""
-        if (found := self.part(choice.cylinder) or mechanical_shortage(choice.cylinder, self.task)) is not None:
+        if (found := self.part(choice.cylinder)) is not None:
             return found
+        for check in mechanical_checks(choice.cylinder, self.task):
+            if check.is_kept is False:
+                return Shortage(check.name, (check.limit or 0.0) / check.value, check.numbers)
         holding = choice.cylinder.printed_si("coupling_holding_force", "N")
         push = self.gauge * choice.areas_m2[0]
         if holding is not None and push > holding:
@@ -110,18 +114,12 @@ class SafeBounds:
                 return Shortage("force", max(most, 0.0) / needed, f"{way}: {most:.0f} N at most, {needed:.0f} N needed")
         return None
 
-    def flow(
-        self,
-        cylinder: PartChoice,
-        tube: PartChoice,
-        valve: PartChoice = NO_FLOW_CONTROL,
-        control: PartChoice = NO_FLOW_CONTROL,
-    ) -> Shortage | None:
-        """Return whether the gas cannot leave a cylinder in time through a tube and one more part.
+    def fits(self, choice: DriveChoice) -> Shortage | None:
+        """Return whether a part does not fit the tube, or the gas cannot leave the cylinder in time.
 
-        All others are ideal.
+        A part that is not given is ideal.
         """
-        return self._time(DriveChoice(cylinder, valve, tube, control))
+        return misfit(choice) or self._time(choice)
 
     def _thrust(self, choice: DriveChoice) -> Shortage | None:
         return self._late(lambda outward, area, _: self._thrust_s(choice, outward, area), choice)
@@ -187,21 +185,18 @@ def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]]
         ("mass", "kg", lambda f: {"mass_kg": task.mass_kg * f}, task.mass_kg, 1.0 / FARTHEST),
         ("supply pressure", "bar gauge", lambda f: {"supply": _supply(task, gauge * f)}, 1e-5 * gauge, FARTHEST),
     ]
-    if task.external_force_n > 0.0:
-        force = task.external_force_n
-        quantities.append(("external force", "N", lambda f: {"external_force_n": force * f}, force, 1.0 / FARTHEST))
-    if task.holding_force_n > 0.0:
-        held = task.holding_force_n
-        quantities.append(("holding force", "N", lambda f: {"holding_force_n": held * f}, held, 1.0 / FARTHEST))
+    for name, key in (("external force", "external_force_n"), ("holding force", "holding_force_n")):
+        force: float = getattr(task, key)
+        if force > 0.0:
+            quantities.append((name, "N", lambda f, key=key, force=force: {key: force * f}, force, 1.0 / FARTHEST))
     said = []
     for name, unit, changed, value, farthest in quantities:
         factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
-        word = "at least" if farthest > 1.0 else "at most"
-        said.append(
-            f"{name}: {word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})"
-            if factor is not None
-            else f"{name}: no value alone makes the task possible"
-        )
+        bound = "no value alone makes the task possible"
+        if factor is not None:
+            word = "at least" if farthest > 1.0 else "at most"
+            bound = f"{word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})"
+        said.append(f"{name}: {bound}")
     return said
 
 
@@ -222,7 +217,7 @@ def _is_possible(
     changed = task.model_copy(update=dict(change))
     own = SafeBounds(changed, (), bounds.tubes)
     rest = [[one for one in found[slot] if own.part(one) is None] for slot in ("valve", "tube", "flow_control")]
-    valve, tube, control = (max(parts, key=_width(bounds), default=None) for parts in rest)
+    valve, tube, control = (max(parts, key=partial(_width, bounds), default=None) for parts in rest)
     if valve is None or tube is None or control is None:
         return False
     return any(
@@ -231,13 +226,10 @@ def _is_possible(
     )
 
 
-def _width(bounds: SafeBounds) -> Callable[[PartChoice], float]:
-    def width(part: PartChoice) -> float:
-        numbers = part.numbers
-        needle = numbers.get("needle_conductance", math.inf)
-        return bounds.tubes.get(part.name) or numbers.get("exhaust_conductance", numbers.get("conductance", needle))
-
-    return width
+def _width(bounds: SafeBounds, part: PartChoice) -> float:
+    numbers = part.numbers
+    needle = numbers.get("needle_conductance", math.inf)
+    return bounds.tubes.get(part.name) or numbers.get("exhaust_conductance", numbers.get("conductance", needle))
 
 
 def _supply(task: SizingTask, gauge: float) -> TaskSupply:
@@ -250,6 +242,17 @@ def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) ->
     volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
     return gauge * volume / (AIR_GAS_CONSTANT_J_KG_K * task.ambient.temperature_k)
+
+
+def misfit(choice: DriveChoice) -> Shortage | None:
+    """Return the part whose connectors take another tube; sheets without a diameter fit."""
+    tube = choice.tube.tube_diameter_m
+    for part in (choice.cylinder, choice.valve, choice.flow_control):
+        takes = part.tube_diameter_m
+        if tube is not None and takes is not None and not math.isclose(takes, tube):
+            said = f"{part.name} takes tubes of {1e3 * takes:g} mm, {choice.tube.name} has {1e3 * tube:g} mm"
+            return Shortage("connection", 0.0, said)
+    return None
 
 
 def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
@@ -309,10 +312,10 @@ class Pruning:
         controls: Sequence[PartChoice],
         bounds: SafeBounds,
     ) -> None:
-        """Leave out valves and flow controls through which the gas cannot leave in time."""
+        """Leave out valves and flow controls that do not fit, or through which the gas cannot leave in time."""
         names = {"cylinder": cylinder.name, "tube": tube.name}
-        slow = {valve.name: bounds.flow(cylinder, tube, valve=valve) for valve in valves}
-        slow |= {control.name: bounds.flow(cylinder, tube, control=control) for control in controls}
+        slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube, NO_FLOW_CONTROL)) for one in valves}
+        slow |= {one.name: bounds.fits(DriveChoice(cylinder, NO_FLOW_CONTROL, tube, one)) for one in controls}
         wide = [valve for valve in valves if slow[valve.name] is None]
         open_ = [control for control in controls if slow[control.name] is None]
         for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):

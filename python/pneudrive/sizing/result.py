@@ -213,8 +213,8 @@ class SizingResult(Viewed):
     @property
     def cheaper(self) -> list[SizedDrive]:
         """Simulated choices that miss a limit and use less air than the best one, least air first."""
-        most, ranked = math.inf if self.best is None else self.best.air, {drive.name for drive in self.ranked}
-        missed = (drive for drive in self.simulated if drive.name not in ranked and drive.air < most)
+        most = math.inf if self.best is None else self.best.air
+        missed = (drive for drive in self.simulated if not drive.is_feasible and drive.air < most)
         return sorted(missed, key=lambda drive: drive.air)
 
     @property

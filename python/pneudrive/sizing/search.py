@@ -7,6 +7,7 @@ parts, so an interrupted search resumes with the missing choices.
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -203,9 +204,9 @@ class Search:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
         last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
-        counts: dict[str, int] = {}
+        counts = Counter[str]()
         for one in self.dropped:
-            counts[one.limit] = counts.get(one.limit, 0) + one.choices
+            counts[one.limit] += one.choices
         left = self.pruning.enumerated - sum(counts.values())
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
@@ -401,7 +402,7 @@ class Search:
 
     def _advance_rough(self, every: Sequence[SizingCandidate]) -> None:
         for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
-            one.take_rough(found)
+            one.take_settings("rough", found)
         self._learn(every)
 
     def _advance_tuned(self, every: Sequence[SizingCandidate]) -> None:
@@ -409,7 +410,7 @@ class Search:
         self.tuned += len(every)
         rough = [one.rough for one in every if one.rough]
         for one, found in zip(every, tune_all([one.strokes for one in every], rough), strict=True):
-            one.take_tuned(found)
+            one.take_settings("tuned", found)
             if self.folder is not None:
                 self.folder.store(one.choice.name, found)
         self._learn(every)
@@ -420,7 +421,7 @@ class Search:
         if kept is None:
             return False
         self.tuned += 1
-        one.take_tuned(kept)
+        one.take_settings("tuned", kept)
         return True
 
     def _simulate(self, one: SizingCandidate, draws: int) -> None:

@@ -159,8 +159,9 @@ class DriveStrokes:
         return (against + friction) / (gauge * self.choice.areas_m2[0 if outward else 1])
 
     def circuit(self, setting: Setting = OPEN) -> Circuit:
-        """Return the circuit with its settings, ready to run."""
-        return _circuit(self.choice, self.task, setting)
+        """Return the circuit: supply, valve, tubes, flow controls, cylinder and load, with its settings."""
+        valve = {"valve": dict(self.choice.valve.table)}
+        return _around(self.choice, self.task, setting, valve, ("supply -> valve.1",), ("valve.4", "valve.2"))
 
     def template_key(self, outward: bool) -> tuple[Any, ...]:
         """Return the structure of the circuit of a stroke, without numbers.
@@ -274,18 +275,17 @@ class DriveStrokes:
 
     def drawn_assumed(self) -> dict[str, str]:
         """Return the values that are sampled because they are assumed, each with its component."""
-        assumed = {slot: getattr(self.choice, slot).assumed for slot in ("cylinder", "valve", "tube", "flow_control")}
-        found = {}
-        if any(key.startswith("friction") for key in assumed["cylinder"]):
-            found["friction"] = "cylinder"
-        named = {"dead volume": "dead_volume", "mass of the piston": "moving_mass", "cushion": "cushion"}
-        found |= {
-            name: "cylinder" for name, key in named.items() if any(one.startswith(key) for one in assumed["cylinder"])
+        named = {
+            "friction": "friction",
+            "dead volume": "dead_volume",
+            "mass of the piston": "moving_mass",
+            "cushion": "cushion",
         }
-        for slot, name in (("valve", "valve conductance"), ("tube", "tube conductance"), ("flow_control", "needle")):
-            if any(map(_is_size, assumed[slot])):
-                found[name] = slot
-        if assumed["valve"] & {"time_on", "time_off", "delay"}:
+        assumed = " ".join(("", *self.choice.cylinder.assumed))
+        found = {name: "cylinder" for name, key in named.items() if f" {key}" in assumed}
+        sizes = {"valve": "valve conductance", "tube": "tube conductance", "flow_control": "needle"}
+        found |= {name: slot for slot, name in sizes.items() if any(map(_is_size, getattr(self.choice, slot).assumed))}
+        if self.choice.valve.assumed & {"time_on", "time_off", "delay"}:
             found["valve time"] = "valve"
         return found
 
@@ -420,13 +420,6 @@ def _is_size(key: str) -> bool:
 
 def _both_ways(share: Array) -> Array:
     return 2.0 * share - 1.0
-
-
-def _circuit(choice: DriveChoice, task: SizingTask, setting: Setting) -> Circuit:
-    """Return the circuit: supply, valve, tubes, flow controls, cylinder and load."""
-    return _around(
-        choice, task, setting, {"valve": dict(choice.valve.table)}, ("supply -> valve.1",), ("valve.4", "valve.2")
-    )
 
 
 def _opened_circuit(choice: DriveChoice, task: SizingTask, outward: bool) -> Circuit:

@@ -228,10 +228,15 @@ class SizingTask(Described):
         return self.mass_kg * STANDARD_GRAVITY_M_S2 * math.sin(self.incline_rad) + self.external_force_n
 
     @property
+    def across_n(self) -> float:
+        """Weight of the load across the axis, N."""
+        across = 0.0 if abs(self.incline_rad) == 0.5 * math.pi else math.cos(self.incline_rad)  # else 6e-17
+        return self.mass_kg * STANDARD_GRAVITY_M_S2 * across
+
+    @property
     def guide_friction_n(self) -> float:
         """Friction of the guide under the weight of the load, N."""
-        across = 0.0 if abs(self.incline_rad) == 0.5 * math.pi else math.cos(self.incline_rad)  # else 6e-17
-        return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * across
+        return GUIDES[self.guide] * self.across_n
 
 
 def task_schema() -> dict[str, Any]:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pneudrive.sizing.choices import DriveChoice
     from pneudrive.sizing.task import SizingTask
 
-    #: Yields runs, takes their results.
-    Search = Generator[StrokeRuns, StrokeResults, Any]
+    #: Yields runs, takes their results, and at last yields the settings.
+    Search = Generator[Any, StrokeResults, Any]
 
 #: Conductances of the needle that are tried first in the nominal case, over that through which the gas leaves choked
 #: just in time; and openings of the cushion.
@@ -119,7 +119,7 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
         results = run_all(list(asked.values()))
         due, asked = dict(zip(asked, results, strict=True)), {}
         for place, result in due.items():
-            following = _sent(searches[place], result)
+            following = searches[place].send(result)
             if isinstance(following, Tuned):
                 found[place] = following
             else:
@@ -127,15 +127,8 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
     return [found[place] for place in range(len(every))]
 
 
-def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
-    try:
-        return search.send(result)
-    except StopIteration as end:
-        return end.value
-
-
 def _rough(strokes: DriveStrokes) -> Search:
-    """Search rough settings of a choice: yield runs, receive their results, return the settings.
+    """Search rough settings of a choice: yield runs, receive their results, and yield the settings at last.
 
     If a stroke with fully open needles is too slow even in the fast case, nothing is searched, because no setting makes
     it faster.
@@ -146,7 +139,8 @@ def _rough(strokes: DriveStrokes) -> Search:
         time = float(opened.time[0])
         if time > limit:
             margin = 1.0 - time / limit if np.isfinite(time) else NEVER
-            return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time), margin)
+            yield Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time), margin)
+            return
     every, setting = [], Setting()
     for outward in (True, False):
         rows, grid = cases(task, outward), product(*_grid(strokes, outward))
@@ -156,11 +150,11 @@ def _rough(strokes: DriveStrokes) -> Search:
         every, setting = [*every, best], best.setting
         if best.nominal < SMALL:
             break
-    return _joined(every)
+    yield _joined(every)
 
 
 def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
-    """Refine rough settings of a choice, with more cases."""
+    """Refine rough settings of a choice, with more cases; yields as `_rough`."""
     every, setting, draws = [], rough.setting, points(MORE)
     for outward in (True, False):
         best, rows = rough, cases(strokes.task, outward)
@@ -176,7 +170,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
             if is_settled or best.least >= SETTLED:
                 break
         every.append(best)
-    return _joined(every)
+    yield _joined(every)
 
 
 def _joined(every: Sequence[Tuned]) -> Tuned:
