@@ -56,7 +56,7 @@ def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
 def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
     folder = write_campaign(tmp_path / "campaign", World(samples=300, gauges_pa=((0.0, 0.0), (1e5, 1e5))), 1)
     out = tmp_path / "out"
-    assert run(["characterise", str(folder), "--out", str(out)]) == 0
+    assert run(["characterise", str(folder), "--out", str(out), "--law", "stribeck lorentzian"]) == 0
     said = capsys.readouterr().out
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name

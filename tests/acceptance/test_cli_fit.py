@@ -43,14 +43,14 @@ def folder(tmp_path_factory):
                 for name in columns:
                     columns[name].append(row[name])
     write_map(columns_to_dataset(columns), where / "map.parquet")
-    assert run(["fit", str(where / "map.parquet"), "--laws", "stribeck gaussian", "--pressure", "linear",
+    assert run(["fit", str(where / "map.parquet"), "--laws", "stribeck", "--pressure", "linear",
                 "--out", str(where / "fit.toml")]) == 0  # fmt: skip
     return where
 
 
 def test_a_map_is_fitted_and_laws_are_compared(folder, tmp_path, capsys):
     target = tmp_path / "best.toml"
-    laws = "coulomb,stribeck gaussian,stribeck lorentzian"
+    laws = "coulomb,stribeck,stribeck lorentzian"
     assert run(["fit", str(folder / "map.parquet"), "--laws", laws, "--out", str(target)]) == 0
     said, aside = capsys.readouterr()
     assert "1.01325 bar is assumed" in aside
@@ -141,7 +141,7 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
         (["fit", "{map}", "--laws", "stribek gaussian"], "Did you mean 'stribeck gaussian'"),
         (["fit", "{map}", "--pressure", "cubic"], "--pressure cubic is not known"),
         (["fit", "{map}", "--hold-out", "day"], "the friction map has no column 'day'"),
-        (["fit", "{map}", "--direction", "up"], "both, +x or -x"),
+        (["fit", "{map}", "--direction", "up"], "--direction up is not known"),
         (["fit", "{map}", "--out", "fit.txt"], "a fit cannot be written there"),
         (["fit", "{map}", "--by", "seals"], "no column 'seals'"),
         (["design", "nothing.toml"], "there is no file nothing.toml"),

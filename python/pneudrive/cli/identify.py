@@ -15,7 +15,7 @@ import pneudrive as pn
 from pneudrive.cli import terminal
 from pneudrive.cli.options import Count, Switch, names_in, one_of, quantity, sensor_options
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, naming, nearest
+from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, naming
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -81,7 +81,8 @@ def fit(
     source : MAP|RECORDING...
         Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
     laws : LAW,...
-        Laws to compare, separated by commas; a single law is fitted. Default: all.
+        Laws to compare, separated by commas; a single law is fitted: coulomb, stribeck, or a Stribeck curve of another
+        shape, such as "stribeck lorentzian", "stribeck exponential", "stribeck free". Default: all.
     pressure
         Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
     hold_out
@@ -101,18 +102,14 @@ def fit(
     --------
     pneudrive fit map.parquet --hold-out pressure --out fit.toml
     """
-    names = names_in(laws) or list(law_choice.CANDIDATES)
-    for name in names:
-        if name not in law_choice.CANDIDATES:
-            raise CommandError(f"--laws {name!r} is not known", remedy=nearest(name, law_choice.CANDIDATES))
+    names = [one_of("--laws", name, law_choice.NAMES) for name in names_in(laws) or law_choice.CANDIDATES]
     if pressure:
         one_of("--pressure", pressure, dict.fromkeys(("none", *model.PRESSURE_FORMS)))
-    if direction not in DIRECTIONS:
-        raise CommandError(f"--direction {direction} is not known", rule="both, +x or -x")
+    sign = one_of("--direction", direction, DIRECTIONS)
     if out.suffix != ".toml" or not out.parent.is_dir():
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
-    options: dict[str, Any] = {"direction": DIRECTIONS[direction], "ambient_pressure_pa": _ambient(curves, ambient)}
+    options: dict[str, Any] = {"direction": sign, "ambient_pressure_pa": _ambient(curves, ambient)}
     left_out = model.NOT_SLIDING if campaign is None else characteristics.NO_POINTS  # as characterise does
     choices = {"pressure": pressure, "hold_out": hold_out, "loss": loss}
     fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
@@ -246,12 +243,9 @@ def _fit_laws(
             typer.echo(f"- laws are not compared: {problem.what}; {chosen} is fitted", err=True)
         else:
             chosen, form = comparison.recommended.name, comparison.recommended.pressure or "none"
-    law = law_choice.CANDIDATES[chosen]
     result = pn.fit_friction(
         curves,
-        law.law,
-        stribeck_exponent=law.exponent,
-        stribeck_shape="lorentzian" if law.lorentzian else None,
+        chosen,
         any_shape=True,
         pressure_dependence=form != "none",
         pressure=form if form != "none" else "linear",

@@ -23,6 +23,7 @@ with used_later(__name__):
     from pneudrive.campaign.storage import folder as folders
     from pneudrive.friction import characterisation, friction_map, strokes
     from pneudrive.friction.campaign import characteristics, files
+    from pneudrive.identify import design as law_choice
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
@@ -115,7 +116,7 @@ def characterise(
     protocol
         Selection of samples: settled, or source-paper (without the first 5 %).
     law
-        Friction law of fit.toml: coulomb or stribeck.
+        Friction law of fit.toml, named as in `pneudrive fit`: coulomb, stribeck, "stribeck lorentzian", ...
 
     Examples
     --------
@@ -123,7 +124,7 @@ def characterise(
     pneudrive characterise my-campaign --out results
     """
     choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)()
-    one_of("--law", law, dict.fromkeys(static_fits.LAWS))
+    law = one_of("--law", law, law_choice.NAMES).removesuffix(" gaussian")
     recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
         _characterise_campaign(recordings, layout, out, choice, law)
@@ -131,7 +132,7 @@ def characterise(
     with _output(out) as folder:
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=terminal.watch().tell)
         written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
-        fits, problems = static_fits.fit_characterisation(found)
+        fits, problems = static_fits.fit_characterisation(found, _laws_with(law))
         written += _write_fits(fits, law, folder, whole=friction_map.ALL_RECORDINGS)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
@@ -155,12 +156,18 @@ def _characterise_campaign(
     with _output(out) as folder:
         found = characteristics.campaign_friction(recordings[0], choice, progress=terminal.watch().tell)
         written = files.write_characteristics(found, folder)
-        fits, problems = characteristics.fit_campaign(found)
-        written += _write_fits(fits, law, folder, whole=characteristics.ALL if len(fits) != 1 else next(iter(fits)))
+        fits, problems = characteristics.fit_campaign(found, _laws_with(law))
+        whole = characteristics.ALL if len(fits) != 1 else next(iter(fits))
+        written += _write_fits(fits, law, folder, whole)
         written.append(campaign_page.write_campaign_report(found, folder))
     _show_problems(problems)
     terminal.show_view(found.view())
     terminal.show_paths(*written)
+
+
+def _laws_with(law: str) -> list[str]:
+    """Return the laws to fit: those of every report, and that of fit.toml."""
+    return list(dict.fromkeys((*static_fits.LAWS, law)))
 
 
 def _show_problems(problems: list[str]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_a
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from pneudrive import units
+from pneudrive.describe import keys
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
@@ -21,7 +22,7 @@ from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
 from pneudrive.describe.tables.signal import Positions, Signal, SignalRange
-from pneudrive.errors import DescriptionError, nearest, together
+from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -290,12 +291,7 @@ def within(
     error: DescriptionError, name: str, table: Mapping[str, Any], above: str = "components."
 ) -> DescriptionError:
     """Return errors of a component's table with their full keys in the file."""
-    out = []
-    for one in error.each():
-        key = getattr(one, "key", None) or ""
-        what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        out.append(wrong(f"{above}{name}.{_nested(key, table)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
-    return together(out)
+    return keys.within(error, name, above, lambda key: _nested(key, table))
 
 
 def _nested(key: str, table: Mapping[str, Any]) -> str:

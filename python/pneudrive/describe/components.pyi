@@ -10,6 +10,7 @@ from _typeshed import Incomplete
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pneudrive import units as units
+from pneudrive.describe import keys as keys
 from pneudrive.describe.base import Described as Described, inline as inline
 from pneudrive.describe.files import sourced as sourced
 from pneudrive.describe.formulas.formula import ComponentFormula as ComponentFormula, formula_of as formula_of
@@ -38,7 +39,7 @@ from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.friction import Friction as Friction
 from pneudrive.describe.tables.parts import FlowCoefficient as FlowCoefficient
 from pneudrive.describe.tables.signal import Positions as Positions, Signal as Signal, SignalRange as SignalRange
-from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest, together as together
+from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest
 from typing import Annotated, Any, ClassVar
 
 class Component(Described):

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pneudrive.errors import DescriptionError, together
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 class WrongValueError(DescriptionError):
@@ -27,7 +32,9 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
     return error
 
 
-def within(error: DescriptionError, name: str, above: str = "") -> DescriptionError:
+def within(
+    error: DescriptionError, name: str, above: str = "", written: Callable[[str], str] = str
+) -> DescriptionError:
     """Return errors of a table as errors of the table that contains it.
 
     Parameters
@@ -38,10 +45,12 @@ def within(error: DescriptionError, name: str, above: str = "") -> DescriptionEr
         Key of the table, and its name in messages.
     above : str
         Prefix of the key, but not of the message: a table that messages need not name.
+    written : callable
+        Key of an error -> key as the user wrote it.
     """
     out = []
     for one in error.each():
         key = getattr(one, "key", None) or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        out.append(wrong(f"{above}{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+        out.append(wrong(f"{above}{name}.{written(key)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
     return together(out)

@@ -43,6 +43,8 @@ CANDIDATES = {
     "stribeck lorentzian": sliding.FrictionModel("stribeck", lorentzian=True),
     "stribeck free": sliding.FrictionModel("stribeck", exponent=None),
 }
+#: Names of laws in commands and options -> compared law.
+NAMES = {"stribeck": "stribeck gaussian"} | {name: name for name in CANDIDATES}
 #: Relative error of a straight line above which it is reported.
 MISSED = 0.2
 #: Error of a curve, as a share of that of the line, below which the line is blamed.
@@ -157,7 +159,8 @@ def select_friction_law(
     friction_map : xarray.Dataset
         As for :func:`fit_friction`.
     laws : sequence of str
-        ``coulomb``, ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``, ``stribeck free``.
+        ``coulomb``, ``stribeck`` or ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``,
+        ``stribeck free``.
     pressure : sequence of str, optional
         Dependences on pressure, each combined with each law. Empty: each law without pressure. By default both, if the
         pressure was varied.
@@ -182,12 +185,12 @@ def select_friction_law(
         A name is unknown, or there are fewer than three conditions to hold out.
     """
     for name in laws:
-        if name not in CANDIDATES:
-            raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, CANDIDATES))
+        if name not in NAMES:
+            raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, NAMES))
     data, *_ = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
-    wanted = [(name, form) for name in laws for form in forms]
+    wanted = [(name, form) for name in dict.fromkeys(NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
     tried = [_compared(name, form, data, folds, loss, probability) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]

@@ -26,7 +26,7 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
@@ -174,13 +174,11 @@ class Identified:
             }
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
-            shared = {
-                other: round(share, CORRELATION_PLACES) for other, share in self.correlations.get(name, {}).items()
-            }
+            shares = self.correlations.get(name, {})
+            shared = {other: round(share, CORRELATION_PLACES) for other, share in shares.items()}
             shared = {other: share for other, share in shared.items() if share}
-            origin |= {"correlation": shared} if shared else {}
-            known = {"fit": self.fit, "file": self.file}
-            out[name] = origin | {key: text for key, text in known.items() if text}
+            known = {"correlation": shared, "fit": self.fit, "file": self.file}
+            out[name] = origin | {key: value for key, value in known.items() if value}
         return out
 
 
@@ -224,6 +222,8 @@ def apply_identified(
     known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
     own = _of_lines(drive)
     known |= own
+    off_bounds = dict(_off_bounds(found, known))
+    found = replace(found, values={**found.values, **off_bounds})
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if name not in known:
@@ -235,7 +235,7 @@ def apply_identified(
             changes.setdefault(table, _both(drive, table))[last] = written  # type: ignore[index]
         else:
             changes[name] = written
-    changes |= _within_limits(found, drive, set(changes))
+    changes |= _within_limits(found, drive, changes)
     if law is None:
         changes |= _assumed(found, drive)
     if beside is not None:
@@ -249,6 +249,17 @@ def apply_identified(
         origins |= replace(found, values=beside.values, intervals=inside, sources=sources).origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
+
+
+def _off_bounds(
+    found: Identified, known: Mapping[str, Quantity | StatedPressure | None]
+) -> Iterator[tuple[str, float]]:
+    """Yield values at a bound that a drive cannot have, such as a force of 0 N, as the least value of their digits."""
+    for name, (low, high) in found.intervals.items():
+        mark = known.get(name)
+        if isinstance(mark, Quantity) and mark.bounds.above is not None and low < high < math.inf:
+            digit = 10.0 ** math.floor(math.log10(ROUNDED_SHARE * (high - low)))
+            yield name, max(found.values[name], mark.bounds.above + digit)
 
 
 def _of_lines(drive: Drive) -> dict[str, Quantity]:
@@ -277,13 +288,15 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
     return {f"friction.{k}": marks[k].show(v) for k, v in assumed_with(drive.friction, changed).items()}
 
 
-def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str | float]:
+def _within_limits(found: Identified, drive: Drive, changed: Mapping[str, Any]) -> dict[str, object]:
     """Set an unidentified force to the identified one if the two contradict each other.
 
     The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
     """
     coulomb, breakaway = "friction.coulomb", "friction.breakaway"
     kept = [name for name in (coulomb, breakaway) if name not in changed]
+    if not kept and units.parse(changed[breakaway], "N") < units.parse(changed[coulomb], "N"):  # by their rounding
+        return {breakaway: changed[coulomb]}
     known = drive.friction.parameters
     if len(kept) != 1 or kept[0].removeprefix("friction.") not in known or "friction.law" in changed:
         return {}

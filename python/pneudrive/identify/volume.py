@@ -221,7 +221,7 @@ def identify_volume(
     stated = [np.zeros(e.noise.size, dtype=bool) for e in problem.experiments]
     attempt = solve(problem, minima[0][1], stated, options, watcher)
     others = _other_minima(attempt.solved, [point for _, point in minima[1:]]) if attempt.converged else []
-    return _result(tank, records, attempt, others, held)
+    return _result(tank, records, attempt, others, held, options.notes)
 
 
 def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
@@ -381,6 +381,7 @@ def _result(
     attempt: search.Attempt,
     others: list[search.Solved],
     held: list[Undetermined],
+    interrupted: list[str],
 ) -> VolumeFit:
     solved = attempt.solved
     problem, at, found = solved.problem, solved.at, solved.information
@@ -405,7 +406,11 @@ def _result(
         covariance=solved.covariance,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=(*_notes(tank, attempt, tau), *_alternatives(others), *applied_note(solved, {u.parameter for u in lost})),
+        notes=(
+            *_notes(tank, attempt, tau, interrupted),
+            *_alternatives(others),
+            *applied_note(solved, {u.parameter for u in lost}),
+        ),
         statistics={
             "samples": float(off.size),
             "rms.pressure": float(np.sqrt(np.mean(off**2))),
@@ -475,12 +480,12 @@ def _alternatives(others: list[search.Solved]) -> list[str]:
     return notes
 
 
-def _notes(tank: Tank, attempt: search.Attempt, tau: float) -> list[str]:
+def _notes(tank: Tank, attempt: search.Attempt, tau: float, interrupted: list[str]) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
     if not attempt.converged:
-        notes.append("the search did not converge, so there are no intervals; give other start values")
+        notes += interrupted or ["the search did not converge, so there are no intervals; give other start values"]
     if tank.volume.start_temperature_k is None:
         notes.append(sentence("notes", "wall_start", kelvin=tank.start_temperature_k))
     if attempt.missed:

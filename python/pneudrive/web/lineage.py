@@ -31,7 +31,7 @@ from pneudrive.friction.friction_map import read_map
 from pneudrive.identify.design import CANDIDATES
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import AnyFit, read_fit
-from pneudrive.identify.static.model import NOT_SLIDING, fingerprint
+from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, fingerprint
 from pneudrive.identify.static.result import FrictionFit, values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
@@ -209,9 +209,9 @@ def _law(fit: FrictionFit) -> str:
     """Return the law that repeats this fit. Empty if some options cannot be expressed, or if the law was reduced."""
     plain = fit.provenance["direction"] == "both" and fit.provenance["robust"]
     plain &= fit.provenance["exclude_flags"] in ([], list(NOT_SLIDING))
-    own = (fit.law, fit.model.exponent, fit.model.lorentzian)
-    named = ((name, (one.law, one.exponent, one.lorentzian)) for name, one in CANDIDATES.items())
-    return next((name for name, law in named if law == own and plain and fit.model.law == fit.law), "")
+    plain &= fit.model.law == fit.law
+    own = FrictionModel(fit.law, fit.model.exponent, lorentzian=fit.model.lorentzian)
+    return next((name for name, law in CANDIDATES.items() if law == own and plain), "")
 
 
 # --- Contents of files, kept until a file changes.

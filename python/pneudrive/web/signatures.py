@@ -194,10 +194,9 @@ def _python(kind: str, values: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     match kind:
         case "fit":
-            law, form = CANDIDATES[values["law"]], values["pressure"]
-            found = {"stribeck_exponent": law.exponent, "stribeck_shape": "lorentzian" if law.lorentzian else None}
-            found |= {} if form == "none" else {"pressure_dependence": True, "pressure": form}
-            return {"options": repr(law.law) + keywords(**found, any_shape=True)}
+            if (form := values["pressure"]) != "none":
+                found = {"pressure_dependence": True, "pressure": form}
+            return {"options": repr(values["law"]) + keywords(**found, any_shape=True)}
         case "size":
             found = {name: values[name] for name in ("least", "most", "draws")}
             found["draws_best"] = DRAWS_BEST_OF * values["draws"]

@@ -45,6 +45,13 @@ def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, make_m
     assert fits == pytest.approx(float(fit.predict(v).friction_n), rel=2e-2)
 
 
+def test_a_force_that_no_law_can_have_becomes_the_least_one_of_its_digits(drive, make_map):
+    friction = 80.0 * SPEED + 5.0 * np.exp(-((SPEED / 0.02) ** 2))
+    fit = fit_friction(make_map(SPEED, friction + 0.3 * np.random.default_rng(3).standard_normal(20), 0.3))
+    assert 0.0 <= fit.values["coulomb"] < 1e-9
+    assert 0.0 < fit.apply(drive).friction.parameters["coulomb"] < 1e-2 * fit.intervals["coulomb"][1]
+
+
 def test_determined_parameters_go_over_with_the_digits_that_their_intervals_carry(drive, good):
     changed = good.apply(drive)
     for name, (low, high) in good.intervals.items():

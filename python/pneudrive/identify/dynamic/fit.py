@@ -386,7 +386,7 @@ def solve(
     freedom = measured - problem.size - sum(s.shape[1] for s in point.states)
     solved = search.Solved(problem, point, believed, at, found, max(freedom, 1))
     over = over_noise(solved)
-    missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT}
+    missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
     score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
     return search.Attempt(solved, converged, missed, score, options.segment_s)
 

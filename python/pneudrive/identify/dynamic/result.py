@@ -156,7 +156,7 @@ class DriveFit(Fit):
             The search did not converge; undetermined values keep those of the drive, with what this mixture predicts.
         """
         if not self.converged:
-            warn("the search did not converge: the drive gets the best values so far, without intervals")
+            warn("the search did not reach its end: the drive gets the best values so far, without intervals")
         if self.determined:
             warn_of_mixture(self.notes, set(self.values) - {*self.determined}, same_start=drive in (None, self.start))
         return apply_identified(
@@ -528,7 +528,7 @@ def assembled(
         solved=solved,
         profiler=partial(profile, solved),
     )
-    lost = _lost(fit, intervals, sizes, found.weak)
+    lost = [] if options.interrupted else _lost(fit, intervals, sizes, found.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))

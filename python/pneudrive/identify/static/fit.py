@@ -25,7 +25,7 @@ from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.result import FrictionFit, LawFit
+from pneudrive.identify.static.result import LAWS, FrictionFit, LawFit
 from pneudrive.identify.static.robust import RobustEstimate, estimate
 
 if TYPE_CHECKING:
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
-
-LAWS = ("coulomb", "stribeck")
 
 
 def fit_friction(
@@ -64,7 +62,7 @@ def fit_friction(
     friction_map : xarray.Dataset
         As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units.
     law : str
-        ``coulomb`` (with a viscous part) or ``stribeck``.
+        ``coulomb`` (with a viscous part), ``stribeck``, or the latter with its shape: ``stribeck lorentzian``.
     pressure_dependence : bool
         Whether Coulomb and breakaway force depend on the gauge pressure of each chamber, see `pressure`.
     direction : int or None
@@ -112,19 +110,22 @@ def fit_friction(
     uncertainty, shared by all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods:
     [huber2009], [bates1988], [smyth2004], [paule1982].
     """
+    name, _, shape = law.partition(" ")
+    stribeck_shape = stribeck_shape or shape or None
     known = (
-        (law, LAWS, "sliding law"),
+        (name, LAWS, "sliding law"),
         (pressure, sliding.PRESSURE_FORMS, "dependence on pressure"),
         (loss, LOSSES, "loss"),
+        (stribeck_shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape"),
     )
-    for given, names, what in (*known, (stribeck_shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape")):
+    for given, names, what in known:
         if given not in names:
             raise FitError(f"there is no {what} {given!r}", remedy=nearest(str(given), names))
     if stribeck_exponent is not None and not 0.0 < stribeck_exponent < np.inf:
         raise FitError("the Stribeck exponent must be positive", value=f"stribeck_exponent = {stribeck_exponent}")
     if direction not in (None, 1, -1):
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
-    if law == "coulomb" and stribeck_shape is not None:
+    if name == "coulomb" and stribeck_shape is not None:
         raise FitError.of("identify.no_curve", shape=stribeck_shape)
     fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
     data, notes, provenance = sliding.selected(
@@ -134,7 +135,7 @@ def fit_friction(
     form = pressure if pressure_dependence else None
     lorentzian = stribeck_shape == "lorentzian"
     is_open = stribeck_shape is None if any_shape is None else any_shape
-    wanted = sliding.FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
+    wanted = sliding.FrictionModel(name, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
     options = {"robust": robust, "pressure_dependence": pressure_dependence} | provenance
     used = loss if robust else "linear"
     return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
