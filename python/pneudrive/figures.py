@@ -282,8 +282,7 @@ class Figure:
         Ratios of rows and columns; empty for equal ones.
     legend : str
         "above" for one legend above all panels, "panel" for one in each, "inside" for one above the data of each,
-        "over" for one above each panel, "under" for one below a drawing, "ends" for labels
-        at the ends of lines, or "".
+        "over" for one above each panel, "under" for one below a drawing, or "".
     entries : int
         Most entries of a legend side by side.
     title : str

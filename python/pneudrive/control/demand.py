@@ -107,12 +107,12 @@ class Feasibility(Viewed):
             for name, share, text in shares
         ]
         positions = f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"
-        rows = [ShownValue("positions", "positions", VALUE, positions)]
+        texts = {"positions": positions}
         if self.reference.points_missed_m is not None:
-            missed = f"{1e6 * self.reference.points_missed_m:.3g} um at most"
-            rows.append(ShownValue("points missed by", "points missed by", VALUE, missed))
+            texts["points missed by"] = f"{1e6 * self.reference.points_missed_m:.3g} um at most"
         if self.left_out:
-            rows.append(ShownValue("left out", "left out", VALUE, ", ".join(self.left_out)))
+            texts["left out"] = ", ".join(self.left_out)
+        rows = [ShownValue(name, name, VALUE, text) for name, text in texts.items()]
         state: State = "good" if self.is_feasible else "bad"
         return View(
             self.reference.text,

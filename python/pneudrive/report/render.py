@@ -25,7 +25,7 @@ PICTURES = (".png", ".svg", ".pdf")
 TINT = 0.15  # opacity of a band in the colour of its curve
 WIDE = 3.0  # ratio of values beyond which an axis of scale "wide" is logarithmic
 FAR_APART = 20.0  # ratio of the largest values of two lines beyond which an axis of scale "far" is logarithmic
-LABEL_IN = 0.13  # least distance of labels at the ends of lines
+NAME_IN = 0.09  # least distance of the names of points
 
 
 def draw_figure(
@@ -129,6 +129,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
             group = {(side, other) for other in getattr(axis, f"get_shared_{side}_axes")().get_siblings(axis)}
             _limit(axis, side, own, is_first=not group & done)
             done |= group
+        _spread_names(axis, panel, figure.row_in)
     handles: dict[str, Any] = {}
     for (axis, panel), own in zip(drawn_panels, labels, strict=True):
         handles |= _legend(axis, own, figure, figure.legend if panel.legend is None else panel.legend)
@@ -248,26 +249,19 @@ def _legend(axis: Axes, handles: dict[str, Any], figure: figures.Figure, how: st
         axis.legend(list(handles.values()), list(handles), ncols=entries, **place, **size)
     elif how == "under" and handles:  # below a drawing
         axis.legend(list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=entries)
-    elif how == "ends":
-        _label_ends(axis, handles, figure)
     return handles if how == "above" else {}
 
 
-def _label_ends(axis: Axes, handles: dict[str, Any], figure: figures.Figure) -> None:
-    """Write labels at the right ends of lines, apart from each other."""
+def _spread_names(axis: Axes, panel: figures.Panel, row_in: float) -> None:
+    """Move the names of points upwards so that they do not touch each other."""
+    is_named = any(isinstance(mark, Markers) and mark.names for mark in panel.marks)
+    names: list[Any] = [text for text in axis.texts if is_named and text.get_text()]
     low, high = axis.get_ylim()
-    lines = {label: line for label, line in handles.items() if hasattr(line, "get_ydata") and len(line.get_ydata())}
-    places = {label: (float(line.get_ydata()[-1]) - low) / (high - low) for label, line in lines.items()}
-    lowest, distance = -1.0, LABEL_IN / figure.row_in
-    for label in sorted(places, key=lambda label: places[label]):
-        lowest = max(places[label], lowest + distance)
-        axis.annotate(
-            *(label, (1.01, lowest)),
-            xycoords="axes fraction",
-            va="center",
-            color=lines[label].get_color(),
-            fontsize=style.LEGEND_PT * figure.text_scale,
-        )
+    lowest = -1.0
+    for name in sorted(names, key=lambda name: name.xy[1]):
+        height = (name.xy[1] - low) / (high - low)
+        lowest = max(height, lowest + NAME_IN / row_in)
+        name.set_position((3.5, 2.5 + 72.0 * row_in * (lowest - height)))
 
 
 def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> None:

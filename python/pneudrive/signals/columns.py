@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _TABLES = package_table(__file__, "columns.toml")
 LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
 #: How a pressure says that it counts from ambient, or from vacuum.
-_SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")
+_SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|relative?|ü|a|abs|absolute?)\.?\)?\.?")
 _BRACKETS = re.compile(r"[\[(<{]([^\[\](){}<>]+)[\])>}]")
 _MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 

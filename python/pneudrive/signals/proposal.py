@@ -33,6 +33,8 @@ MOST_TAGS = 100  # different texts that name the channels of a table with one ro
 MOST_NAMED = 8  # columns in a message
 #: Names of absolute pressures: p_abs, psia, bara.
 ABSOLUTE = re.compile(r"abs|(?:psi|bar|pa)a\b", re.IGNORECASE)
+#: Names of gauge pressures: p_rel, Druck relativ, Überdruck.
+GAUGE = re.compile(r"(?<![a-z])rel(?![a-z])|relativ|gau?ge|[uü]e?berdruck", re.IGNORECASE)
 TEMPLATE = Path(__file__).with_name("layout.toml.j2")
 #: Ranges of electrical signals that command a valve, in V or mA.
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
@@ -226,7 +228,8 @@ def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
     if guess.role.startswith("pressure"):
         is_gauge = guess.gauge
         if is_gauge is None:
-            is_gauge, note = not (unit == "Pa" or ABSOLUTE.search(str(guess.column))), "; gauge or abs is a guess"
+            is_gauge, note = GAUGE.search(str(guess.column)) is not None, "; gauge or abs is a guess"
+            is_gauge |= unit != "Pa" and not ABSOLUTE.search(str(guess.column))
         unit += " gauge" if is_gauge else " abs"
     extra = f', positive = "{sign}"' if guess.role == "force" else ""
     return f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra}{keys} }}  # guess: {guess.reason}{note}'

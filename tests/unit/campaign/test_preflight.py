@@ -51,7 +51,7 @@ BROKEN = {
         SWEEP + BOTH,
         {"force_n": 60.0},
         {"area_b_m2": 2.9e-4},
-        ["40 N difference", "at most 60 N"],
+        ["40 N difference", "at most 60 N", "chamber a closer to 0.592 times that of chamber b"],
     ),
     "force, incline": (SWEEP, {"force_n": 27.0}, {"incline_rad": 1.5707}, ["7.85 N weight of the moving parts"]),
     "force, known weight": (

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
-from pneudrive.figures import Figure, Line, Panel
+from pneudrive.figures import Figure, Line, Markers, Panel
 from pneudrive.friction import level
 from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
 from pneudrive.friction.sentences import flag_table
@@ -30,8 +30,11 @@ def run():
 
 def test_the_mark_of_synthetic_data_is_free_of_the_legend():
     marks = [Line([0.0, 1.0], [0.0, level], f"a curve with a long label, {level}") for level in range(8)]
-    made = draw_figure(Figure([Panel(marks)]), synthetic=True)
+    points = [Markers([1.0], [level], names=("2 bar",)) for level in (3.0, 3.01, 3.02)]
+    made = draw_figure(Figure([Panel([*marks, *points])]), synthetic=True)
     FigureCanvasAgg(made).draw()
+    lower, middle, upper = (name.get_window_extent() for name in made.axes[0].texts)
+    assert not any(middle.overlaps(other) for other in (lower, upper))  # nor do names of points touch each other
     mark, (legend,) = next(t for t in made.texts if "synthetic" in t.get_text()), made.legends
     assert not any(text.get_window_extent().overlaps(mark.get_window_extent()) for text in legend.get_texts())
 

@@ -246,10 +246,11 @@ def test_a_pressure_alone_is_a_fixed_volume(tmp_path):
     (tmp_path / "leak.csv").write_text("\n".join(rows))
     proposal = propose_layout(tmp_path / "leak.csv")
     assert "the unit of the time is not stated (s or ms or us): state it" in proposal.problem
-    (tmp_path / "leak.csv").write_text("\n".join(["t [ms];U [V];p [barg]", *rows]))
-    proposal = propose_layout(tmp_path / "leak.csv")
-    assert (proposal.kind, proposal.problem) == ("fixed-volume", "")
-    assert 'pressure = { column = "p [barg]", unit = "bar gauge" }' in proposal.text
+    for name, unit in {"p [barg]": "bar", "Druck relativ [Pa]": "Pa", "p [bar (rel.)]": "bar"}.items():
+        (tmp_path / "leak.csv").write_text("\n".join([f"t [ms];U [V];{name}", *rows]))
+        proposal = propose_layout(tmp_path / "leak.csv")
+        assert (proposal.kind, proposal.problem) == ("fixed-volume", "")
+        assert f'pressure = {{ column = "{name}", unit = "{unit} gauge" }}' in proposal.text
     assert write_layout_figure(proposal, tmp_path / "a.png").stat().st_size > 1000
 
 

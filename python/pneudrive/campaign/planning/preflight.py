@@ -30,7 +30,6 @@ SAME_PRESSURE_PA = 0.1
 SHOWN = 5
 #: Remedy for the largest contribution to a force.
 LESS_FORCE = {
-    "difference of the pressure forces": "Bring the pressures of the chambers closer together.",
     "inertia": "Lower the speed.",
     "known weight": "Take a smaller weight.",
 }
@@ -120,6 +119,14 @@ class Allowed:
         """Return the pressure force in +x, N."""
         rig, ambient = self.plan.identity, self.plan.identity.ambient_pressure_pa
         return (cycle.pressure_a_pa - ambient) * rig.area_a_m2 - (cycle.pressure_b_pa - ambient) * rig.area_b_m2
+
+    @property
+    def balance(self) -> str:
+        """Remedy of a difference of the pressure forces; equal pressures balance only equal areas."""
+        ratio = self.plan.identity.area_b_m2 / self.plan.identity.area_a_m2
+        if math.isclose(ratio, 1.0):
+            return "Bring the pressures of the chambers closer together"
+        return f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
 
     @property
     def weight_n(self) -> float:
@@ -213,14 +220,15 @@ def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
     holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
         limit = f"only friction holds a released axis, with at most {holds:.3g} N"
-        remedy = 'Take equal pressures, or [stop] axis = "held"; do not release an inclined rig for its tare.'
+        remedy = f'{allowed.balance}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
         yield "release", f"pressure and weight push with {push:.3g} N; {limit}", remedy
     parts = allowed.forces_n(cycle)
     total = sum(parts.values())
     if total > allowed.envelope.force_n * (1.0 + ROUNDING):
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
         largest = max(parts, key=lambda name: parts[name])
-        remedy = LESS_FORCE.get(largest, "Use a rig whose force sensor has a greater range.")
+        less = LESS_FORCE | {"difference of the pressure forces": f"{allowed.balance}."}
+        remedy = less.get(largest, "Use a rig whose force sensor has a greater range.")
         yield "force", f"{total:.4g} N ({shown}); at most {allowed.envelope.force_n:.4g} N", remedy
 
 
