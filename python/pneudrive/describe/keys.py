@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from pneudrive.errors import DescriptionError, together
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 class WrongValueError(DescriptionError):
@@ -32,9 +29,7 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
     return error
 
 
-def within(
-    error: DescriptionError, name: str, above: str = "", written: Callable[[str], str] = str
-) -> DescriptionError:
+def within(error: DescriptionError, name: str, above: str = "", written: Any = str) -> DescriptionError:  # noqa: ANN401
     """Return errors of a table as errors of the table that contains it.
 
     Parameters

@@ -6,7 +6,6 @@ Every bound uses the favourable end of each spread, so a removed choice fails in
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -217,7 +216,7 @@ def _is_possible(
     changed = task.model_copy(update=dict(change))
     own = SafeBounds(changed, (), bounds.tubes)
     rest = [[one for one in found[slot] if own.part(one) is None] for slot in ("valve", "tube", "flow_control")]
-    valve, tube, control = (max(parts, key=partial(_width, bounds), default=None) for parts in rest)
+    valve, tube, control = (max(parts, key=lambda part: _width(bounds, part), default=None) for parts in rest)
     if valve is None or tube is None or control is None:
         return False
     return any(

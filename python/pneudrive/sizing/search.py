@@ -7,7 +7,6 @@ parts, so an interrupted search resumes with the missing choices.
 
 from __future__ import annotations
 
-from collections import Counter
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -204,9 +203,9 @@ class Search:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
         last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
-        counts = Counter[str]()
+        counts: dict[str, int] = {}
         for one in self.dropped:
-            counts[one.limit] += one.choices
+            counts[one.limit] = counts.get(one.limit, 0) + one.choices
         left = self.pruning.enumerated - sum(counts.values())
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
