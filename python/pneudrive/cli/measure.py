@@ -23,7 +23,6 @@ with used_later(__name__):
     from pneudrive.campaign.storage import folder as folders
     from pneudrive.friction import characterisation, friction_map, strokes
     from pneudrive.friction.campaign import characteristics, files
-    from pneudrive.identify import design as law_choice
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
@@ -124,7 +123,7 @@ def characterise(
     pneudrive characterise my-campaign --out results
     """
     choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)()
-    law = one_of("--law", law, law_choice.NAMES).removesuffix(" gaussian")
+    law = one_of("--law", law, static_fits.NAMES).removesuffix(" gaussian")
     recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
         _characterise_campaign(recordings, layout, out, choice, law)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pneudrive.errors import DescriptionError, together
 
 
@@ -29,7 +27,7 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
     return error
 
 
-def within(error: DescriptionError, name: str, above: str = "", written: Any = str) -> DescriptionError:  # noqa: ANN401
+def within(error: DescriptionError, name: str, above: str = "", written=None) -> DescriptionError:  # noqa: ANN001
     """Return errors of a table as errors of the table that contains it.
 
     Parameters
@@ -47,5 +45,6 @@ def within(error: DescriptionError, name: str, above: str = "", written: Any = s
     for one in error.each():
         key = getattr(one, "key", None) or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        out.append(wrong(f"{above}{name}.{written(key)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+        key = written(key) if written else key
+        out.append(wrong(f"{above}{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
     return together(out)

@@ -15,7 +15,7 @@ from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
-from pneudrive.identify.static.fit import assembled, fit_values
+from pneudrive.identify.static.fit import NAMES, assembled, fit_values
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.survey import SPEED_SPAN, pressure_levels, row_labels
 from pneudrive.progress import Watch
@@ -43,8 +43,6 @@ CANDIDATES = {
     "stribeck lorentzian": sliding.FrictionModel("stribeck", lorentzian=True),
     "stribeck free": sliding.FrictionModel("stribeck", exponent=None),
 }
-#: Names of laws in commands and options -> compared law.
-NAMES = {"stribeck": "stribeck gaussian"} | {name: name for name in CANDIDATES}
 #: Relative error of a straight line above which it is reported.
 MISSED = 0.2
 #: Error of a curve, as a share of that of the line, below which the line is blamed.

@@ -38,6 +38,13 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
 
+#: Names of laws in commands and options -> law with its shape.
+NAMES = {
+    "coulomb": "coulomb",
+    "stribeck": "stribeck gaussian",
+}
+NAMES |= {f"stribeck {shape}": f"stribeck {shape}" for shape in sliding.STRIBECK_SHAPES}
+
 
 def fit_friction(
     friction_map: xr.Dataset,
