@@ -157,8 +157,8 @@ impl<R: Lane> Circuit<R> {
             }
             return true;
         }
-        if is_open {
-            self.widen(index);
+        if let (true, Some(fused)) = (is_open, &mut self.fused) {
+            fused.open(index, self.parts.restrictions[index].1.gain());
         }
         false
     }
@@ -234,14 +234,6 @@ impl<R: Lane> Circuit<R> {
     fn connect(&mut self) {
         if let Some(fused) = &mut self.fused {
             fused.connect(&self.open, &self.parts);
-        }
-    }
-
-    /// Copies the opening of a restriction.
-    #[inline(always)]
-    fn widen(&mut self, restriction: usize) {
-        if let Some(fused) = &mut self.fused {
-            fused.open(restriction, self.parts.restrictions[restriction].1.gain());
         }
     }
 

@@ -1,7 +1,6 @@
 //! Two numbers side by side. Computations that both sides of a piston share are done once.
 
 use crate::real::{Real, functions};
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Two numbers. Every operation acts on each number, so the bits agree. Over `f64`, the compiler makes one vector
 /// instruction of both.
@@ -17,32 +16,13 @@ impl<R: Copy> Both<R> {
     }
 }
 
-macro_rules! operators {
-    ($($trait:ident $method:ident $op:tt;)*) => {$(
-        impl<R: Real> $trait for Both<R> {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, o: Self) -> Self {
-                Both([self.0[0] $op o.0[0], self.0[1] $op o.0[1]])
-            }
-        }
-    )*};
-}
-
-operators! {
-    Add add +;
-    Sub sub -;
-    Mul mul *;
-    Div div /;
-}
-crate::assign_operators!([R: Real] Both<R>);
-
-impl<R: Real> Neg for Both<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        self.map(R::neg)
-    }
+crate::operators! {
+    [R: Real] Both<R>, |a, b|
+    +: Both([a.0[0] + b.0[0], a.0[1] + b.0[1]]),
+    -: Both([a.0[0] - b.0[0], a.0[1] - b.0[1]]),
+    *: Both([a.0[0] * b.0[0], a.0[1] * b.0[1]]),
+    /: Both([a.0[0] / b.0[0], a.0[1] / b.0[1]]),
+    neg: a.map(R::neg),
 }
 
 impl<R: Real> Both<R> {

@@ -2,7 +2,6 @@
 
 use crate::dual::Dual;
 use crate::real::{Over, Real, functions};
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A set of some of the states. One run of a right-hand side with such sets gives the columns of the Jacobian's
 /// pattern. Both sides of a `select` count, so that the pattern holds for every value and mode.
@@ -40,27 +39,8 @@ impl<const N: usize> From<Dual<f64, N>> for Deps {
     }
 }
 
-macro_rules! union_operator {
-    ($($trait:ident $method:ident),*) => {$(
-        impl $trait for Deps {
-            type Output = Self;
-            // The set of a product is the union: the operator has no influence here.
-            #[allow(clippy::suspicious_arithmetic_impl)]
-            fn $method(self, other: Self) -> Self {
-                self.union(other)
-            }
-        }
-    )*};
-}
-union_operator!(Add add, Sub sub, Mul mul, Div div);
-
-crate::assign_operators!([] Deps);
-
-impl Neg for Deps {
-    type Output = Self;
-    fn neg(self) -> Self {
-        self
-    }
+crate::operators! {
+    [] Deps, |a, b| +: a.union(b), -: a.union(b), *: a.union(b), /: a.union(b), neg: a
 }
 
 impl Over<f64> for Deps {}

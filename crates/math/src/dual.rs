@@ -1,7 +1,6 @@
 //! Forward-mode automatic differentiation.
 
 use crate::real::{Function, Lane, MOST_ARGUMENTS, MOST_RESULTS, Map, Over, Real};
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives. It works over any `Real`, so
 /// that lanes can have derivatives and derivatives can have lanes.
@@ -53,51 +52,18 @@ impl<R: Real, const N: usize> From<R> for Dual<R, N> {
     }
 }
 
-impl<R: Real, const N: usize> Add for Dual<R, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, o: Self) -> Self {
-        once!(self.with(self.re + o.re, |i, eps| eps + o.eps[i]))
-    }
+crate::operators! {
+    [R: Real, const N: usize] Dual<R, N>, |a, b|
+    +: once!(a.with(a.re + b.re, |i, eps| eps + b.eps[i])),
+    -: once!(a.with(a.re - b.re, |i, eps| eps - b.eps[i])),
+    *: once!(a.with(a.re * b.re, |i, eps| eps.fma(b.re, a.re * b.eps[i]))),
+    /: once!({
+        let re = a.re / b.re;
+        let inverse = R::one() / b.re;
+        a.with(re, |i, eps| (eps - re * b.eps[i]) * inverse)
+    }),
+    neg: once!(a.with(-a.re, |_, eps| -eps)),
 }
-
-impl<R: Real, const N: usize> Sub for Dual<R, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, o: Self) -> Self {
-        once!(self.with(self.re - o.re, |i, eps| eps - o.eps[i]))
-    }
-}
-
-impl<R: Real, const N: usize> Mul for Dual<R, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, o: Self) -> Self {
-        once!(self.with(self.re * o.re, |i, eps| eps.fma(o.re, self.re * o.eps[i])))
-    }
-}
-
-impl<R: Real, const N: usize> Div for Dual<R, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, o: Self) -> Self {
-        once!({
-            let re = self.re / o.re;
-            let inverse = R::one() / o.re;
-            self.with(re, |i, eps| (eps - re * o.eps[i]) * inverse)
-        })
-    }
-}
-
-impl<R: Real, const N: usize> Neg for Dual<R, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        once!(self.with(-self.re, |_, eps| -eps))
-    }
-}
-
-crate::assign_operators!([R: Real, const N: usize] Dual<R, N>);
 
 impl<R: Real, const N: usize> Real for Dual<R, N> {
     type Mask = R::Mask;

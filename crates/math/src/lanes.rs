@@ -3,39 +3,19 @@
 use crate::elementary;
 use crate::real::{Lane, Real, functions};
 use std::array::from_fn;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `N` independent numbers. Every operation is that of `f64`, lane by lane, so the bits agree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(32))]
 pub struct Lanes<const N: usize>(pub [f64; N]);
 
-macro_rules! lane_operator {
-    ($($trait:ident $method:ident $op:tt;)*) => {$(
-        impl<const N: usize> $trait for Lanes<N> {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Lanes(from_fn(|i| self.0[i] $op other.0[i]))
-            }
-        }
-    )*};
-}
-
-lane_operator! {
-    Add add +;
-    Sub sub -;
-    Mul mul *;
-    Div div /;
-}
-crate::assign_operators!([const N: usize] Lanes<N>);
-
-impl<const N: usize> Neg for Lanes<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Lanes(from_fn(|i| -self.0[i]))
-    }
+crate::operators! {
+    [const N: usize] Lanes<N>, |a, b|
+    +: Lanes(from_fn(|i| a.0[i] + b.0[i])),
+    -: Lanes(from_fn(|i| a.0[i] - b.0[i])),
+    *: Lanes(from_fn(|i| a.0[i] * b.0[i])),
+    /: Lanes(from_fn(|i| a.0[i] / b.0[i])),
+    neg: Lanes(from_fn(|i| -a.0[i])),
 }
 
 impl<const N: usize> Lanes<N> {

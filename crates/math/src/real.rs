@@ -245,12 +245,6 @@ pub trait Lane: Real + From<Self::Plain> {
         }
         out
     }
-
-    /// Returns one number from a field of each lane's struct. The argument is a function, not a closure of any type, so
-    /// that it is compiled once for each struct and not for each field.
-    fn of_each<T>(each: &[&T], number: fn(&T) -> f64) -> Self {
-        Self::from_lanes(|lane| number(each[lane]))
-    }
 }
 
 /// Inside `impl Real`: functions of one number, by the functions of a module or a type, of the number or of each of
@@ -276,26 +270,56 @@ macro_rules! functions {
 }
 pub(crate) use functions;
 
+/// Implements an operator of a type, from the result for `a` and `b`.
+#[macro_export]
+macro_rules! operator {
+    ([$($generics:tt)*] $name:ty, |$a:ident, $b:ident| $trait:ident $method:ident $result:expr) => {
+        impl<$($generics)*> std::ops::$trait for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, $b: Self) -> Self {
+                let $a = self;
+                $result
+            }
+        }
+    };
+}
+
+/// Implements the operators of a number type, from the results for `a` and `b`, and for `a` alone.
+#[macro_export]
+macro_rules! operators {
+    ([$($generics:tt)*] $name:ty, |$a:ident, $b:ident|
+        +: $add:expr, -: $sub:expr, *: $mul:expr, /: $div:expr, neg: $neg:expr $(,)?) => {
+        $crate::operator!([$($generics)*] $name, |$a, $b| Add add $add);
+        $crate::operator!([$($generics)*] $name, |$a, $b| Sub sub $sub);
+        $crate::operator!([$($generics)*] $name, |$a, $b| Mul mul $mul);
+        $crate::operator!([$($generics)*] $name, |$a, $b| Div div $div);
+        $crate::assign_operators!([$($generics)*] $name);
+
+        impl<$($generics)*> std::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                let $a = self;
+                $neg
+            }
+        }
+    };
+}
+
 /// Implements `+=`, `-=` and `*=` of a number type by its operators `+`, `-` and `*`.
 #[macro_export]
 macro_rules! assign_operators {
     ([$($generics:tt)*] $name:ty) => {
-        impl<$($generics)*> std::ops::AddAssign for $name {
+        $crate::assign_operators!(@each [$($generics)*] $name, AddAssign add_assign +);
+        $crate::assign_operators!(@each [$($generics)*] $name, SubAssign sub_assign -);
+        $crate::assign_operators!(@each [$($generics)*] $name, MulAssign mul_assign *);
+    };
+    (@each [$($generics:tt)*] $name:ty, $trait:ident $method:ident $operator:tt) => {
+        impl<$($generics)*> std::ops::$trait for $name {
             #[inline(always)]
-            fn add_assign(&mut self, other: Self) {
-                *self = *self + other;
-            }
-        }
-        impl<$($generics)*> std::ops::SubAssign for $name {
-            #[inline(always)]
-            fn sub_assign(&mut self, other: Self) {
-                *self = *self - other;
-            }
-        }
-        impl<$($generics)*> std::ops::MulAssign for $name {
-            #[inline(always)]
-            fn mul_assign(&mut self, other: Self) {
-                *self = *self * other;
+            fn $method(&mut self, other: Self) {
+                *self = *self $operator other;
             }
         }
     };

@@ -10,7 +10,6 @@
 use crate::elementary::{self, Bits};
 use crate::real::{Lane, Real, Task, Work, functions};
 use core::arch::x86_64::*;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 macro_rules! register {
     (
@@ -25,15 +24,13 @@ macro_rules! register {
         #[derive(Clone, Copy, Debug)]
         pub struct $name($register);
 
-        register!(@operators $name: Add add $add, Sub sub $sub, Mul mul $mul, Div div $div,);
-        $crate::assign_operators!([] $name);
-
-        impl Neg for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                $name(unsafe { $xor(self.0, $set(-0.0)) })
-            }
+        $crate::operators! {
+            [] $name, |a, b|
+            +: $name(unsafe { $add(a.0, b.0) }),
+            -: $name(unsafe { $sub(a.0, b.0) }),
+            *: $name(unsafe { $mul(a.0, b.0) }),
+            /: $name(unsafe { $div(a.0, b.0) }),
+            neg: $name(unsafe { $xor(a.0, $set(-0.0)) }),
         }
 
         impl From<[f64; $n]> for $name {
@@ -161,15 +158,6 @@ macro_rules! register {
             }
         }
     };
-    (@operators $name:ident: $($trait:ident $method:ident $intrinsic:ident,)*) => {$(
-        impl $trait for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                $name(unsafe { $intrinsic(self.0, other.0) })
-            }
-        }
-    )*};
 }
 
 register! {

@@ -240,10 +240,12 @@ impl PyCircuit {
         rtol: f64,
     ) -> PyResult<Table<'py>> {
         let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
-        let options = options(rtol, duration, commands, self.network.assembly().circuit.n_states(), None);
+        let n = self.network.assembly().circuit.n_states();
+        let options = options(rtol, duration, commands, n, None);
         let session = self.network.planned(&plans, duration, &start, options).map_err(to_python)?;
         let rows = detached(py, |interrupted| Driven::states(session, (duration, sample_rate), interrupted))?;
-        self.table(py, rows)
+        let samples = rows.len() / n;
+        PyArray1::from_vec(py, rows).reshape([samples, n])
     }
 
     /// Runs from a start under plans: an input, times and the values from each of them on.
@@ -284,15 +286,7 @@ impl PyCircuit {
     }
 }
 
-impl PyCircuit {
-    /// Circuits of one topology with different numbers.
-    fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
-        let n = self.network.assembly().circuit.n_states();
-        let samples = rows.len() / n;
-        PyArray1::from_vec(py, rows).reshape([samples, n])
-    }
-}
-
+/// Circuits of one topology with different numbers.
 #[pyclass(name = "Members", frozen)]
 pub struct PyMembers {
     template: Assembly,

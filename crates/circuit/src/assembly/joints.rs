@@ -48,7 +48,6 @@ pub(super) struct Wiring<'a, P> {
     /// The node at each port of each component.
     pub nodes: Vec<Vec<Node>>,
     pub around: Option<GasId>,
-    pub joint_volumes: Vec<(String, P)>,
     pub chains: Vec<Chain>,
     /// Whether joints exchange heat by law: some component does.
     pub has_heat_law: bool,
@@ -207,7 +206,7 @@ where
                 let node = self.build.volume(vessel);
                 let name = own_name.unwrap_or_else(|| {
                     let name = self.name(joint.ports[0]);
-                    self.joint_volumes.push((name.clone(), dead_volume));
+                    self.build.joint_volumes.push((name.clone(), dead_volume));
                     name
                 });
                 self.build.gas_starts(node, &name);
@@ -219,12 +218,11 @@ where
 
     /// Returns what the components bring to a joint of masses.
     fn body(&self, joint: &Joint) -> Result<Body<'a, P>, Error> {
-        let (mut mass, force, incline, friction) = (None::<P>, P::zero(), None, None);
         let mut body = Body {
-            mass: None,
-            force,
-            incline,
-            friction,
+            mass: None::<P>,
+            force: P::zero(),
+            incline: None,
+            friction: None,
             name: "",
             driven: false,
             load: "",
@@ -236,7 +234,7 @@ where
             let mut moves = false;
             match bring(&self.each[component], port, self.build.ambient[1]) {
                 Brings::Mass { mass: own, incline, force, friction } => {
-                    mass = Some(mass.map_or(own, |sum| sum + own));
+                    body.mass = Some(body.mass.map_or(own, |sum| sum + own));
                     body.force += force;
                     body.load = one;
                     if incline.is_some() {
@@ -268,7 +266,7 @@ where
                 body.name = one;
             }
         }
-        Ok(Body { mass, ..body })
+        Ok(body)
     }
 
     fn axis(&mut self, joint: &Joint) -> Result<AxisId, Error> {

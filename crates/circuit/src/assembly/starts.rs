@@ -49,7 +49,7 @@ impl Assembly {
                 Starting::Inner(_) => 0,
             };
             if let Starting::Axis(axis) = starting {
-                axes.push((axis.index(), &names[0], [rest[0], rest[1]]));
+                axes.push((axis.0, &names[0], [rest[0], rest[1]]));
             }
             rest = &rest[count..];
         }

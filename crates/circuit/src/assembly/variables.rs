@@ -130,8 +130,7 @@ impl<P: Lane> Assembly<P> {
             name.rsplit_once('.').map_or("", |(owner, _)| owner)
         }
         let leg = |node: &usize| {
-            let own =
-                starts.iter().find(|(own, _)| matches!(own, Starting::Axis(axis) if axis.index() == *node));
+            let own = starts.iter().find(|(own, _)| matches!(own, Starting::Axis(axis) if axis.0 == *node));
             own.map_or("", |(_, names)| owner(&names[0]))
         };
         columns.iter().zip(quantities).filter_map(move |(column, quantity)| {

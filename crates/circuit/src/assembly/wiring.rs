@@ -35,20 +35,6 @@ fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     ))
 }
 
-/// Joined components as equations.
-pub(super) struct Wired<P> {
-    pub circuit: Circuit<P>,
-    pub pistons: Vec<Piston<P>>,
-    /// Name, meaning, and target.
-    pub inputs: Vec<(String, &'static str, Acts)>,
-    /// Whether the circuit reused the analysis of another circuit of the same parts, which has the names.
-    pub is_like: bool,
-    columns: Vec<(String, Quantity)>,
-    pub starts: Vec<(Starting, Vec<String>)>,
-    /// Gas joints whose volume belongs to no component: the first port, and the volume of its ports, m3.
-    pub joint_volumes: Vec<(String, P)>,
-}
-
 /// Refuses contacts outside the stroke of their piston.
 fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
     for (name, position, axis) in &build.met {
@@ -78,36 +64,23 @@ pub(super) fn wire<P: Lane>(
     (each, joints): (&[Instance<P>], &Joints),
     ledger: bool,
     like: Option<&Circuit<f64>>,
-) -> Result<Wired<P>, Error>
+) -> Result<Build<P>, Error>
 where
     Deps: Over<P>,
 {
     if let Some(other) = like {
-        let Joined { build, .. } = join(gas, is_air, ambient, (each, joints), true)?;
-        let Build { circuit, open, pistons, inputs, .. } = build;
-        if let Some(mut circuit) = circuit.build_like(other) {
-            open.into_iter().for_each(|id| circuit.set_input(id, 0, P::one()));
-            let (columns, starts, joint_volumes) = Default::default();
-            return Ok(Wired { circuit, pistons, inputs, is_like: true, columns, starts, joint_volumes });
+        let build = join(gas, is_air, ambient, (each, joints), true)?;
+        if let Some(circuit) = build.circuit.build_like(other) {
+            return Ok(Build { circuit, ..build }.with_passages());
         }
     }
     if !P::GENERAL {
         return refuse("these numbers belong to a circuit of another structure");
     }
-    let Joined { build, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
+    let build = join(gas, is_air, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;
-    let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
-    let mut circuit = circuit.build(ledger);
-    for id in open {
-        circuit.set_input(id, 0, P::one());
-    }
-    Ok(Wired { circuit, pistons, inputs, is_like: false, columns, starts, joint_volumes })
-}
-
-/// Components with their joints, before they become a system of equations.
-struct Joined<P> {
-    build: Build<P>,
-    joint_volumes: Vec<(String, P)>,
+    let circuit = build.circuit.build(ledger);
+    Ok(Build { circuit, ..build }.with_passages())
 }
 
 fn join<P: Lane>(
@@ -116,7 +89,7 @@ fn join<P: Lane>(
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &Joints),
     is_like: bool,
-) -> Result<Joined<P>, Error>
+) -> Result<Build<P>, Error>
 where
     Deps: Over<P>,
 {
@@ -124,15 +97,14 @@ where
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
     let chains = joints.chains(each);
     let has_heat_law = each.iter().any(Instance::has_heat_law);
-    let mut wiring =
-        Wiring { each, build, nodes, around: None, joint_volumes: Vec::new(), chains, has_heat_law };
+    let mut wiring = Wiring { each, build, nodes, around: None, chains, has_heat_law };
     for joint in &joints.each {
         let is_merged = |port| wiring.chains.iter().any(|chain| chain.is_inside(port));
         if !joint.ports.first().copied().is_some_and(is_merged) {
             wiring.join(joint)?;
         }
     }
-    let Wiring { mut build, nodes, joint_volumes, chains, .. } = wiring;
+    let Wiring { mut build, nodes, chains, .. } = wiring;
     // The ends of a cylinder depend on the components joined to it, and a platform on its couplings.
     let mut order: Vec<usize> = (0..each.len()).collect();
     let guides = |i: usize| each[i].kind().key.starts_with("platform/");
@@ -153,10 +125,18 @@ where
     }
     build.size_walls();
     check_met(&build)?;
-    Ok(Joined { build, joint_volumes })
+    Ok(build)
 }
 
-impl<P: Lane> Wired<P> {
+impl<P: Lane> Build<P> {
+    /// Opens the restrictions that are always open.
+    fn with_passages(mut self) -> Self {
+        for id in &self.open {
+            self.circuit.set_input(*id, 0, P::one());
+        }
+        self
+    }
+
     /// Returns the circuit under the names of a circuit of the same parts, if their analysis was reused.
     pub(super) fn named_like(self, other: &Assembly) -> Assembly<P> {
         if !self.is_like {
@@ -176,7 +156,7 @@ impl<P: Lane> Wired<P> {
 
     /// Returns the circuit under the names of its components.
     pub(super) fn named(self) -> (Assembly<P>, Vec<Piston<P>>) {
-        let Wired { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
+        let Build { circuit, pistons, inputs, mut columns, mut starts, .. } = self;
         let mut timings = Vec::new();
         let settable = |(name, meaning, acts): (String, &'static str, Acts)| {
             let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);

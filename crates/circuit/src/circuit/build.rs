@@ -234,21 +234,6 @@ impl<R: Lane> Circuit<R> {
         self.parts.end_stops.push((Place::default(), part));
     }
 
-    fn stops_of(&mut self, axis: AxisId) -> &mut EndStops<R> {
-        let stops = self.parts.end_stops.iter_mut().find(|(_, stops)| stops.axis == axis.0);
-        &mut stops.expect("an axis with end stops").1
-    }
-
-    /// Sets the design data of the end stops of a cylinder that has end stops.
-    pub(crate) fn stops_follow(&mut self, axis: AxisId, follows: Follows<R>) {
-        self.stops_of(axis).follows = Some(Box::new(follows));
-    }
-
-    /// Sets the covers behind the end stops of a cylinder that has end stops.
-    pub fn covers(&mut self, axis: AxisId, covers: Covers<R>) {
-        self.stops_of(axis).covers = Some(covers);
-    }
-
     /// Adds a spring between an axis and the ground: stiffness, N/m, and the position without force, m.
     pub fn spring(&mut self, axis: AxisId, stiffness: R, rest_position: R) {
         self.parts.springs.push((Place::default(), Spring { stiffness, rest_position, axis: axis.0 }));

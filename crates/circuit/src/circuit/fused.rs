@@ -4,7 +4,7 @@
 
 pub(crate) mod glance;
 
-use crate::ground::{AxisNode, Common, GasId, GasNode};
+use crate::ground::{AxisNode, Common, GasNode};
 use crate::part::flow::restriction::passing;
 use crate::part::gas::volume::wetted;
 use crate::part::{ChamberLaw, Cylinder, Face, Parts, Volume};
@@ -114,7 +114,7 @@ impl<R: Lane> Fused<R> {
         let volume = a.beside(b)?;
         let mut edges = [Vec::new(), Vec::new()];
         for (restriction, (_, part)) in parts.restrictions.iter().enumerate() {
-            let [from, to] = [part.path.from, part.path.to].map(GasId::index);
+            let [from, to] = [part.path.from, part.path.to].map(|id| id.0);
             let chamber = |node: usize| cylinder.volumes.iter().position(|volume| volume.node == node);
             let (side, far, inward) = match (chamber(from), chamber(to)) {
                 (None, Some(side)) => (side, from, true),

@@ -94,7 +94,7 @@ pub struct Build<P> {
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
     /// Volumes whose heat transfer needs a diameter that follows from the paths at them.
-    unsized_walls: Vec<(GasId, WallHeat<P>)>,
+    pub(crate) unsized_walls: Vec<(GasId, WallHeat<P>)>,
     /// Whether names are omitted, because a circuit of the same parts has them.
     pub is_like: bool,
     /// Name, meaning and target.
@@ -103,6 +103,8 @@ pub struct Build<P> {
     pub columns: Vec<(String, Quantity)>,
     /// Groups, each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
+    /// Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3.
+    pub joint_volumes: Vec<(String, P)>,
 }
 
 impl<P: Lane> Build<P> {
@@ -128,6 +130,7 @@ impl<P: Lane> Build<P> {
             inputs: Vec::new(),
             columns: vec![("time_s".into(), Quantity::Time)],
             starts: Vec::new(),
+            joint_volumes: Vec::new(),
         }
     }
 

@@ -117,7 +117,7 @@ impl Component for Force {
         let Some(axis) = at.axis(0) else { return };
         let (formula, values) = valued(own);
         let law = ForceFormula::new(formula, values);
-        let part = build.circuit.add(FormulaForce { command: P::zero(), law, axis: axis.index() });
+        let part = build.circuit.add(FormulaForce { command: P::zero(), law, axis: axis.0 });
         if !own.kind().inputs.is_empty() {
             build.input(own, 0, Acts::On(part.input(0)));
         }

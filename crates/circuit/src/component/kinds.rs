@@ -13,35 +13,16 @@ macro_rules! components {
         /// Every kind of component.
         pub static KINDS: &[&Kind] = &[$(&<$component as Component>::KIND),*];
 
-        pub(crate) fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
-            let mut kind = 0..;
-            $(if own.kind == kind.next().unwrap_or(0) {
-                return <$component as Component>::bring(own, port, ambient_temperature);
-            })*
-            unreachable!("a kind of component")
-        }
-
-        pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
-            let mut kind = 0..;
-            $(if own.kind == kind.next().unwrap_or(0) {
-                return <$component as Component>::series(own);
-            })*
-            unreachable!("a kind of component")
-        }
-
-        pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
-            let mut kind = 0..;
-            $(if own.kind == kind.next().unwrap_or(0) {
-                return <$component as Component>::check(own);
-            })*
-            unreachable!("a kind of component")
-        }
-
-        pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) where Deps: Over<P> {
-            let mut kind = 0..;
-            $(if own.kind == kind.next().unwrap_or(0) {
-                return <$component as Component>::compose(own, at, build);
-            })*
+        /// Evaluates an expression with the kind of a component as a type.
+        macro_rules! with_kind {
+            ($own:expr, $kind:ident => $value:expr) => {{
+                let mut kind = 0..;
+                $(if $own.kind == kind.next().unwrap_or(0) {
+                    type $kind = $component;
+                    return $value;
+                })*
+                unreachable!("a kind of component")
+            }};
         }
     };
 }
@@ -104,6 +85,25 @@ components! {
     mechanics::cylinder::SingleRod,
     mechanics::cylinder::SingleActing,
     mechanics::cylinder::Tandem,
+}
+
+pub(crate) fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+    with_kind!(own, Type => Type::bring(own, port, ambient_temperature))
+}
+
+pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+    with_kind!(own, Type => Type::series(own))
+}
+
+pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
+    with_kind!(own, Type => Type::check(own))
+}
+
+pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
+where
+    Deps: Over<P>,
+{
+    with_kind!(own, Type => Type::compose(own, at, build))
 }
 
 /// Returns the table of the components that a formula makes from a kind, and warnings to the author. `None` if the kind

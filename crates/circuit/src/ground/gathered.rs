@@ -5,18 +5,18 @@
 macro_rules! gathered {
     ($(#[$attribute:meta])* pub struct $name:ident {
         numbers { $($(#[$number_attribute:meta])* $number:ident),* $(,)? }
-        laws { $($law:ident: $law_type:ident),* $(,)? }
-        same { $($(#[$same_attribute:meta])* $same:ident: $same_type:ty),* $(,)? }
+        $(laws { $($law:ident: $law_type:ident),* $(,)? })?
+        $(same { $($(#[$same_attribute:meta])* $same:ident: $same_type:ty),* $(,)? })?
     }) => {
         $(#[$attribute])*
         #[derive(Clone, Debug)]
         pub struct $name<P> {
             $($(#[$number_attribute])* pub $number: P,)*
-            $(pub $law: $law_type<P>,)*
-            $($(#[$same_attribute])* pub $same: $same_type,)*
+            $($(pub $law: $law_type<P>,)*)?
+            $($($(#[$same_attribute])* pub $same: $same_type,)*)?
         }
 
-        math::gather!($name { $($number,)* $($law),* } same { $($same),* });
+        math::gather!($name { $($number,)* $($($law),*)? } $(same { $($same),* })?);
     };
 }
 pub(crate) use gathered;
@@ -36,6 +36,19 @@ macro_rules! inputs {
     };
 }
 pub(crate) use inputs;
+
+/// Inside `impl Part`: the force of the part acts on an axis in +x, and in the other direction on a second axis, if any.
+macro_rules! force_on {
+    ($axis:ident $(, $from:ident)?) => {
+        #[inline(always)]
+        fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+            let force = self.force(net);
+            net.axis[self.$axis].force += force;
+            $(net.axis[self.$from].force -= force;)?
+        }
+    };
+}
+pub(crate) use force_on;
 
 /// Inside `impl Part`: the single flow path of a part.
 macro_rules! one_path {

@@ -7,15 +7,3 @@ pub struct GasId(pub(crate) usize);
 /// An axis of a circuit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AxisId(pub(crate) usize);
-
-impl GasId {
-    pub(crate) fn index(self) -> usize {
-        self.0
-    }
-}
-
-impl AxisId {
-    pub(crate) fn index(self) -> usize {
-        self.0
-    }
-}

@@ -4,41 +4,25 @@ use crate::parameter::{above, within};
 use crate::written::{Formula, Given, OwnFormula, Role};
 use math::{Over, Real};
 
-const PRESSURE: Given = Given { name: "", unit: "Pa", bounds: above(0.0), meaning: "" };
 /// Output and variables of a formula of a mass flow.
 pub const MASS_FLOW: Role = Role {
     output: ("mass_flow", "kg/s"),
     variables: &[
-        Given { name: "p_up", meaning: "pressure upstream, the higher one, absolute", ..PRESSURE },
-        Given { name: "p_down", meaning: "pressure downstream, absolute", ..PRESSURE },
-        Given { name: "t_up", unit: "K", bounds: above(0.0), meaning: "temperature upstream" },
-        Given {
-            name: "opening",
-            unit: "1",
-            bounds: within(0.0, 1.0),
-            meaning: "opening fraction, 0 to 1; a formula that uses it makes a component with a command",
-        },
+        Given::new("p_up", "Pa", above(0.0), "pressure upstream, the higher one, absolute"),
+        Given::new("p_down", "Pa", above(0.0), "pressure downstream, absolute"),
+        Given::new("t_up", "K", above(0.0), "temperature upstream"),
+        Given::new(
+            "opening",
+            "1",
+            within(0.0, 1.0),
+            "opening fraction, 0 to 1; a formula that uses it makes a component with a command",
+        ),
     ],
     constants: &[
-        Given { name: "gas_constant", unit: "J/(kg K)", bounds: above(0.0), meaning: "of the gas" },
-        Given {
-            name: "heat_capacity_ratio",
-            unit: "1",
-            bounds: above(1.0),
-            meaning: "ratio of specific heats of the gas",
-        },
-        Given {
-            name: "rho_0",
-            unit: "kg/m3",
-            bounds: above(0.0),
-            meaning: "density of the reference atmosphere, 1.185 kg/m3",
-        },
-        Given {
-            name: "t_0",
-            unit: "K",
-            bounds: above(0.0),
-            meaning: "temperature of the reference atmosphere, 293.15 K",
-        },
+        Given::new("gas_constant", "J/(kg K)", above(0.0), "of the gas"),
+        Given::new("heat_capacity_ratio", "1", above(1.0), "ratio of specific heats of the gas"),
+        Given::new("rho_0", "kg/m3", above(0.0), "density of the reference atmosphere, 1.185 kg/m3"),
+        Given::new("t_0", "K", above(0.0), "temperature of the reference atmosphere, 293.15 K"),
     ],
 };
 const N: usize = 4;

@@ -6,14 +6,14 @@ use math::{Over, Real};
 pub const FORCE: Role = Role {
     output: ("force", "N"),
     variables: &[
-        Given { name: "x", unit: "m", bounds: any(), meaning: "position" },
-        Given { name: "v", unit: "m/s", bounds: any(), meaning: "velocity" },
-        Given {
-            name: "command",
-            unit: "1",
-            bounds: within(-1.0, 1.0),
-            meaning: "the command, -1 to 1; a formula that uses it makes a component with a command",
-        },
+        Given::new("x", "m", any(), "position"),
+        Given::new("v", "m/s", any(), "velocity"),
+        Given::new(
+            "command",
+            "1",
+            within(-1.0, 1.0),
+            "the command, -1 to 1; a formula that uses it makes a component with a command",
+        ),
     ],
     constants: &[],
 };

@@ -33,6 +33,13 @@ pub struct Role {
     pub constants: &'static [Given],
 }
 
+impl Given {
+    /// A quantity with the values that it may take.
+    pub const fn new(name: &'static str, unit: &'static str, bounds: Bounds, meaning: &'static str) -> Self {
+        Given { name, unit, bounds, meaning }
+    }
+}
+
 impl Serialize for Role {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut out = to.serialize_struct("Role", 3)?;

@@ -21,7 +21,7 @@ pub(in crate::component) fn meets<P: Lane>(
 ) -> Meets<P> {
     let position = own.number("position");
     build.met.push((own.name.clone(), position, axis));
-    Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
+    Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.0 }
 }
 
 /// Newton steps. Each iteration at least halves the distance, and the final convergence is quadratic.

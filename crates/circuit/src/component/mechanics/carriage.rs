@@ -46,7 +46,7 @@ impl Component for CarriageComponent {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let Some(axis) = at.axis(0) else { return };
-        let mut servo = Servo { node: axis.index(), ..Servo::rigid() };
+        let mut servo = Servo { node: axis.0, ..Servo::rigid() };
         if let Some(bandwidth) = own.given("servo_bandwidth") {
             servo = servo.following(P::c(TAU) * bandwidth, own.number("servo_damping_ratio"));
         }

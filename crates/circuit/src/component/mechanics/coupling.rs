@@ -29,7 +29,7 @@ impl Component for CouplingComponent {
         build.coupled.push(([from, to], play));
         let part = if play.get(0) > 0.0 || own.is_free("play") {
             let law = EndStop { stiffness, damping, damping_depth: own.number("damping_depth") };
-            build.circuit.add(Play { play, law, from: from.index(), to: to.index() })
+            build.circuit.add(Play { play, law, from: from.0, to: to.0 })
         } else {
             build.circuit.link(from, to, stiffness, damping)
         };

@@ -1,11 +1,11 @@
 mod chamber;
 mod cushion;
 
-use crate::component::mechanics::end_stop::{EndStopDesign, Ends, ends};
+use crate::component::mechanics::end_stop::{EndStopDesign, ends};
 use crate::component::prelude::*;
 use crate::component::{count, join};
 use crate::ground::{AxisId, GasId};
-use crate::part::{ChamberLaw, PistonSide};
+use crate::part::{ChamberLaw, EndStops, PistonSide};
 use chamber::{chamber_law, dead_volume, vessel};
 use cushion::{CUSHION_A, CUSHION_B, check_cushions, cushion, cushioned, room};
 use physics::flow::{self, LEAK_RATIO};
@@ -176,7 +176,7 @@ fn compose<P: Lane>(
         .iter()
         .filter(|(of, ..)| *of == axis)
         .fold(P::zero(), |sum, (_, k, rest)| sum + *k * rest.abs().max((stroke - *rest).abs()));
-    let (mass, force) = build.masses[axis.index()];
+    let (mass, force) = build.masses[axis.0];
     let ends = ends(&EndStopDesign {
         sides: &sides,
         dead_volumes,
@@ -191,7 +191,8 @@ fn compose<P: Lane>(
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
     let areas = sides.map(|side| side.area);
-    stop(axis, stroke, &ends, build);
+    let (law, covers, follows) = (ends.stop.clone(), ends.covers.clone(), ends.follows.clone().map(Box::new));
+    build.circuit.add(EndStops { law, covers, stroke, axis: axis.0, follows });
     build.pistons.push(Piston { axis, name: own.name.clone(), stroke, ends, areas, dead_volumes });
     let leakage = own.number("leakage");
     if leakage.get(0) != 0.0 || own.is_free("leakage") {
@@ -205,17 +206,6 @@ fn compose<P: Lane>(
         build.wall(own, &gas);
     }
     show(own, &gas, axis, build);
-}
-
-/// Adds the end stops of a cylinder, with the covers behind them.
-fn stop<P: Lane>(axis: AxisId, stroke: P, ends: &Ends<P>, build: &mut Build<P>) {
-    build.circuit.end_stops(axis, ends.stop.clone(), stroke);
-    if let Some(follows) = &ends.follows {
-        build.circuit.stops_follow(axis, follows.clone());
-    }
-    if let Some(covers) = &ends.covers {
-        build.circuit.covers(axis, covers.clone());
-    }
 }
 
 /// Adds the input and the columns of a cylinder with these chambers.

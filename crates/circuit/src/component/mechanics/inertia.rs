@@ -7,7 +7,7 @@ const KIND: Kind = Kind { ports: &[axis("1", false)], ..Kind::PLAIN };
 
 fn moves<P: Lane>(law: Inertia<P>, at: &Terminals, build: &mut Build<P>) {
     let Some(axis) = at.axis(0) else { return };
-    build.masses[axis.index()].0 += law.usual();
+    build.masses[axis.0].0 += law.usual();
     build.circuit.moves(axis, law);
 }
 

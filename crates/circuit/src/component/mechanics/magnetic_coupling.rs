@@ -33,8 +33,8 @@ impl Component for MagneticCoupling {
             pole_pitch: own.number("pole_pitch"),
             damping: own.number("damping"),
             mode: P::zero(),
-            from: from.index(),
-            to: to.index(),
+            from: from.0,
+            to: to.0,
             signal,
         });
         build.columns(own, 0, [Quantity::Force(part), Quantity::Signal(signal)]);

@@ -31,8 +31,7 @@ impl Component for MotorComponent {
         let [velocity, stiffness, damping] = ["velocity", "stiffness", "damping"].map(|key| own.number(key));
         let signals = [(); 3].map(|()| build.circuit.signal());
         let scale = USUAL_FORCE / stiffness.get(0);
-        let part =
-            build.circuit.add(Part { velocity, stiffness, damping, scale, axis: axis.index(), signals });
+        let part = build.circuit.add(Part { velocity, stiffness, damping, scale, axis: axis.0, signals });
         build.input(own, 0, Acts::On(part.input(0)));
         let [_, impulse, work] = signals.map(Quantity::Signal);
         build.columns(own, 0, [Quantity::Force(part), impulse, work]);

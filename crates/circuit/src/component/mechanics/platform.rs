@@ -361,7 +361,7 @@ fn compose<P: Lane>(own: &Instance<P>, kind: MechanismKind, at: &Terminals, buil
     let behind = |axis: &AxisId| {
         let pairs = build.coupled.iter().filter(|(pair, _)| pair.contains(axis));
         let others = pairs.flat_map(|(pair, _)| pair.iter().filter(|other| *other != axis));
-        others.fold(P::zero(), |sum, other| sum + build.masses[other.index()].0)
+        others.fold(P::zero(), |sum, other| sum + build.masses[other.0].0)
     };
     let behind: Vec<P> = axes.iter().map(behind).collect();
     let mut next = 2 * kind.count();
@@ -379,7 +379,7 @@ fn compose<P: Lane>(own: &Instance<P>, kind: MechanismKind, at: &Terminals, buil
             kind,
             legs.iter().zip(&behind).map(|(leg, behind)| leg.mass + *behind).collect(),
         ),
-        nodes: axes.iter().map(|axis| axis.index()).collect(),
+        nodes: axes.iter().map(|axis| axis.0).collect(),
         inner: inner.collect(),
         external: legs.iter().map(|leg| leg.force).collect(),
         moved: inertia.iter().zip(&behind).map(|(inertia, behind)| *inertia - *behind).collect(),

@@ -39,13 +39,13 @@ impl Component for RodLock {
         let Some(axis) = at.axis(0) else { return };
         let shut = armature(own, Drives { has_pulses: false, least: 0.0, stands: true }, build);
         let (holding_force, stiffness) = (own.number("holding_force"), own.number("stiffness"));
-        let (mass, _) = build.masses[axis.index()];
+        let (mass, _) = build.masses[axis.0];
         let damping = own.given("damping").unwrap_or_else(|| (stiffness * mass).sqrt());
         let part = Lock {
             holding_force,
             stiffness,
             damping_time: damping / stiffness,
-            axis: axis.index(),
+            axis: axis.0,
             shut,
             deflection: build.circuit.signal(),
             scale: holding_force.get(0) / stiffness.get(0),

@@ -9,22 +9,14 @@ const SHAPE: Choice = Choice {
     meaning: "Straight lines between the points, or a smooth curve without overshoot",
 };
 
-pub(in crate::component) const POSITION: Parameter =
-    Parameter { key: "position", unit: "m", bounds: physics::any(), default: None, meaning: "Position x" };
+pub(in crate::component) const POSITION: Parameter = column("position", "m", "Position x");
+const FORCE: Parameter = column("force", "N", "Force in +x");
+const VELOCITY: Parameter = column("velocity", "m/s", "Velocity v");
+const TIME: Parameter = column("time", "s", "Time t since the start");
 
-const FORCE: Parameter =
-    Parameter { key: "force", unit: "N", bounds: physics::any(), default: None, meaning: "Force in +x" };
-
-const VELOCITY: Parameter =
-    Parameter { key: "velocity", unit: "m/s", bounds: physics::any(), default: None, meaning: "Velocity v" };
-
-const TIME: Parameter = Parameter {
-    key: "time",
-    unit: "s",
-    bounds: physics::any(),
-    default: None,
-    meaning: "Time t since the start",
-};
+const fn column(key: &'static str, unit: &'static str, meaning: &'static str) -> Parameter {
+    Parameter { key, unit, bounds: physics::any(), default: None, meaning }
+}
 
 const KIND: Kind = Kind {
     sources: &["fritsch1984"],
@@ -54,10 +46,10 @@ macro_rules! force {
                 let curve = curve(own, own.choices[0] == 1);
                 // Largest force, for the design of end stops.
                 let largest = own.points().iter().fold(P::zero(), |most, point| most.max(point[1].abs()));
-                let load = &mut build.masses[axis.index()].1;
+                let load = &mut build.masses[axis.0].1;
                 *load = load.abs() + largest;
                 let time = build.circuit.signal();
-                let part = TableForce { mode: P::zero(), curve, along: $along, axis: axis.index(), time };
+                let part = TableForce { mode: P::zero(), curve, along: $along, axis: axis.0, time };
                 let part = build.circuit.add(part);
                 build.column(own, 0, Quantity::Force(part));
             }

@@ -88,8 +88,8 @@ impl<P: Lane> Part<P> for Series<P> {
             return;
         }
         let [heat, ..] = self.warm(net, flow, common);
-        net.gas[self.path.from.index()].h_dot += S::select(flow.1, heat, S::zero());
-        net.gas[self.path.to.index()].h_dot += S::select(flow.1, S::zero(), heat);
+        net.gas[self.path.from.0].h_dot += S::select(flow.1, heat, S::zero());
+        net.gas[self.path.to.0].h_dot += S::select(flow.1, S::zero(), heat);
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {

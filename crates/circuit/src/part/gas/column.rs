@@ -33,7 +33,6 @@ gathered! {
             /// 1/A, 1/m2.
             per_area,
         }
-        laws {}
         same {
             /// Absolute error scale of the mass flow, kg/s.
             scale: f64,
@@ -123,8 +122,8 @@ impl<P: Lane> Part<P> for Column<P> {
         let rate = self.acceleration(m_dot, specific, net, common);
         let taken = self.kinetic(m_dot, rate, specific, net);
         let (backward, zero) = (m_dot.lt(S::zero()), S::zero());
-        net.gas[self.path.from.index()].h_dot -= S::select(backward, taken, zero);
-        net.gas[self.path.to.index()].h_dot -= S::select(backward, zero, taken);
+        net.gas[self.path.from.0].h_dot -= S::select(backward, taken, zero);
+        net.gas[self.path.to.0].h_dot -= S::select(backward, zero, taken);
         dy.set([rate]);
     }
 

@@ -16,7 +16,6 @@ gathered! {
             /// One while it runs, zero at rest.
             mode,
         }
-        laws {}
         same {
             node: GasId,
             /// Whether the node is a reservoir, so that the delivered gas stays outside the balance.

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Net, Own, Part, gathered};
+use crate::ground::{Common, Net, Own, Part, force_on, gathered};
 use crate::part::mechanics::damper;
 use math::{Lane, Over};
 use physics::mechanics::EndStop;
@@ -38,12 +38,7 @@ impl<P: Lane> Part<P> for Coupling<P> {
         self.law.force(z - half, rate) - self.law.force(-z - half, -rate)
     }
 
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.to].force += force;
-        net.axis[self.from].force -= force;
-    }
+    force_on!(to, from);
 
     damper::springs!(spring_energy);
 

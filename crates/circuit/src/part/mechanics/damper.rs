@@ -56,9 +56,37 @@ impl<P: Lane> Meets<P> {
     pub(crate) fn force<S: Over<P>>(&self, pushes: S) -> S {
         if self.ahead { pushes } else { -pushes }
     }
-
-    /// Applies a force in -x, N, to the mass.
-    pub(crate) fn push<S: Over<P>>(&self, force: S, net: &mut Net<S>) {
-        net.axis[self.axis].force -= force;
-    }
 }
+
+/// Implements `Part` for a part with a contact `meets` that a mass hits, from its restoring force `pushes` at a
+/// penetration and its rate, and from the energy of its springs.
+macro_rules! hit_by_a_mass {
+    ($part:ident) => {
+        impl<P: Lane> Part<P> for $part<P> {
+            fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+                self.meets.force(self.pushes(self.meets.contact(net)))
+            }
+
+            #[inline(always)]
+            fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+                let force = self.force(net);
+                net.axis[self.meets.axis].force -= force;
+            }
+
+            damper::springs!(spring_energy);
+
+            fn account<S: Over<P>>(
+                &self,
+                _y: Own<S>,
+                _dy: Own<S>,
+                net: &Net<S>,
+                common: &Common<P>,
+                out: &mut [S],
+            ) {
+                let contact = self.meets.contact(net);
+                damper::account(self.pushes(contact) * contact.1, common, out);
+            }
+        }
+    };
+}
+pub(crate) use hit_by_a_mass;

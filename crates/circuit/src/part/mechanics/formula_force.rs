@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, Part, gathered, inputs};
+use crate::ground::{Common, Kind, Net, Own, Part, force_on, gathered, inputs};
 use math::{Lane, Over};
 use physics::mechanics::ForceFormula;
 
@@ -20,10 +20,7 @@ impl<P: Lane> Part<P> for FormulaForce<P> {
         self.law.force(axis.x, axis.v, S::from(self.command))
     }
 
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.axis].force += force;
-    }
+    force_on!(axis);
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         vec![("work", Kind::Energy)]

@@ -1,4 +1,5 @@
-use crate::ground::{Common, Kind, Net, Own, Part};
+use crate::ground::{Common, Kind, Net, Own, Part, force_on};
+use crate::part::mechanics::damper;
 use math::{Lane, Over};
 
 physics::parameters! {
@@ -26,12 +27,7 @@ impl<P: Lane> Part<P> for Link<P> {
         S::from(self.stiffness) * (one.x - two.x) + S::from(self.damping) * (one.v - two.v)
     }
 
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.to].force += force;
-        net.axis[self.from].force -= force;
-    }
+    force_on!(to, from);
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         let stretch = net.axis[self.from].x - net.axis[self.to].x;
@@ -39,13 +35,11 @@ impl<P: Lane> Part<P> for Link<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+        damper::CHANNELS.to_vec()
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let speed = net.axis[self.from].v - net.axis[self.to].v;
-        let heat = S::from(self.damping) * speed * speed;
-        out[0] = -heat;
-        out[1] = heat / S::from(common.ambient_temperature);
+        damper::account(S::from(self.damping) * speed * speed, common, out);
     }
 }

@@ -19,7 +19,6 @@ gathered! {
     /// * `T`: time constant of the damping, s.
     pub struct Lock {
         numbers { holding_force, stiffness, damping_time }
-        laws {}
         same {
             axis: usize,
             /// Indices of y and z among the signals.

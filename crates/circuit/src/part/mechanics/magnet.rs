@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, Switching, gathered};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, Switching, force_on, gathered};
 use crate::part::mechanics::damper;
 use math::{Lane, Over};
 use std::f64::consts::PI;
@@ -27,7 +27,6 @@ gathered! {
             /// One while they are decoupled, zero while they are coupled.
             mode,
         }
-        laws {}
         same {
             from: usize,
             to: usize,
@@ -67,12 +66,7 @@ impl<P: Lane> Part<P> for Magnet<P> {
         S::from(P::one() - self.mode) * force
     }
 
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.to].force += force;
-        net.axis[self.from].force -= force;
-    }
+    force_on!(to, from);
 
     fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
         [S::zero(), self.energy(net), S::zero()]

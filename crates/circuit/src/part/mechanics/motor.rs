@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, gathered, inputs};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, force_on, gathered, inputs};
 use math::{Lane, Over};
 
 gathered! {
@@ -13,7 +13,6 @@ gathered! {
     /// * `d`: stretch, m.
     pub struct Motor {
         numbers { velocity, stiffness, damping }
-        laws {}
         same {
             /// Absolute error scale of the stretch, m.
             scale: f64,
@@ -54,11 +53,7 @@ impl<P: Lane> Part<P> for Motor<P> {
         S::from(self.stiffness) * net.signal[self.signals[0]] + S::from(self.damping) * self.closing(net)
     }
 
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.axis].force += force;
-    }
+    force_on!(axis);
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, net: &mut Net<S>, _common: &Common<P>) {

@@ -20,7 +20,6 @@ gathered! {
     pub struct ShockAbsorber {
         numbers { stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
         laws { meets: Meets }
-        same {}
     }
 }
 
@@ -51,20 +50,4 @@ impl<P: Lane> ShockAbsorber<P> {
     }
 }
 
-impl<P: Lane> Part<P> for ShockAbsorber<P> {
-    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-        self.meets.force(self.pushes(self.meets.contact(net)))
-    }
-
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        self.meets.push(self.force(net), net);
-    }
-
-    damper::springs!(spring_energy);
-
-    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let contact = self.meets.contact(net);
-        damper::account(self.pushes(contact) * contact.1, common, out);
-    }
-}
+damper::hit_by_a_mass!(ShockAbsorber);

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, Switching, gathered};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, Switching, force_on, gathered};
 use math::{Lane, Over};
 use physics::curve::Curve;
 
@@ -60,11 +60,7 @@ impl<P: Lane> Part<P> for TableForce<P> {
         })
     }
 
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        let force = self.force(net);
-        net.axis[self.axis].force += force;
-    }
+    force_on!(axis);
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {

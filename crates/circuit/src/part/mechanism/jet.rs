@@ -49,36 +49,24 @@ impl<S: Real, const N: usize> Jet<S, N> {
     }
 }
 
-impl<S: Real, const N: usize> Add for Jet<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, o: Self) -> Self {
-        let by_q = std::array::from_fn(|i| self.by_q[i] + o.by_q[i]);
-        Jet { x: self.x + o.x, by_q, v: self.v + o.v, a: self.a + o.a }
-    }
-}
-
-impl<S: Real, const N: usize> Sub for Jet<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, o: Self) -> Self {
-        let by_q = std::array::from_fn(|i| self.by_q[i] - o.by_q[i]);
-        Jet { x: self.x - o.x, by_q, v: self.v - o.v, a: self.a - o.a }
-    }
-}
-
-impl<S: Real, const N: usize> Mul for Jet<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, o: Self) -> Self {
-        Jet {
-            x: self.x * o.x,
-            by_q: std::array::from_fn(|i| self.by_q[i] * o.x + self.x * o.by_q[i]),
-            v: self.v * o.x + self.x * o.v,
-            a: self.a * o.x + self.x * o.a + S::c(2.0) * self.v * o.v,
-        }
-    }
-}
+math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Add add Jet {
+    x: a.x + b.x,
+    by_q: std::array::from_fn(|i| a.by_q[i] + b.by_q[i]),
+    v: a.v + b.v,
+    a: a.a + b.a,
+});
+math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Sub sub Jet {
+    x: a.x - b.x,
+    by_q: std::array::from_fn(|i| a.by_q[i] - b.by_q[i]),
+    v: a.v - b.v,
+    a: a.a - b.a,
+});
+math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Mul mul Jet {
+    x: a.x * b.x,
+    by_q: std::array::from_fn(|i| a.by_q[i] * b.x + a.x * b.by_q[i]),
+    v: a.v * b.x + a.x * b.v,
+    a: a.a * b.x + a.x * b.a + S::c(2.0) * a.v * b.v,
+});
 
 impl<P: Real, S: Over<P>, const N: usize> Smooth<P> for Jet<S, N> {
     #[inline(always)]

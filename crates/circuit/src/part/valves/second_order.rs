@@ -22,7 +22,6 @@ gathered! {
     /// A pressure that follows a command, Pa. See [`follows`].
     pub struct SecondOrder {
         numbers { command, angular_frequency, damping_ratio }
-        laws {}
         same {
             /// Absolute error scale of the rate, Pa/s.
             rate_scale: f64,

@@ -26,7 +26,6 @@ gathered! {
     /// A spool that follows its command at once.
     pub struct Held {
         numbers { acts, remembered, commanded }
-        laws {}
         same {
             /// Index of its position among the signals.
             signal: usize,
@@ -48,7 +47,6 @@ gathered! {
     /// is in 1/s.
     pub struct Spool {
         numbers { acts, remembered, commanded, angular_frequency, damping_ratio, top_speed }
-        laws {}
         same {
             /// Index of its position among the signals.
             signal: usize,
@@ -90,7 +88,6 @@ gathered! {
     /// * `x_l`: position over which the leak falls to 1/e.
     pub struct SpoolLeak {
         numbers { leak, width }
-        laws {}
         same {
             /// Indices of the position and of the fraction among the signals.
             position: usize,
@@ -114,7 +111,6 @@ gathered! {
     /// An armature that travels at a set rate: x' = r. The schedule that sets the rate also ends it after the travel.
     pub struct Armature {
         numbers { acts, remembered, commanded }
-        laws {}
         same {
             /// Index of its position among the signals.
             signal: usize,

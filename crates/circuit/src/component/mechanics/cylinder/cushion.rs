@@ -134,7 +134,7 @@ pub(super) fn cushion<P: Lane>(
         transition: number("transition"),
         offset: if grows { P::zero() } else { own.number("stroke") },
         bore: law(conductance, build),
-        axis: axis.index(),
+        axis: axis.0,
         grows,
         path: build.circuit.between(chamber, port),
     };
