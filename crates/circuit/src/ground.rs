@@ -11,6 +11,7 @@ mod net;
 mod part;
 pub(crate) mod path;
 
+pub(crate) use crate::refuse;
 pub use balance::{Channel, Kind};
 pub use common::Common;
 pub(crate) use common::{log, specific_entropy};

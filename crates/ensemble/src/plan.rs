@@ -2,7 +2,7 @@
 
 use crate::reduction::{Reduction, Statistic};
 use circuit::{
-    Assembly, Error, Members, Names, Network, budget, sample_times,
+    Assembly, Error, Members, Names, Network, budget, refuse, sample_times,
     specification::{self, FromJson},
 };
 use math::has_eight;
@@ -36,10 +36,11 @@ impl<'a> Column<'a> {
         if n == self.width || n == members * self.width {
             return Ok(());
         }
-        refuse(format!(
+        refuse!(
             "{what} has {n} numbers: it must have {} for all members, or {} for each of the {members}",
-            self.width, self.width
-        ))
+            self.width,
+            self.width
+        )
     }
 }
 
@@ -112,10 +113,6 @@ pub struct Ensemble {
     pub(crate) members: Members,
 }
 
-fn refuse<T>(message: impl Into<String>) -> Result<T, Error> {
-    Err(Error::Specification(message.into()))
-}
-
 fn read<T: FromJson>(json: &str) -> Result<T, Error> {
     T::from_json(json)
         .map_err(|error| Error::Specification(format!("the description does not fit the core: {error}")))
@@ -159,11 +156,11 @@ impl<'a> Planned<'a> {
     pub fn of(ensemble: &'a Ensemble, asked: &'a EnsembleRequest<'a>) -> Result<Self, Error> {
         let (template, k) = (ensemble.template(), ensemble.names().len());
         if asked.values.len() != asked.members * k {
-            return refuse(format!(
+            return refuse!(
                 "values has {} numbers: it must have a row of {k} for each of the {} members",
                 asked.values.len(),
                 asked.members
-            ));
+            );
         }
         for (member, row) in asked.values.chunks_exact(k.max(1)).enumerate() {
             for (place, &value) in row.iter().enumerate() {
@@ -173,12 +170,12 @@ impl<'a> Planned<'a> {
         let names = ensemble.start_names();
         asked.initial.check("initial", asked.members)?;
         if asked.initial.width != names.len() {
-            return refuse(format!("initial must have a number for each of {}", names.join(", ")));
+            return refuse!("initial must have a number for each of {}", names.join(", "));
         }
         check_start(template, &asked.initial)?;
         asked.duration.check("duration", asked.members)?;
         if let Some(duration) = asked.duration.values.iter().find(|d| !d.is_finite() || **d <= 0.0) {
-            return refuse(format!("duration = {duration} s must be above zero"));
+            return refuse!("duration = {duration} s must be above zero");
         }
         let mut rates = asked.outputs.iter().filter_map(|output| match output.what {
             Statistic::Samples { rate } => Some(rate),
@@ -186,17 +183,17 @@ impl<'a> Planned<'a> {
         });
         if let Some(rate) = rates.next() {
             if !(rate.is_finite() && rate > 0.0) || rates.any(|other| other != rate) {
-                return refuse("all samples must have one rate, above zero");
+                return refuse!("all samples must have one rate, above zero");
             }
             if asked.duration.values.len() > 1 {
-                return refuse("samples need one duration for all members");
+                return refuse!("samples need one duration for all members");
             }
         }
         let inputs = asked.plans.iter().map(|plan| check_plan(template, plan, asked.members));
         let options = Options { rtol: asked.rtol, ..Options::default() };
         let kernel = asked.kernel.unwrap_or_else(Kernel::best);
         if !kernel.is_there() {
-            return refuse("the kernel of eight members needs a processor with AVX-512: leave it out");
+            return refuse!("the kernel of eight members needs a processor with AVX-512: leave it out");
         }
         Ok(Planned { inputs: inputs.collect::<Result<_, _>>()?, ensemble, asked, options, kernel })
     }
@@ -237,7 +234,7 @@ fn in_row(member: usize, error: &Error) -> Error {
 fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
     for (member, row) in initial.values.chunks_exact(initial.width.max(1)).enumerate() {
         if let Some((name, value, rule)) = template.impossible_start(row, false) {
-            return refuse(format!("member {member}: the start value {name} = {value} must be {rule}"));
+            return refuse!("member {member}: the start value {name} = {value} must be {rule}");
         }
     }
     Ok(())
@@ -248,21 +245,21 @@ fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize,
     let inputs = &template.variables.inputs;
     let Some(input) = inputs.iter().position(|own| own.name == plan.input) else {
         let names: Vec<&str> = inputs.iter().map(|own| &*own.name).collect();
-        return refuse(format!("there is no input \"{}\"; there are {}", plan.input, names.join(", ")));
+        return refuse!("there is no input \"{}\"; there are {}", plan.input, names.join(", "));
     };
     let increasing = plan.times.windows(2).all(|pair| pair[0] < pair[1]);
     if plan.times.first() != Some(&0.0) || !increasing || plan.values.width != plan.times.len() {
-        return refuse(format!(
+        return refuse!(
             "the times of {} must increase from 0, and there must be one value for each",
             plan.input
-        ));
+        );
     }
     plan.values.check(&plan.input, members)?;
     let bounds = inputs[input].bounds;
     if let Some(value) =
         plan.values.values.iter().find(|value| !value.is_finite() || !bounds.contain(**value))
     {
-        return refuse(format!("{} = {value} is out of bounds: it must be {bounds}", plan.input));
+        return refuse!("{} = {value} is out of bounds: it must be {bounds}", plan.input);
     }
     Ok(input)
 }

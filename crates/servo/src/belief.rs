@@ -38,11 +38,12 @@ fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Componen
     let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
     match (each.next(), each.next()) {
         (Some(own), None) => Ok(own),
-        (None, _) => refuse(format!("the circuit has no {what}: a controller needs one")),
-        (Some(one), Some(other)) => refuse(format!(
+        (None, _) => refuse!("the circuit has no {what}: a controller needs one"),
+        (Some(one), Some(other)) => refuse!(
             "the circuit has {} and {}: a controller needs exactly one {what}. Describe only the controlled axis",
-            one.name, other.name
-        )),
+            one.name,
+            other.name
+        ),
     }
 }
 
@@ -110,7 +111,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let mass = given(cylinder, "moving_mass")? + of_loads("mass");
     let weight = mass * physics::constants::STANDARD_GRAVITY * given(cylinder, "incline")?.sin();
     let Some(friction) = &cylinder.friction else {
-        return refuse(format!("{} has no friction", cylinder.name));
+        return refuse!("{} has no friction", cylinder.name);
     };
     let contact = friction_law(friction)?;
     let [stick_stiffness, stick_damping_time] = stick(friction, mass);

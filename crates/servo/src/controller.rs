@@ -11,28 +11,26 @@ use std::collections::BTreeMap;
 pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(Controller, Axis), Error> {
     let period = spec.period_s;
     if !(LEAST_PERIOD..=LONGEST_PERIOD).contains(&period) {
-        return refuse(format!(
-            "period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s"
-        ));
+        return refuse!("period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s");
     }
     let (model, axis) = belief(&spec.belief)?;
     let Some(mut controller) = Controller::tuned(&spec.law, &model, period, deviation) else {
-        return refuse(format!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", ")));
+        return refuse!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", "));
     };
     let law = controller.law.key();
     set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
     controller.scale(spec.factors).map_err(Error::Specification)?;
     let pulses = controller.model.valve.arrangement.acts_for(period);
     if pulses < period * (1.0 - 1e-9) {
-        return refuse(format!(
+        return refuse!(
             "the valves pulse every {pulses} s, more often than the law is sampled, every {period} s: take a lower pwm_frequency or \
              a shorter period"
-        ));
+        );
     }
     if spec.valves.is_empty() || !controller.valves.gains().is_empty() {
         set("the valves", "valves", controller.valves.gains(), &spec.valves)?;
     } else {
-        return refuse(
+        return refuse!(
             "valves: one proportional 5/3 valve has no numbers of its own here. Leave the table out",
         );
     }
@@ -45,7 +43,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         own.rules = spec.supervision;
         if let Some(key) = &spec.standby {
             let Some(standby) = AnyLaw::tuned(key, &model, &plant) else {
-                return refuse(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
+                return refuse!("there is no law \"{key}\"; there are {}", LAWS.join(", "));
             };
             (own.standby, own.serves_own) = (standby, true);
         }
@@ -63,10 +61,10 @@ fn set(
     for (key, &value) in values {
         let keys: Vec<_> = own.iter().map(|(gain, _)| gain.key).collect();
         let Some((Gain { unit, bounds, .. }, own)) = own.iter_mut().find(|(gain, _)| gain.key == key) else {
-            return refuse(format!("{what} has no gain \"{key}\"; it has {}", keys.join(", ")));
+            return refuse!("{what} has no gain \"{key}\"; it has {}", keys.join(", "));
         };
         if !value.is_finite() || !bounds.contain(value) {
-            return refuse(format!("{table}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
+            return refuse!("{table}.{key} = {value} {unit} is out of bounds: it must be {bounds}");
         }
         **own = value;
     }

@@ -20,6 +20,4 @@ pub use run::{COLUMNS, Led, Rows, Servo, Turn, run_together};
 pub use sensor::{Encoder, Sensor};
 pub use sensors::Sensors;
 
-fn refuse<T>(message: impl Into<String>) -> Result<T, circuit::Error> {
-    Err(circuit::Error::Specification(message.into()))
-}
+pub(crate) use circuit::refuse;

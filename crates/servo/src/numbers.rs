@@ -15,6 +15,6 @@ pub(crate) fn number(own: &Component, key: &str) -> Option<f64> {
 pub(crate) fn given(own: &Component, key: &str) -> Result<f64, Error> {
     match number(own, key) {
         Some(value) => Ok(value),
-        None => refuse(format!("{}.{key} is missing: a controller needs it", own.name)),
+        None => refuse!("{}.{key} is missing: a controller needs it", own.name),
     }
 }

@@ -84,7 +84,7 @@ pub fn run_together(
     for own in &*axes {
         ticks = own.servo.check(own.controller, own.reference, duration)?;
         if own.controller.period != axes[0].controller.period {
-            return refuse("period: all controllers of one run have the same period");
+            return refuse!("period: all controllers of one run have the same period");
         }
     }
     let (mut rows, mut others) = (vec![Rows::new(); axes.len()], vec![]);
@@ -149,9 +149,7 @@ impl Servo {
         let period = controller.period;
         let computing = self.sensors.setup.computing_time_s;
         if !(0.0..period).contains(&computing) {
-            return refuse(format!(
-                "the computing time, {computing} s, must be shorter than the period, {period} s"
-            ));
+            return refuse!("the computing time, {computing} s, must be shorter than the period, {period} s");
         }
         let stroke = controller.model.stroke;
         let free = Rules::default();
@@ -161,7 +159,7 @@ impl Servo {
             .map(|tick| tick as f64 * period)
             .find_map(|t| rules.refuses(&reference.at(t), stroke).map(|why| (t, why)));
         if let Some((t, why)) = refused {
-            return refuse(format!("at t = {t} s {why}"));
+            return refuse!("at t = {t} s {why}");
         }
         Ok(ticks)
     }

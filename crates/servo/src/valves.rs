@@ -31,11 +31,12 @@ pub fn valves<'c>(
     let ports = PortJoints { circuit, cylinder, supply };
     let (each, arrangement) = match (&*fives, &*threes, &*switching, &*twos) {
         ([one, other, ..], ..) => {
-            return refuse(format!(
+            return refuse!(
                 "the circuit has {} and {}: a law commands a circuit with one proportional 5/3 valve. Describe the axis that is \
                  controlled alone",
-                one.name, other.name
-            ));
+                one.name,
+                other.name
+            );
         }
         ([_], ..) => (fives, Arrangement::One),
         ([], [one, other], [], []) => {
@@ -46,11 +47,11 @@ pub fn valves<'c>(
         ([], [], [one], []) => {
             let centre = one.choices.get("centre").map_or("closed", String::as_str);
             if centre != "closed" {
-                return refuse(format!(
+                return refuse!(
                     "{}.centre = \"{centre}\": no position of the valve shuts the chambers, so that the drive cannot rest under \
                      a controller. Set centre = \"closed\"",
                     one.name
-                ));
+                );
             }
             same(&[one])?;
             (switching.clone(), Arrangement::Three(armature(one)?))
@@ -110,16 +111,16 @@ fn valve(own: &Component, arrangement: Arrangement, gas: &IdealGas<f64>) -> Resu
 
 fn armature(own: &Component) -> Result<Armature, Error> {
     if own.choices.get("pwm_model").is_some_and(|model| model == "averaged") {
-        return refuse(format!(
+        return refuse!(
             "{}.pwm_model = \"averaged\": a controller commands pulses. Set pwm_model = \"exact\"",
             own.name
-        ));
+        );
     }
     if own.choices.get("normally").is_some_and(|normally| normally == "open") {
-        return refuse(format!(
+        return refuse!(
             "{} is normally open: without a command, a controller needs shut chambers. Set normally = \"closed\"",
             own.name
-        ));
+        );
     }
     let share = given(own, "travel_share")?;
     let times = [given(own, "time_on")?, given(own, "time_off")?];
@@ -134,19 +135,20 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         let (choices, of_own) = (&first.choices, &own.choices);
         if let Some(key) = keys.into_iter().find(|key| number(own, key) != number(first, key)) {
             let shown = |one| number(one, key).map_or("absent".into(), |value| value.to_string());
-            return refuse(format!(
+            return refuse!(
                 "{}.{key} is {}, {}.{key} is {} (SI): a controller assumes that the valves are equal",
                 first.name,
                 shown(first),
                 own.name,
                 shown(own)
-            ));
+            );
         }
         if choices != of_own {
-            return refuse(format!(
+            return refuse!(
                 "{} and {} differ in a choice: a controller assumes that the valves are equal",
-                first.name, own.name
-            ));
+                first.name,
+                own.name
+            );
         }
     }
     for own in each {
@@ -156,10 +158,10 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         ];
         for (key, usual) in pairs {
             if own.numbers.get(key).is_some_and(|value| Some(*value) != number(own, usual)) {
-                return refuse(format!(
+                return refuse!(
                     "{0}.{key} differs from {0}.{usual}: a controller assumes that both are equal. Leave it out",
                     own.name
-                ));
+                );
             }
         }
     }
@@ -186,10 +188,10 @@ impl<'c> PortJoints<'c> {
     }
 
     fn missing<T>(&self, what: &str) -> Result<T, Error> {
-        refuse(format!(
+        refuse!(
             "no {what} of {}: a controller needs valves that connect the cylinder with supply and ambient",
             self.cylinder.name
-        ))
+        )
     }
 
     /// Two 3/2 valves in the order of the chambers.

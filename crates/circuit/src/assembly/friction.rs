@@ -65,11 +65,7 @@ pub(super) fn meta(spec: &Friction) -> Result<(&'static Meta, Option<&'static Ow
     }
     let Some(meta) = LAWS.iter().find(|meta| meta.key == spec.law) else {
         let names: Vec<&str> = LAWS.iter().map(|meta| meta.key).collect();
-        return refuse(format!(
-            "friction.law = \"{}\" is unknown; choose one of {}",
-            spec.law,
-            names.join(", ")
-        ));
+        return refuse!("friction.law = \"{}\" is unknown; choose one of {}", spec.law, names.join(", "));
     };
     Ok((meta, None))
 }
@@ -83,16 +79,16 @@ fn check(
 ) -> Result<(), Error> {
     let keys: Vec<String> = parameters.iter().map(key).collect();
     if let Some(other) = numbers.tables().flat_map(BTreeMap::keys).find(|other| !keys.contains(other)) {
-        return refuse(format!("{table}.{other} is not a parameter of \"{of}\"; it has {}", keys.join(", ")));
+        return refuse!("{table}.{other} is not a parameter of \"{of}\"; it has {}", keys.join(", "));
     }
     for (parameter, key) in parameters.iter().zip(keys) {
         let Parameter { key: name, unit, bounds, .. } = parameter;
         let Some(value) = numbers.value.get(&key).copied().or(parameter.default) else {
-            return refuse(format!("{table}.{name} is missing: {} [{unit}]", parameter.meaning.trim()));
+            return refuse!("{table}.{name} is missing: {} [{unit}]", parameter.meaning.trim());
         };
         if !bounds.contain(value) {
             let rule = bounds.rule(value);
-            return refuse(format!("{table}.{name} = {value} {unit} is out of bounds: it must be {rule}"));
+            return refuse!("{table}.{name} = {value} {unit} is out of bounds: it must be {rule}");
         }
     }
     Ok(())
@@ -105,7 +101,7 @@ fn check_law(lifted: &Lifted<Friction>, meta: &Meta) -> Result<(), Error> {
     if let (Some(fc), Some(fs)) = (table.value.get("coulomb"), table.value.get("breakaway"))
         && fs < fc
     {
-        return refuse(format!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N"));
+        return refuse!("friction.breakaway = {fs} N must not be below friction.coulomb = {fc} N");
     }
     Ok(())
 }
@@ -177,10 +173,7 @@ fn shape(spec: &Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error>
     let Some(shape) = spec.stribeck_shape else { return Ok(None) };
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
     if own || !takes("stribeck_exponent") {
-        return refuse(format!(
-            "friction.stribeck_shape needs a Stribeck curve, but law \"{}\" has none",
-            law.key
-        ));
+        return refuse!("friction.stribeck_shape needs a Stribeck curve, but law \"{}\" has none", law.key);
     }
     if shape != StribeckShape::Free && spec.parameters.get("stribeck_exponent").is_some_and(|n| *n != 2.0) {
         return refuse("friction.stribeck_exponent needs friction.stribeck_shape = \"free\"");
@@ -200,7 +193,7 @@ fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
     let stiffness = spec.parameters.get("bristle_stiffness").filter(|k| k.is_finite());
     match (law.elements, listed.is_empty(), stiffness) {
         (false, false, _) => {
-            return refuse(format!("friction.elements belongs to law \"gms\"; law \"{}\" has none", law.key));
+            return refuse!("friction.elements belongs to law \"gms\"; law \"{}\" has none", law.key);
         }
         (false, true, _) | (true, true, Some(_)) => return Ok(Vec::new()),
         (true, true, None) => {
@@ -216,33 +209,33 @@ fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
         (true, false, None) => {}
     }
     if !ELEMENTS.contains(&listed.len()) {
-        return refuse(format!(
+        return refuse!(
             "friction.elements has {} elements; it must have {} to {}",
             listed.len(),
             ELEMENTS.start(),
             ELEMENTS.end()
-        ));
+        );
     }
     for (i, element) in listed.iter().enumerate() {
         for (key, value) in [("stiffness", element.stiffness), ("share", element.level)] {
             if !(value > 0.0 && value.is_finite()) {
-                return refuse(format!("friction.elements[{i}].{key} = {value} must be greater than 0"));
+                return refuse!("friction.elements[{i}].{key} = {value} must be greater than 0");
             }
         }
     }
     let total: f64 = listed.iter().map(|element| element.level).sum();
     if (total - 1.0).abs() > SHARES_WITHIN {
-        return refuse(format!("friction.elements: the shares add up to {total}; they must add up to 1"));
+        return refuse!("friction.elements: the shares add up to {total}; they must add up to 1");
     }
     Ok(listed.iter().map(|element| Element { level: element.level / total, ..*element }).collect())
 }
 
 fn evolution(spec: &Friction, law: &Meta) -> Result<Evolution, Error> {
     if spec.evolution.is_some() && !law.evolves {
-        return refuse(format!(
+        return refuse!(
             "friction.evolution belongs to law \"rate-and-state\"; law \"{}\" has no such state",
             law.key
-        ));
+        );
     }
     Ok(spec.evolution.unwrap_or_default())
 }
@@ -287,11 +280,11 @@ fn composition<P: Lane>(lifted: &Lifted<Friction>, law: &Meta) -> Result<Composi
     let spec = lifted.value;
     if spec.relaxation.is_some() && !law.bristles {
         let laws = LAWS.iter().filter(|meta| meta.bristles).map(|meta| meta.key);
-        return refuse(format!(
+        return refuse!(
             "friction.relaxation needs elastic bristles, but law \"{}\" has none; choose one of {}",
             law.key,
             laws.collect::<Vec<_>>().join(", ")
-        ));
+        );
     }
     let modifier = |key, parameters, table| modifier::<P>(lifted, key, parameters, table);
     let dwell = modifier("dwell", Dwell::<f64>::PARAMETERS, |s| s.dwell.as_ref().map(|d| &d.numbers))?;
@@ -318,24 +311,19 @@ fn composition<P: Lane>(lifted: &Lifted<Friction>, law: &Meta) -> Result<Composi
 fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result<Table<P>, Error> {
     let points = &position.value.table;
     if points.len() == 1 || points.len() > MOST_POINTS {
-        return refuse(format!(
+        return refuse!(
             "friction.position.table has {} points; it must have 2 to {MOST_POINTS}",
             points.len()
-        ));
+        );
     }
     for pair in points.windows(2) {
         let [before, after] = [pair[0].position_m, pair[1].position_m];
         if before.is_nan() || after <= before || !after.is_finite() {
-            return refuse(format!(
-                "friction.position.table: the position {after} m must be above {before} m"
-            ));
+            return refuse!("friction.position.table: the position {after} m must be above {before} m");
         }
     }
     if let Some(point) = points.iter().find(|point| !(point.factor > 0.0 && point.factor.is_finite())) {
-        return refuse(format!(
-            "friction.position.table: the factor {} must be greater than 0",
-            point.factor
-        ));
+        return refuse!("friction.position.table: the factor {} must be greater than 0", point.factor);
     }
     let number = |k: usize, of: fn(&specification::PositionPoint) -> f64| {
         position.number(|position| of(&position.table[k]))
@@ -348,21 +336,21 @@ fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result
 fn position<P: Lane>(table: &Lifted<specification::Position>) -> Result<Position<P>, Error> {
     let waves = &table.value.harmonics;
     if waves.len() > MOST_HARMONICS {
-        return refuse(format!(
+        return refuse!(
             "friction.position has {} harmonics; it may have at most {MOST_HARMONICS}",
             waves.len()
-        ));
+        );
     }
     let total: f64 = waves.iter().filter_map(|wave| wave.get("amplitude")).map(|a| a.abs()).sum();
     if total >= 1.0 {
-        return refuse(format!(
+        return refuse!(
             "friction.position: the amplitudes add up to {total}, so that friction would change its sign; \
              they must add up to less than 1"
-        ));
+        );
     }
     for (key, value) in [("slope", table.value.slope_per_m), ("reference", table.value.reference_m)] {
         if !value.is_finite() {
-            return refuse(format!("friction.position.{key} = {value} is out of bounds: it must be finite"));
+            return refuse!("friction.position.{key} = {value} is out of bounds: it must be finite");
         }
     }
     let harmonics = (0..waves.len()).map(|k| {

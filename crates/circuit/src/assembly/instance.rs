@@ -11,24 +11,24 @@ pub(super) fn instance(spec: &Component) -> Result<Instance<f64>, Error> {
     let name = &spec.name;
     let Some(kind) = KINDS.iter().position(|kind| kind.key == spec.kind) else {
         let kinds = one_of(KINDS.iter().map(|kind| kind.key));
-        return refuse(format!("{name}: there is no kind \"{}\" of component; kinds: {kinds}", spec.kind));
+        return refuse!("{name}: there is no kind \"{}\" of component; kinds: {kinds}", spec.kind);
     };
     let extra = Given::of(KINDS[kind], spec)?;
     let table = extra.kind(KINDS[kind]);
     let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
     if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
         let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
-        return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
+        return refuse!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key);
     }
     let choices = table.choices.iter().map(|own| choice(spec, own)).collect::<Result<Vec<_>, _>>()?;
     let numbers = table.parameters.iter().map(|row| number(spec, table, &choices, row));
     let numbers = numbers.collect::<Result<_, _>>()?;
     if let Some(key) = spec.choices.keys().find(|key| !table.choices.iter().any(|own| own.name == *key)) {
-        return refuse(format!("{name}: a {} has no choice \"{key}\"", table.key));
+        return refuse!("{name}: a {} has no choice \"{key}\"", table.key);
     }
     let friction = match &spec.friction {
         Some(_) if table.friction == FrictionTable::No => {
-            return refuse(format!("{name}: a {} takes no friction", table.key));
+            return refuse!("{name}: a {} takes no friction", table.key);
         }
         Some(friction) => Some(contact(&Lifted::plain(friction))?),
         None => None,
@@ -44,12 +44,12 @@ fn choice(spec: &Component, own: &Choice) -> Result<usize, Error> {
     let Some(option) = spec.choices.get(own.name) else { return Ok(0) };
     match own.options.iter().position(|known| known == option) {
         Some(place) => Ok(place),
-        None => refuse(format!(
+        None => refuse!(
             "{}.{} = \"{option}\": choose of {}",
             spec.name,
             own.name,
             one_of(own.options.iter().copied())
-        )),
+        ),
     }
 }
 
@@ -75,7 +75,7 @@ fn number(spec: &Component, table: &Kind, choices: &[usize], row: &Row) -> Resul
         Some(value) => {
             check_bounds(&format!("{name}.{}", row.key), value, row.unit, &row.bounds).map(|()| Some(value))
         }
-        None if row.follows.is_empty() && !is_spared() => refuse(format!("{name}.{} is missing", row.key)),
+        None if row.follows.is_empty() && !is_spared() => refuse!("{name}.{} is missing", row.key),
         None => Ok(None),
     }
 }

@@ -116,7 +116,7 @@ where
             None => return Ok(()),
             Some(PortKind::Pilot) if !joint.ambient => {
                 let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
-                return refuse(format!("no gas reaches the pilot port {}", names.join(", ")));
+                return refuse!("no gas reaches the pilot port {}", names.join(", "));
             }
             Some(PortKind::Gas | PortKind::Pilot) => Node::Gas(self.gas(joint)?),
             Some(PortKind::Axis) => Node::Axis(self.axis(joint)?),
@@ -146,10 +146,10 @@ where
                     let is_alone = owner.kind().ports.len() == 1;
                     let is_named = is_alone && !self.build.is_like;
                     if let Some(other) = own_name.replace(if is_named { owner.name.clone() } else { name }) {
-                        return refuse(format!(
+                        return refuse!(
                             "{other} and {} share a joint and both have a volume: put a fitting between them",
                             own_name.unwrap_or_default()
-                        ));
+                        );
                     }
                     volume = Some(vessel);
                 }
@@ -172,12 +172,12 @@ where
         let GasContributions { held, volume, own_name, ports, room, bore } = self.brought(joint)?;
         match (&held[..], volume) {
             ([(one, _), (other, _), ..], _) => {
-                refuse(format!("{one} and {other} hold the same joint: put a fitting between them"))
+                refuse!("{one} and {other} hold the same joint: put a fitting between them")
             }
-            ([(one, _)], Some(_)) => refuse(format!(
+            ([(one, _)], Some(_)) => refuse!(
                 "{one} holds the pressure in {}: put a fitting between them",
                 own_name.unwrap_or_default()
-            )),
+            ),
             ([(_, None)], None) => Ok(self.ambient()),
             (&[(_, Some([pressure, temperature]))], None) => {
                 self.build.supply(pressure, temperature);
@@ -244,23 +244,23 @@ where
                 Brings::Motion => (body.driven, moves) = (true, true),
                 Brings::Guide { mass } => {
                     if let Some((other, _)) = body.guide.replace(((component, port), mass)) {
-                        return refuse(format!(
+                        return refuse!(
                             "{} and {} share a joint: a mass moves only one leg of a platform",
                             self.name(other),
                             self.name((component, port))
-                        ));
+                        );
                     }
                 }
                 Brings::Along => (body.has_more, body.load) = (true, one),
                 _ => {}
             }
             if moves && !body.name.is_empty() {
-                return refuse(format!(
+                return refuse!(
                     "{} and {one} each have their own axis: put a coupling between them if they move together. \
                      The body of a cylinder is fixed, so a cylinder that rides on another one (a stack whose strokes \
                      add) cannot be expressed",
                     body.name
-                ));
+                );
             }
             if moves {
                 body.name = one;
@@ -274,9 +274,9 @@ where
         let Body { mass: sum, force, incline, friction, name, driven, load, has_more, guide } =
             self.body(joint)?;
         if driven && (sum.is_some() || has_more) {
-            return refuse(format!(
+            return refuse!(
                 "{name} moves as commanded and cannot have the mass of {load}: put a force-sensor between them"
-            ));
+            );
         }
         if let Some(((component, port), _)) = guide {
             let leg = format!("leg {} of {}", each[component].kind().ports[port].name, each[component].name);
@@ -297,7 +297,7 @@ where
             (Some(mass), Some(incline)) => self.build.circuit.axis(mass, incline, force, friction),
             _ => {
                 let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
-                return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
+                return refuse!("no cylinder or slide moves the joint of {}", names.join(", "));
             }
         };
         let platform = guide.map_or(P::zero(), |(_, mass)| mass);
@@ -330,19 +330,19 @@ fn check_leg<P: Lane>(
     friction: Option<&Contact<P>>,
 ) -> Result<(), Error> {
     if driven || has_more {
-        return refuse(format!("{leg}: {name} cannot move it: join a cylinder or a slide"));
+        return refuse!("{leg}: {name} cannot move it: join a cylinder or a slide");
     }
     if let Some(angle) = incline.map(|angle| angle.get(0)).filter(|angle| *angle != 0.0) {
-        return refuse(format!(
+        return refuse!(
             "{name}.incline = {angle} rad: {leg} has the direction that the platform gives it. Leave out incline"
-        ));
+        );
     }
     if friction.is_some_and(|contact| contact.law.meta().sticks) {
-        return refuse(format!(
+        return refuse!(
             "{name}.friction: this law sticks by a mode of one mass, and {leg} moves with the others. Choose a law \
              without such a mode, such as lugre or elasto-plastic, or put a coupling with the stiffness of the joint \
              between rod and platform"
-        ));
+        );
     }
     Ok(())
 }

@@ -68,7 +68,7 @@ impl Network {
                     parameters[component].push(parameter.to_string());
                     Ok(MemberNumber::Friction(component, parameter.into()))
                 }
-                _ => refuse(format!("{name} is not a parameter of the friction law in the description")),
+                _ => refuse!("{name} is not a parameter of the friction law in the description"),
             }
         };
         let numbers = names.iter().map(number).collect::<Result<_, Error>>()?;
@@ -94,7 +94,7 @@ impl Network {
 /// Refuses a repeated name.
 fn check_names(names: &[String]) -> Result<(), Error> {
     match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
-        Some(twice) => refuse(format!("\"{}\" is given twice: members have one value of it", names[twice])),
+        Some(twice) => refuse!("\"{}\" is given twice: members have one value of it", names[twice]),
         None => Ok(()),
     }
 }
@@ -169,7 +169,7 @@ impl Members {
     /// Returns the member with these numbers, in the order of the names.
     pub fn member(&mut self, values: &[f64]) -> Result<Assembly, Error> {
         if values.len() != self.numbers.len() {
-            return refuse(format!("{} values for {} numbers", values.len(), self.numbers.len()));
+            return refuse!("{} values for {} numbers", values.len(), self.numbers.len());
         }
         let mut rubs = Vec::new();
         for (at, &value) in values.iter().enumerate() {

@@ -47,17 +47,17 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
         let component = (0..each.len())
             .find(|&i| name.strip_prefix(&each[i].name).is_some_and(|rest| rest.starts_with('.')));
         let Some(component) = component else {
-            return refuse(format!("joint of \"{name}\": there is no such component"));
+            return refuse!("joint of \"{name}\": there is no such component");
         };
         let port = &name[each[component].name.len() + 1..];
         let ports = each[component].kind().ports;
         match ports.iter().position(|own| own.name == port) {
             Some(port) => Ok((component, port)),
-            None => refuse(format!(
+            None => refuse!(
                 "joint of \"{name}\": a {} has no port \"{port}\"; it has {}",
                 each[component].kind().key,
                 one_of(ports.iter().map(|own| own.name))
-            )),
+            ),
         }
     };
     let mut joined = Vec::new();
@@ -71,7 +71,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
             }
             let port = find(name)?;
             if joined.contains(&port) {
-                return refuse(format!("port {name} occurs twice in the joints"));
+                return refuse!("port {name} occurs twice in the joints");
             }
             joined.push(port);
             joint.ports.push(port);
@@ -80,7 +80,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
         let is_axis = |port: &PortId| kind(port) == PortKind::Axis;
         let axes = joint.ports.iter().filter(|port| is_axis(port)).count();
         if axes > 0 && (joint.ambient || axes < joint.ports.len()) {
-            return refuse(format!("the joint of {} joins gas to an axis", names.join(", ")));
+            return refuse!("the joint of {} joins gas to an axis", names.join(", "));
         }
         // A joint has the name of its first gas port.
         joint.ports.sort_by_key(|port| kind(port) == PortKind::Pilot);
@@ -92,7 +92,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
                 continue;
             }
             if !port.exhaust && !port.optional {
-                return refuse(format!("port {}.{} is not joined", own.name, port.name));
+                return refuse!("port {}.{} is not joined", own.name, port.name);
             }
             // An unconnected rod still moves.
             joints.push(Joint { ports: vec![(component, place)], ambient: port.exhaust });
@@ -170,7 +170,7 @@ impl Network {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
         for (i, own) in each.iter().enumerate() {
             if own.name == AMBIENT || each[..i].iter().any(|other| other.name == own.name) {
-                return refuse(format!("the name {} is taken", own.name));
+                return refuse!("the name {} is taken", own.name);
             }
         }
         let joints = joints(spec, &each)?;
@@ -178,10 +178,10 @@ impl Network {
         let ambient = ambient(&spec.ambient)?;
         if let Some(own) = each.iter().find(|own| own.chosen("chamber_law") == Some("as-printed")) {
             if ledger {
-                return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
+                return refuse!("{}: chamber law \"as-printed\" has no ledger", own.name);
             }
             if gas.virial.is_some() {
-                return refuse(format!("{}: chamber law \"as-printed\" needs an ideal gas", own.name));
+                return refuse!("{}: chamber law \"as-printed\" needs an ideal gas", own.name);
             }
         }
         let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger, None)?;
@@ -289,7 +289,7 @@ impl Network {
             Some(input) => Ok(input),
             None => {
                 let names = one_of(inputs.iter().map(|input| input.name.as_str()));
-                refuse(format!("there is no input \"{name}\"; there are {names}"))
+                refuse!("there is no input \"{name}\"; there are {names}")
             }
         };
         let places = plans.iter().map(|(name, ..)| place(name)).collect::<Result<Vec<_>, _>>()?;

@@ -24,14 +24,10 @@ pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
     let rows = own.kind().parameters;
     let Some(place) = rows.iter().position(|row| row.key == key) else {
         let keys: Vec<&str> = rows.iter().map(|row| row.key).collect();
-        return refuse(format!(
-            "a {} has no parameter \"{key}\"; it has {}",
-            own.kind().key,
-            keys.join(", ")
-        ));
+        return refuse!("a {} has no parameter \"{key}\"; it has {}", own.kind().key, keys.join(", "));
     };
     if own.numbers[place].is_none() {
-        return refuse(format!(
+        return refuse!(
             "{}.{key} is not given{}: give it a value first",
             own.name,
             if rows[place].follows.is_empty() {
@@ -39,7 +35,7 @@ pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
             } else {
                 format!(" and follows {}", rows[place].follows)
             },
-        ));
+        );
     }
     Ok(place)
 }
@@ -104,9 +100,9 @@ impl Network {
             }
             let place = place(own, key)?;
             if own.kind().discrete.contains(&key) {
-                return refuse(format!(
+                return refuse!(
                     "{name} acts on the schedule or on the number of cells: a run has no derivative by it"
-                ));
+                );
             }
             if let Some(component) = table["components"][component].as_object_mut() {
                 let numbers = component.entry("numbers").or_insert_with(|| serde_json::json!({}));

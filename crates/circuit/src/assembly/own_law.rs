@@ -45,11 +45,11 @@ pub(super) fn check_levels(spec: &specification::Friction, own: &OwnLaw) -> Resu
         ("side_load", spec.side_load.is_some()),
     ];
     match tables.iter().find(|(_, given)| *given && !own.has_levels()) {
-        Some((table, _)) => refuse(format!(
+        Some((table, _)) => refuse!(
             "friction.{table} acts on levels, but law \"{}\" has none: name the parameter that is its Coulomb force \
              in the law's [levels], coulomb = \"...\"",
             own.meta.key
-        )),
+        ),
         None => Ok(()),
     }
 }

@@ -104,7 +104,7 @@ impl<R: Lane> Session<R> {
 
     fn alive(&self) -> Result<(), Error> {
         match &self.failed {
-            Some(reason) => refuse(format!("the session cannot continue: {reason}")),
+            Some(reason) => refuse!("the session cannot continue: {reason}"),
             None => Ok(()),
         }
     }
@@ -114,10 +114,7 @@ impl<R: Lane> Session<R> {
             return Ok(());
         }
         let why = if t.is_finite() { "has passed" } else { "is not a time" };
-        refuse(format!(
-            "{what} = {t} s {why}: it must be finite and not before the present, {} s",
-            self.time()
-        ))
+        refuse!("{what} = {t} s {why}: it must be finite and not before the present, {} s", self.time())
     }
 
     /// Sets an input from now on, without a check of its bounds.
@@ -299,10 +296,10 @@ impl Session {
         let whole = matches!(target, Target::Timed(timing) if self.timings()[*timing].is_whole());
         if whole && value.fract() != 0.0 {
             let positions = if bounds.contain(-1.0) { "-1, 0 or 1" } else { "0 or 1" };
-            return refuse(format!(
+            return refuse!(
                 "{name} = {value}: it must be {positions}, because it switches. Take a proportional valve for fractions, or 2/2 \
                  or 3/2 valves with pwm_frequency"
-            ));
+            );
         }
         Ok(())
     }
@@ -319,11 +316,11 @@ impl Session {
     pub fn schedule(&mut self, input: usize, times: &[f64], values: &[f64]) -> Result<(), Error> {
         self.alive()?;
         if times.len() != values.len() {
-            return refuse(format!(
+            return refuse!(
                 "{} times and {} values: there must be one value for each time",
                 times.len(),
                 values.len()
-            ));
+            );
         }
         for (&time, &value) in times.iter().zip(values) {
             self.check(input, value)?;

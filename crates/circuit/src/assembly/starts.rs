@@ -78,15 +78,15 @@ impl Assembly {
     pub(super) fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
         let names = self.given_names();
         if let Some(name) = start.keys().find(|name| *name != AGE && !names.contains(&name.as_str())) {
-            return refuse(format!("there is no start value \"{name}\"; there are {}", names.join(", ")));
+            return refuse!("there is no start value \"{name}\"; there are {}", names.join(", "));
         }
         let number = |name: &str| match start.get(name) {
-            None => refuse(format!("the start value {name} is missing")),
+            None => refuse!("the start value {name} is missing"),
             Some(value) => Ok(*value),
         };
         let numbers = names.into_iter().map(number).collect::<Result<Vec<_>, _>>()?;
         match self.impossible_start(&numbers, false) {
-            Some((name, value, rule)) => refuse(format!("the start value {name} = {value} must be {rule}")),
+            Some((name, value, rule)) => refuse!("the start value {name} = {value} must be {rule}"),
             None => Ok(numbers),
         }
     }
@@ -141,10 +141,10 @@ impl Assembly {
         let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
         let n = circuit.n_states();
         if y.len() != n {
-            return refuse(format!(
+            return refuse!(
                 "the state has {} values and belongs to another circuit: this one has {n}",
                 y.len()
-            ));
+            );
         }
         y.resize(n + circuit.channels().len(), 0.0);
         circuit.find_modes(&mut y);

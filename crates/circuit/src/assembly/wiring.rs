@@ -29,10 +29,10 @@ fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     let most = one_of(
         most.iter().filter(|own| own.1 * 10 > states).map(|(name, count)| format!("{name} ({count})")),
     );
-    refuse(format!(
+    refuse!(
         "the circuit has {states} states, most of them in {most}: it must have at most {}. Give long tubes fewer cells or a smaller bandwidth",
         Structure::MOST_STATES
-    ))
+    )
 }
 
 /// Refuses contacts outside the stroke of their piston.
@@ -45,10 +45,10 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
             let Some(piston) = build.pistons.iter().find(|piston| piston.axis == of) else { continue };
             let (x, stroke) = (position.get(0), piston.stroke.get(0));
             if x < -0.5 * play || x > stroke + 0.5 * play {
-                return refuse(format!(
+                return refuse!(
                     "{name}.position = {x} m is outside the stroke of {}, 0 to {stroke} m: nothing runs into it there",
                     piston.name
-                ));
+                );
             }
         }
     }

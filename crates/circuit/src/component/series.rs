@@ -88,7 +88,7 @@ impl Chain {
         let members = || self.0.iter().map(|(own, _)| &each[*own]);
         if let Some(own) = members().find(|own| own.varies("subsonic_index")) {
             let what = "restrictions in series need 0.5: other values and derivatives by it are not possible";
-            return refuse(format!("{}.subsonic_index: {what}", own.name));
+            return refuse!("{}.subsonic_index: {what}", own.name);
         }
         let laws: Vec<[P; 2]> = members().filter_map(series).collect();
         let merged = |laws: &mut dyn Iterator<Item = [P; 2]>| laws.reduce(in_series).expect("two or more");

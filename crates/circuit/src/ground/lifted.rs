@@ -91,7 +91,7 @@ pub(crate) fn seeds<T: FromJson>(json: &str, root: &str, names: &[String]) -> Re
     for (path, name) in paths.iter().zip(names) {
         if path.starts_with("gas.") {
             // A component is measured with air. Another gas needs another flow law.
-            return refuse(format!("\"{name}\" is a number of the gas and cannot be free"));
+            return refuse!("\"{name}\" is a number of the gas and cannot be free");
         }
         // A parameter that is not given has its default, and is still a number.
         let may_be_absent = path

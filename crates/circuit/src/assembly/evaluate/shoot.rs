@@ -63,7 +63,7 @@ pub struct Shot {
 fn column(names: &[String], name: &str) -> Result<usize, Error> {
     match names.iter().position(|column| column == name) {
         Some(column) => Ok(column),
-        None => refuse(format!("\"{name}\" is not an output; choose one of {}", names.join(", "))),
+        None => refuse!("\"{name}\" is not an output; choose one of {}", names.join(", ")),
     }
 }
 
@@ -79,25 +79,25 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
             return refuse("times must increase, and there must be one command for each");
         }
         if times.first().is_none_or(|&first| first > asked.sample_times[0]) {
-            return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));
+            return refuse!("the first command must come at or before {} s", asked.sample_times[0]);
         }
     }
     let ordered = asked.starts.windows(2).all(|pair| pair[0] < pair[1]);
     if asked.starts.first() != Some(&0) || !ordered || asked.starts.last().is_some_and(|&last| last + 1 >= n)
     {
-        return refuse(format!("starts must be increasing samples from 0 to below {}", n - 1));
+        return refuse!("starts must be increasing samples from 0 to below {}", n - 1);
     }
     let width = of.start_names().len();
     if asked.initial.len() != asked.starts.len() * width {
-        return refuse(format!(
+        return refuse!(
             "initial must have {} rows, one for each segment, of {}",
             asked.starts.len(),
             of.start_names().join(", ")
-        ));
+        );
     }
     for (j, row) in asked.initial.chunks_exact(width).enumerate() {
         if let Some((name, value, rule)) = of.impossible_start(row, true) {
-            return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
+            return refuse!("initial: {name} = {value} of segment {j} must be {rule}");
         }
     }
     Ok(width)
@@ -131,7 +131,7 @@ impl<'a> All<'a> {
         let known = &plain.variables.inputs;
         let input = |plan: &InputPlan| match known.iter().position(|own| own.name == plan.input) {
             Some(place) => Ok(place),
-            None => refuse(format!("there is no input \"{}\"", plan.input)),
+            None => refuse!("there is no input \"{}\"", plan.input),
         };
         let inputs = asked.plans.iter().map(input).collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
@@ -140,7 +140,7 @@ impl<'a> All<'a> {
             Some(groups) => groups.clone(),
         };
         if let Some(place) = by_start.iter().flatten().find(|&&place| place >= states) {
-            return refuse(format!("a start has {states} numbers; there is no number {place}"));
+            return refuse!("a start has {states} numbers; there is no number {place}");
         }
         let directions = n_parameters + by_start.len();
         Ok(All { asked, inputs, columns, states, by_start, n_parameters, directions })

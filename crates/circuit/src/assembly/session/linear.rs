@@ -43,23 +43,23 @@ impl Session {
         for (_, input, u) in &commands {
             let name = &self.inputs()[*input].name;
             if *u == 0.0 {
-                return refuse(format!(
+                return refuse!(
                     "{name} = 0: the valve is shut, and its flow has one slope towards extending and another towards retracting. \
                      Set a small command in one direction, or linearise by the openings of the edges"
-                ));
+                );
             }
             if u.is_nan() {
-                return refuse(format!(
+                return refuse!(
                     "the edges of the valve are set directly: there is no {name} to differentiate by. Linearise by their openings"
-                ));
+                );
             }
         }
         for &input in inputs {
             let Settable { name, target, .. } = &self.inputs()[input];
             if matches!(target, Target::Timed(timing) if self.timings()[*timing].smooth().is_none()) {
-                return refuse(format!(
+                return refuse!(
                     "{name} switches: the circuit has no derivative by it. Linearise by the other inputs"
-                ));
+                );
             }
         }
         Ok(commands)

@@ -30,10 +30,11 @@ impl Component for Leak {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let given = ["gap_height", "diameter", "length"].into_iter().find(|key| own.given(key).is_some());
         match given.filter(|_| own.given("coefficient").is_some()) {
-            Some(key) => refuse(format!(
+            Some(key) => refuse!(
                 "{}.coefficient and {}.{key} both give the size of the leak: keep one of them",
-                own.name, own.name
-            )),
+                own.name,
+                own.name
+            ),
             None => Ok(()),
         }
     }

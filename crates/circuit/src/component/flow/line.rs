@@ -40,7 +40,7 @@ impl Component for Line {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         match own.given("cells") {
             Some(cells) if cells.fract() != 0.0 => {
-                refuse(format!("{}.cells = {cells} must be a whole number", own.name))
+                refuse!("{}.cells = {cells} must be a whole number", own.name)
             }
             _ => Ok(()),
         }

@@ -28,9 +28,9 @@ impl Component for CompressorComponent {
             return Ok(());
         }
         let name = &own.name;
-        refuse(format!(
+        refuse!(
             "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: otherwise it would turn on and off without end"
-        ))
+        )
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

@@ -92,23 +92,20 @@ fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> 
 fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
     if chamber_law(own) == ChamberLaw::AsPrinted && own.given("wall_capacity").is_some() {
-        return refuse(format!(
-            "{}: chamber law \"as-printed\" does not support a wall that stores heat",
-            own.name
-        ));
+        return refuse!("{}: chamber law \"as-printed\" does not support a wall that stores heat", own.name);
     }
     if own.friction.is_none() {
-        return refuse(format!("{}: a cylinder needs a friction table", own.name));
+        return refuse!("{}: a cylinder needs a friction table", own.name);
     }
     match (has_rod, rod) {
         (false, rod) if rod != 0.0 => {
-            refuse(format!("{}.rod_diameter = {rod} m: a rodless cylinder has no rod", own.name))
+            refuse!("{}.rod_diameter = {rod} m: a rodless cylinder has no rod", own.name)
         }
         (true, 0.0) => {
-            refuse(format!("{}.rod_diameter is missing: this kind of cylinder has a rod", own.name))
+            refuse!("{}.rod_diameter is missing: this kind of cylinder has a rod", own.name)
         }
         (true, rod) if rod >= bore => {
-            refuse(format!("{}.rod_diameter = {rod} m must be less than the bore, {bore} m", own.name))
+            refuse!("{}.rod_diameter = {rod} m must be less than the bore, {bore} m", own.name)
         }
         _ => Ok(()),
     }

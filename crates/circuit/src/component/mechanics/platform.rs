@@ -306,14 +306,14 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
 }
 
 fn check(own: &Instance<f64>, kind: MechanismKind) -> Result<(), Error> {
-    let refuse = |what: String| refuse(format!("{}.{what}", own.name));
+    let refuse = |what: String| refuse!("{}.{what}", own.name);
     for (what, radius) in [("frame", "base_radius"), ("platform", "platform_radius")] {
         let lacks = (0..kind.count()).find(|i| vector(own, what, *i).is_none());
         if let (Some(leg), None) = (lacks, own.given(radius)) {
-            return refuse(format!(
+            return refuse!(
                 "{what}_{} is missing: give the joint of each leg, or {radius} for all of them",
                 leg + 1
-            ));
+            );
         }
     }
     let geometry = geometry(own, kind, vec![0.0; kind.count()]);
@@ -323,9 +323,9 @@ fn check(own: &Instance<f64>, kind: MechanismKind) -> Result<(), Error> {
     let [x, y, z] = geometry.inertia;
     for (axis, largest, others) in [("x", x, y + z), ("y", y, z + x), ("z", z, x + y)] {
         if largest > others {
-            return refuse(format!(
+            return refuse!(
                 "inertia_{axis} = {largest} kg m2 is impossible: it must be at most the sum of the two others, {others} kg m2"
-            ));
+            );
         }
     }
     if let Some(i) = geometry.directions.iter().position(|d| !d.iter().all(|x| x.is_finite())) {
@@ -335,7 +335,7 @@ fn check(own: &Instance<f64>, kind: MechanismKind) -> Result<(), Error> {
             }
             _ => ("direction", "it must differ from zero"),
         };
-        return refuse(format!("{what}_{} is not a direction: {why}", i + 1));
+        return refuse!("{what}_{} is not a direction: {why}", i + 1);
     }
     if kind == MechanismKind::Rps3 {
         let d = &geometry.directions;

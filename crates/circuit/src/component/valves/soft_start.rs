@@ -33,11 +33,12 @@ impl Component for SoftStart {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let [needle, open] = ["needle_conductance", "conductance"].map(|key| own.number(key));
         if needle > open {
-            return refuse(format!(
+            return refuse!(
                 "{}.needle_conductance = {needle} m3/(s Pa) is above {}.conductance = {open} m3/(s Pa): the open valve \
                  lets more through than its needle",
-                own.name, own.name
-            ));
+                own.name,
+                own.name
+            );
         }
         Ok(())
     }

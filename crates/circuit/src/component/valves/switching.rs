@@ -112,13 +112,13 @@ fn check_pulses(own: &Instance<f64>) -> Result<(), Error> {
     if frequency * dead < 1.0 {
         return Ok(());
     }
-    refuse(format!(
+    refuse!(
         "{}.pwm_frequency = {frequency} Hz: a period of {:.3} ms is no longer than the dead time on, {:.3} ms, so the valve never \
          opens. Take a lower frequency",
         own.name,
         1e3 / frequency,
         1e3 * dead
-    ))
+    )
 }
 
 const KIND: Kind = Kind {
@@ -209,11 +209,11 @@ impl Component for Switching32 {
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         if own.choices[1] == 1 && own.number("pwm_frequency") > 0.0 {
-            return refuse(format!(
+            return refuse!(
                 "{}.pwm_model = \"averaged\": between supply and exhaust the mean of pulses is no opening. Take two 2/2 valves, \
                  or pwm_model = \"exact\"",
                 own.name
-            ));
+            );
         }
         check_pulses(own)
     }

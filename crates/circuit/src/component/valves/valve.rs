@@ -169,10 +169,10 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
         .filter(|key| own.kind().parameters.iter().any(|row| row.key == *key));
     let shaped = ["overlap", "leakage"].into_iter().filter(|key| own.number(key) != 0.0);
     if let Some(key) = sized.filter(|key| own.given(key).is_some()).chain(shaped).next() {
-        return refuse(format!("{name}.{key} and {name}.{FLOW_TABLE} both set this value: keep one of them"));
+        return refuse!("{name}.{key} and {name}.{FLOW_TABLE} both set this value: keep one of them");
     }
     if points.iter().all(|point| point[1..].iter().step_by(2).all(|size| *size == 0.0)) {
-        return refuse(format!("{name}.{FLOW_TABLE} opens no edge: give a conductance at an opening"));
+        return refuse!("{name}.{FLOW_TABLE} opens no edge: give a conductance at an opening");
     }
     Ok(())
 }

@@ -234,14 +234,19 @@ impl<P: Lane> Axis<P> {
         if let Some(start) = given.axis(self.node) {
             motion[..2].copy_from_slice(&start);
         }
-        if let Some((_, age)) = given.ages.iter().find(|(id, _)| id.0 == self.node)
-            && let Some(i) = self.friction.as_ref().and_then(Contact::age_index)
-        {
-            z[i] = *age;
-        }
-        if let Some((_, states)) = given.inner.iter().find(|(id, _)| id.0 == self.node) {
-            z.copy_from_slice(states);
-        }
+        begin_inner(self.friction.as_ref(), self.node, given, z);
+    }
+}
+
+/// Sets the inner states `z` of the friction of an axis to given values.
+pub(crate) fn begin_inner<P: Lane>(contact: Option<&Contact<P>>, node: usize, given: &Given<P>, z: &mut [P]) {
+    if let Some((_, age)) = given.ages.iter().find(|(id, _)| id.0 == node)
+        && let Some(i) = contact.and_then(Contact::age_index)
+    {
+        z[i] = *age;
+    }
+    if let Some((_, states)) = given.inner.iter().find(|(id, _)| id.0 == node) {
+        z.copy_from_slice(states);
     }
 }
 

@@ -49,23 +49,23 @@ impl<S: Real, const N: usize> Jet<S, N> {
     }
 }
 
-math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Add add Jet {
-    x: a.x + b.x,
-    by_q: std::array::from_fn(|i| a.by_q[i] + b.by_q[i]),
-    v: a.v + b.v,
-    a: a.a + b.a,
+math::operator!([S: Real, const N: usize] Jet<S, N>, |f, g| Add add Jet {
+    x: f.x + g.x,
+    by_q: std::array::from_fn(|i| f.by_q[i] + g.by_q[i]),
+    v: f.v + g.v,
+    a: f.a + g.a,
 });
-math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Sub sub Jet {
-    x: a.x - b.x,
-    by_q: std::array::from_fn(|i| a.by_q[i] - b.by_q[i]),
-    v: a.v - b.v,
-    a: a.a - b.a,
+math::operator!([S: Real, const N: usize] Jet<S, N>, |f, g| Sub sub Jet {
+    x: f.x - g.x,
+    by_q: std::array::from_fn(|i| f.by_q[i] - g.by_q[i]),
+    v: f.v - g.v,
+    a: f.a - g.a,
 });
-math::operator!([S: Real, const N: usize] Jet<S, N>, |a, b| Mul mul Jet {
-    x: a.x * b.x,
-    by_q: std::array::from_fn(|i| a.by_q[i] * b.x + a.x * b.by_q[i]),
-    v: a.v * b.x + a.x * b.v,
-    a: a.a * b.x + a.x * b.a + S::c(2.0) * a.v * b.v,
+math::operator!([S: Real, const N: usize] Jet<S, N>, |f, g| Mul mul Jet {
+    x: f.x * g.x,
+    by_q: std::array::from_fn(|i| f.by_q[i] * g.x + f.x * g.by_q[i]),
+    v: f.v * g.x + f.x * g.v,
+    a: f.a * g.x + f.x * g.a + S::c(2.0) * f.v * g.v,
 });
 
 impl<P: Real, S: Over<P>, const N: usize> Smooth<P> for Jet<S, N> {

@@ -1,7 +1,7 @@
 //! The platform as a part of a circuit.
 
 use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
-use crate::part::mechanics::axis::{GAUSS, at};
+use crate::part::mechanics::axis::{GAUSS, at, begin_inner};
 use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms, with_square, with_sum};
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
@@ -319,14 +319,7 @@ impl<P: Lane> Part<P> for Platform<P> {
         for (leg, node) in self.nodes.iter().enumerate() {
             let range = self.inner_range(leg);
             let z = &mut inner[range.start - 2 * n..range.end - 2 * n];
-            if let Some((_, age)) = given.ages.iter().find(|(id, _)| id.0 == *node)
-                && let Some(i) = self.contacts[leg].as_ref().and_then(Contact::age_index)
-            {
-                z[i] = *age;
-            }
-            if let Some((_, states)) = given.inner.iter().find(|(id, _)| id.0 == *node) {
-                z.copy_from_slice(states);
-            }
+            begin_inner(self.contacts[leg].as_ref(), *node, given, z);
         }
     }
 }

@@ -59,11 +59,12 @@ pub(super) fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
     }
     let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
     if a + b > stroke {
-        return refuse(format!(
+        return refuse!(
             "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
              stroke, {stroke} m",
-            own.name, own.name
-        ));
+            own.name,
+            own.name
+        );
     }
     Ok(())
 }
@@ -76,19 +77,19 @@ pub(super) fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error>
     let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
     let (length, stroke) = (number("length"), own.number("stroke"));
     if diameter >= bore {
-        return refuse(format!(
+        return refuse!(
             "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
             own.name
-        ));
+        );
     }
     if length >= stroke {
-        return refuse(format!(
+        return refuse!(
             "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
             own.name
-        ));
+        );
     }
     if chamber_law(own) == ChamberLaw::AsPrinted {
-        return refuse(format!("{}: chamber law \"as-printed\" does not support a cushion", own.name));
+        return refuse!("{}: chamber law \"as-printed\" does not support a cushion", own.name);
     }
     Ok(())
 }
