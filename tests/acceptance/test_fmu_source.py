@@ -81,8 +81,7 @@ def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
     """The reference is an input: a move, sampled now and at the time at which a command acts."""
     tuning = pn.control.tune(AXIS, "inversion", setup="ideal")
     move = pn.control.reference("220 mm; 0.05 s: 280 mm in 0.3 s")
-    controller = pn.control.Controller(law="inversion", adaptation=False)
-    run = pn.control.run(AXIS, reference=move, controller=controller, setup="ideal", duration="0.5 s")
+    run = pn.control.run(AXIS, "inversion", reference=move, setup="ideal", duration="0.5 s")
     path = _written(tmp_path, "inversion", "2.0", "ideal")
     tool, put, get = _begun(path, "2.0")
     ahead = tuning.plant.lag_s

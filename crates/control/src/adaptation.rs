@@ -1,30 +1,42 @@
 //! Adaptation of the controller's model to the drive. Recursive least squares estimate friction, mass and valve while
-//! the drive moves.
+//! the drive moves. Nothing branches on a number other than by a choice, so that the adaptation can be exported.
 
 use crate::model::Model;
+use crate::number::{Memory, Number, Zeros, flag, memory};
 use crate::thresholds::*;
 use crate::types::State;
 
 /// Recursive least squares with forgetting, of `y = phi' theta`.
-#[derive(Clone, Debug)]
-struct Fit<const N: usize> {
-    theta: [f64; N],
-    covariance: [[f64; N]; N],
+#[derive(Clone, Copy, Debug)]
+struct Fit<S, const N: usize> {
+    theta: [S; N],
+    covariance: [[S; N]; N],
 }
 
-impl<const N: usize> Fit<N> {
+impl<S: Number, const N: usize> Memory<S> for Fit<S, N> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.theta.each(see);
+        self.covariance.each(see);
+    }
+}
+
+fn sum<S: Number>(terms: impl Iterator<Item = S>) -> S {
+    terms.fold(S::zero(), |sum, own| sum + own)
+}
+
+impl<S: Number, const N: usize> Fit<S, N> {
     fn new(theta: [f64; N]) -> Self {
-        let mut covariance = [[0.0; N]; N];
-        (0..N).for_each(|i| covariance[i][i] = LEARN_VARIANCE);
-        Fit { theta, covariance }
+        let mut covariance = [[S::zero(); N]; N];
+        (0..N).for_each(|i| covariance[i][i] = S::c(LEARN_VARIANCE));
+        Fit { theta: theta.map(S::c), covariance }
     }
 
     /// Updates the estimates with an observation of unit variance.
-    fn observe(&mut self, phi: [f64; N], y: f64) {
+    fn observe(&mut self, phi: [S; N], y: S) {
         let p = &mut self.covariance;
-        let p_phi: [f64; N] = std::array::from_fn(|i| (0..N).map(|j| p[i][j] * phi[j]).sum());
-        let spread = 1.0 + (0..N).map(|i| phi[i] * p_phi[i]).sum::<f64>();
-        let miss = y - (0..N).map(|i| phi[i] * self.theta[i]).sum::<f64>();
+        let p_phi: [S; N] = std::array::from_fn(|i| sum((0..N).map(|j| p[i][j] * phi[j])));
+        let spread = S::one() + sum((0..N).map(|i| phi[i] * p_phi[i]));
+        let miss = y - sum((0..N).map(|i| phi[i] * self.theta[i]));
         for i in 0..N {
             self.theta[i] += p_phi[i] / spread * miss;
             for j in 0..N {
@@ -32,67 +44,102 @@ impl<const N: usize> Fit<N> {
             }
         }
         // Without excitation, the variance grows at most to its initial value.
-        let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
-        if most / LEARN_KEPT < LEARN_VARIANCE {
-            p.iter_mut().flatten().for_each(|own| *own /= LEARN_KEPT);
-        }
+        let most = (0..N).fold(S::zero(), |most, i| most.max(p[i][i]));
+        let grows = (most / S::c(LEARN_KEPT)).lt(S::c(LEARN_VARIANCE));
+        let kept = S::select(grows, S::c(LEARN_KEPT), S::one());
+        p.iter_mut().flatten().for_each(|own| *own = *own / kept);
     }
 
     /// Clips estimates to their bounds.
     fn cut(&mut self, within: [[f64; 2]; N]) {
-        (0..N).for_each(|i| self.theta[i] = self.theta[i].clamp(within[i][0], within[i][1]));
+        (0..N).for_each(|i| self.theta[i] = self.theta[i].within(within[i][0], within[i][1]));
     }
 
     /// Clips estimates to their bounds and assigns the remaining error to the other estimates, by their covariance.
     /// If one estimate alone were clipped, the others would no longer fit past observations.
-    fn project(&mut self, within: [[f64; 2]; N]) {
-        for (i, [low, high]) in within.into_iter().enumerate() {
-            let beyond = self.theta[i] - self.theta[i].clamp(low, high);
+    fn project(&mut self, within: [[S; 2]; N]) {
+        let clipped = |own: S, [low, high]: [S; 2]| own.max(low).min(high);
+        for (i, bounds) in within.into_iter().enumerate() {
+            let beyond = self.theta[i] - clipped(self.theta[i], bounds);
             let share = beyond / self.covariance[i][i];
             (0..N).for_each(|j| self.theta[j] -= self.covariance[j][i] * share);
         }
-        self.cut(within);
+        (0..N).for_each(|i| self.theta[i] = clipped(self.theta[i], within[i]));
     }
 }
 
-/// A signal after a first-order lag.
-#[derive(Clone, Copy, Debug, Default)]
-struct Lagged<const N: usize>(Option<[f64; N]>);
+/// A signal after a first-order lag, and 1 as soon as it has begun.
+#[derive(Clone, Copy, Debug)]
+struct Lagged<S, const N: usize>([S; N], S);
 
-impl<const N: usize> Lagged<N> {
-    fn follow(&mut self, signal: [f64; N], share: f64) -> [f64; N] {
-        let own = self.0.get_or_insert(signal);
-        for (own, signal) in own.iter_mut().zip(signal) {
-            *own += share * (signal - *own);
+impl<S: Number, const N: usize> Lagged<S, N> {
+    fn follow(&mut self, signal: [S; N], share: f64) -> [S; N] {
+        let Lagged(value, begun) = self;
+        let has_begun = S::zero().lt(*begun);
+        for (own, signal) in value.iter_mut().zip(signal) {
+            let before = S::select(has_begun, *own, signal);
+            *own = before + (signal - before).times(share);
         }
-        *own
+        *begun = S::one();
+        *value
     }
 }
 
-/// Force and acceleration in the frequency band in which a controlled drive swings: after two lags, without the slow
-/// part.
-#[derive(Clone, Debug, Default)]
-struct Band {
-    lags: [Lagged<2>; 3],
-    /// Mean square of the inertial force in the band, N2.
-    power: f64,
+impl<S: Number, const N: usize> Memory<S> for Lagged<S, N> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.0.each(see);
+        self.1.each(see);
+    }
 }
 
-impl Band {
+impl<S: Number, const N: usize> Zeros for Lagged<S, N> {
+    fn zeros() -> Self {
+        Lagged([S::zero(); N], S::zero())
+    }
+}
+
+memory! {
+    /// Force and acceleration in the frequency band in which a controlled drive swings: after two lags, without the
+    /// slow part.
+    struct Band<S> {
+        lags: [Lagged<S, 2>; 3],
+        /// Mean square of the inertial force in the band, N2.
+        power: S,
+    }
+}
+
+impl<S: Number> Band<S> {
     /// Returns force, N, and acceleration, m/s2, in the band, from force and velocity.
-    fn follow(&mut self, [force, v]: [f64; 2], period: f64) -> [f64; 2] {
+    fn follow(&mut self, [force, v]: [S; 2], period: f64) -> [S; 2] {
         let [fast, slow] = LEARN_BAND;
         let share = period / (period + fast);
         let [f1, v1] = self.lags[0].follow([force, v], share);
-        let [f2, a2] = self.lags[1].follow([f1, (v - v1) / fast], share);
+        let [f2, a2] = self.lags[1].follow([f1, (v - v1) / S::c(fast)], share);
         let [f3, a3] = self.lags[2].follow([f2, a2], period / (period + slow));
         [f2 - f3, a2 - a3]
     }
 
     /// Adds the inertial force of a sample, N, and returns its effective value, N.
-    fn effective(&mut self, inertia: f64, period: f64) -> f64 {
-        self.power += period / (period + LEARN_BAND[1]) * (inertia * inertia - self.power);
+    fn effective(&mut self, inertia: S, period: f64) -> S {
+        self.power += (inertia * inertia - self.power).times(period / (period + LEARN_BAND[1]));
         self.power.sqrt()
+    }
+}
+
+memory! {
+    /// Course of the motion, on which it depends what may be learned.
+    struct MotionPhase<S> {
+        /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. The following numbers are the
+        /// duration of this motion and of the rest after it, s.
+        way: S,
+        gone: S,
+        stood: S,
+        /// Remaining time in which friction is not learned, s.
+        rests: S,
+        /// Time for which the drive has slid, and has slid fast, s.
+        slid: [S; 2],
+        /// Time for which the spool has moved slowly, s.
+        calm: S,
     }
 }
 
@@ -101,35 +148,47 @@ impl Band {
 /// compensates it. Zero offsets of pressure sensors look like such a force. Friction that differs between the
 /// directions does, too.
 #[derive(Clone, Debug)]
-pub struct Adaptation {
+pub struct Adaptation<S = f64> {
     /// The model as described, before any learning.
     described: Model,
     /// Load of that model at first, N.
     load: f64,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
-    friction: Fit<4>,
+    friction: Fit<S, 4>,
     /// Factor of the mass in the band of a swing.
-    mass: Fit<1>,
-    valve: Fit<2>,
-    motion: Lagged<4>,
-    band: Band,
-    gas: [Lagged<4>; 2],
+    mass: Fit<S, 1>,
+    valve: Fit<S, 2>,
+    motion: Lagged<S, 4>,
+    band: Band<S>,
+    gas: [Lagged<S, 4>; 2],
     /// Residual of the force balance, in each direction.
-    disturbance: [Lagged<1>; 2],
-    /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. The following numbers are the
-    /// duration of this motion and of the rest after it, s.
-    way: f64,
-    gone: f64,
-    stood: f64,
-    /// Remaining time in which friction is not learned, s.
-    rests: f64,
-    /// Time for which the drive has slid, and has slid fast, s.
-    slid: [f64; 2],
-    /// Time for which the spool has moved slowly, s.
-    calm: f64,
+    disturbance: [Lagged<S, 1>; 2],
+    phase: MotionPhase<S>,
+}
+
+impl<S: Number> Memory<S> for Adaptation<S> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.friction.each(see);
+        self.mass.each(see);
+        self.valve.each(see);
+        self.motion.each(see);
+        self.band.each(see);
+        self.gas.each(see);
+        self.disturbance.each(see);
+        self.phase.each(see);
+    }
 }
 
 impl Adaptation {
+    /// Takes over another described mass, kg, and load, N. The learned factor of the mass stays.
+    pub fn expect(&mut self, model: &mut Model, mass: f64, load: f64) {
+        model.mass *= mass / self.described.mass;
+        model.load = load;
+        self.described.mass = mass;
+    }
+}
+
+impl<S: Number> Adaptation<S> {
     /// Returns the adaptation of a described model.
     pub fn new(model: &Model) -> Self {
         let d = model.valve.overlap;
@@ -139,29 +198,17 @@ impl Adaptation {
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
-            motion: Lagged::default(),
-            band: Band::default(),
-            gas: [Lagged::default(); 2],
-            disturbance: [Lagged::default(); 2],
-            way: 0.0,
-            gone: 0.0,
-            stood: 0.0,
-            rests: 0.0,
-            slid: [0.0; 2],
-            calm: 0.0,
+            motion: Lagged::zeros(),
+            band: Band::new(),
+            gas: Zeros::zeros(),
+            disturbance: Zeros::zeros(),
+            phase: MotionPhase::new(),
         }
-    }
-
-    /// Takes over another described mass, kg, and load, N. The learned factor of the mass stays.
-    pub fn expect(&mut self, model: &mut Model, mass: f64, load: f64) {
-        model.mass *= mass / self.described.mass;
-        model.load = load;
-        self.described.mass = mass;
     }
 
     /// Learns from a state that follows measured pressures, and from position and speed of the spool of a 5/3 valve.
     /// Parameters of other valves are not learned.
-    pub fn learn(&mut self, model: &mut Model, state: &mut State, spool: Option<[f64; 2]>, period: f64) {
+    pub fn learn(&mut self, model: &mut Model<S>, state: &mut State<S>, spool: Option<[S; 2]>, period: f64) {
         self.turn(model, state, period);
         self.learn_friction(model, state, period);
         if let Some(spool) = spool {
@@ -172,81 +219,89 @@ impl Adaptation {
     /// Corrects the estimate when a drive reverses. Until then, the observer has assigned the unmodelled friction to a
     /// disturbance force. This part of the disturbance force is moved to the friction. Otherwise it would not change
     /// sign with the motion.
-    fn turn(&mut self, model: &mut Model, state: &mut State, period: f64) {
-        let way = self.way;
-        if way * state.friction >= 0.0 {
-            let goes = state.velocity.abs() > LEARN_MOVES && state.friction * state.velocity > 0.0;
-            if goes && way == 0.0 {
-                (self.way, self.gone) = (state.velocity.signum(), 0.0);
-            }
-            [self.gone, self.stood] =
-                if goes { [self.gone + period, 0.0] } else { [self.gone, self.stood + period] };
-            return;
-        }
-        self.way = 0.0;
-        if self.rests > 0.0 || self.gone < LEARN_MOVED_FOR || self.stood > LEARN_STOOD_FOR {
-            return;
-        }
-        let [level, _] = self.described.friction_levels([state.position, 0.0], state.pressures);
-        let before = self.friction.theta[0];
-        self.balance(
-            [way * level, 0.0, 0.0],
-            way * level * before - state.disturbance,
-            level,
-            1.0 / LEARN_REVERSAL,
+    fn turn(&mut self, model: &mut Model<S>, state: &mut State<S>, period: f64) {
+        let (zero, one, half) = (S::zero(), S::one(), S::c(0.5));
+        let MotionPhase { way, gone, stood, rests, .. } = self.phase;
+        let reverses = flag(way * state.friction, zero);
+        let moves = flag(S::c(LEARN_MOVES), state.velocity.abs());
+        let goes = (one - reverses) * moves * flag(zero, state.friction * state.velocity);
+        let begins = half.lt(goes * flag(way.abs(), half));
+        let [reversed, gone_on] = [reverses, goes].map(|own| half.lt(own));
+        let sign = S::select(state.velocity.lt(zero), -one, one);
+        self.phase.way = S::select(reversed, zero, S::select(begins, sign, way));
+        self.phase.gone = S::select(begins, zero, gone) + goes.times(period);
+        let rested = S::select(gone_on, zero, stood + S::c(period));
+        self.phase.stood = S::select(reversed, stood, rested);
+        let is_new = flag(rests, S::c(f64::MIN_POSITIVE));
+        let was_long = one - flag(gone, S::c(LEARN_MOVED_FOR));
+        let was_short = one - flag(S::c(LEARN_STOOD_FOR), stood);
+        let learns = half.lt(reverses * is_new * was_long * was_short);
+        let balance = ForceBalance::of(&self.described, self.load);
+        let taken = S::either(
+            learns,
+            &mut self.friction,
+            |fit| {
+                let place = [state.position, zero];
+                let [level, _] = self.described.friction_levels(place, state.pressures);
+                let before = fit.theta[0];
+                let force = way * level * before - state.disturbance;
+                balance.learn(fit, [way * level, zero, zero], force, level, S::c(1.0 / LEARN_REVERSAL));
+                (fit.theta[0] - before) * way * level
+            },
+            |_| zero,
         );
-        let [coulomb, ..] = self.friction.theta;
-        model.friction_shares[0] = coulomb;
-        let taken = (coulomb - before) * way * level;
+        model.friction_shares[0] = self.friction.theta[0];
         state.disturbance += taken;
         state.friction += taken;
     }
 
-    /// Learns from a force balance. Its terms are described Coulomb friction, viscous friction and inertia, N, the force
-    /// of gas and load, N, the friction level, and a factor of the balance's deviation.
-    fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
-        let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
-        let least = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
-        let weight = self.load.abs();
-        let (deviation, offset) = (least * factor, LEARN_OFFSET * (least / LEARN_FORCE_DEVIATION) + weight);
-        let most = (level + (LEARN_MASS_WITHIN[1] - 1.0) * weight) / offset;
-        let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
-        let within = [LEARN_FRICTION_WITHIN, LEARN_FRICTION_WITHIN, [-most, most], LEARN_MASS_WITHIN];
-        self.friction.observe(phi, force / deviation);
-        self.friction.project(within);
-    }
-
-    fn learn_friction(&mut self, model: &mut Model, state: &State, period: f64) {
+    fn learn_friction(&mut self, model: &mut Model<S>, state: &State<S>, period: f64) {
+        let (zero, one, half) = (S::zero(), S::one(), S::c(0.5));
         let v = state.velocity;
         let [level, viscous] = self.described.friction_levels([state.position, v], state.pressures);
-        let sign = if v == 0.0 { 0.0 } else { v.signum() };
-        let force = model.gas_force(state.pressures) + model.load;
+        let sign = S::select(v.lt(zero), -one, S::select(zero.lt(v), one, zero));
+        let force = model.gas_force(state.pressures) + S::c(model.load);
         let now = [force, v, sign * level, viscous * v];
         let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + LEARN_MOTION_LAG));
-        self.rests -= period;
+        self.phase.rests -= S::c(period);
         // The friction is not known during the first lag after the drive began to slide, or to slide fast.
-        for (own, least) in self.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
-            *own = if v.abs() < least { 0.0 } else { *own + period };
+        for (own, least) in self.phase.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
+            *own = S::select(v.abs().lt(S::c(least)), zero, *own + S::c(period));
         }
-        let [slid, fast] = self.slid;
-        let slid = if v.abs() < LEARN_FAST { slid } else { fast };
-        if slid < LEARN_SETTLED * LEARN_MOTION_LAG || slow * v < 0.0 {
-            return;
-        }
+        let [slid, fast] = self.phase.slid;
+        let slid = S::select(v.abs().lt(S::c(LEARN_FAST)), slid, fast);
+        let is_settled = one - flag(slid, S::c(LEARN_SETTLED * LEARN_MOTION_LAG));
+        let slides = is_settled * (one - flag(slow * v, zero));
         // Separate for each direction: wrong friction changes sign with the motion, and must be learned.
-        let known = &mut self.disturbance[usize::from(v < 0.0)];
-        let [known] = known.follow([state.disturbance], period / (period + LEARN_WAIT));
-        let inertia = self.described.mass * (v - slow) / LEARN_MOTION_LAG;
-        if (state.disturbance - known).abs() > LEARN_JUMP * (level + inertia.abs()) {
-            self.rests = LEARN_WAIT;
+        let back = flag(v, zero);
+        let mut known = zero;
+        for (own, is_this) in self.disturbance.iter_mut().zip([one - back, back]) {
+            known += S::either(
+                half.lt(slides * is_this),
+                own,
+                |own| own.follow([state.disturbance], period / (period + LEARN_WAIT))[0],
+                |_| zero,
+            );
         }
-        if self.rests > 0.0 {
-            return;
-        }
-        self.balance([coulomb, viscous, inertia], force, level, (LEARN_FAST / v.abs()).max(1.0));
+        let inertia = (v - slow).times(self.described.mass) / S::c(LEARN_MOTION_LAG);
+        let expected = (level + inertia.abs()).times(LEARN_JUMP);
+        let jumps = half.lt(slides * flag(expected, (state.disturbance - known).abs()));
+        self.phase.rests = S::select(jumps, S::c(LEARN_WAIT), self.phase.rests);
+        let learns = half.lt(slides * flag(self.phase.rests, S::c(f64::MIN_POSITIVE)));
+        let balance = ForceBalance::of(&self.described, self.load);
+        S::either(
+            learns,
+            &mut self.friction,
+            |fit| {
+                let factor = (S::c(LEARN_FAST) / v.abs()).max(one);
+                balance.learn(fit, [coulomb, viscous, inertia], force, level, factor);
+                zero
+            },
+            |_| zero,
+        );
         // Inertia is part of the balance, so it is not mistaken for friction. Other errors look like mass, too.
         let [coulomb, viscous, ..] = self.friction.theta;
-        model.friction_shares = [coulomb, viscous];
+        model.friction_shares = [coulomb, S::select(learns, viscous, model.friction_shares[1])];
     }
 
     /// Learns the mass from a drive that swings. The pressures are measured, or those of the model:
@@ -258,67 +313,122 @@ impl Adaptation {
     /// `speed` of the reference is below [`LEARN_SLIDES`], the inertial force must therefore exceed that of any slip,
     /// which is the difference between breakaway and Coulomb friction. A model with more mass than the drive makes
     /// predictive control swing, and the swing corrects the mass.
-    pub fn learn_mass(&mut self, model: &mut Model, state: &State, speed: f64, period: f64) {
+    pub fn learn_mass(&mut self, model: &mut Model<S>, state: &State<S>, speed: S, period: f64) {
         if !model.valve.arrangement.is_proportional() {
             return; // The pulses of valves that switch are in the same band.
         }
         let v = state.velocity;
         let [level, viscous] = model.friction_levels([state.position, v], state.pressures);
-        let growth = model.load - self.load;
+        let growth = S::c(model.load - self.load);
         let force = model.gas_force(state.pressures) - state.friction - viscous * v + growth;
         let [force, a] = self.band.follow([force, v], period);
-        let inertia = self.described.mass * a;
-        let least = LEARN_SWINGS[usize::from(speed < LEARN_SLIDES)];
-        if self.band.effective(inertia, period) < least * level {
-            return;
-        }
-        let deviation = LEARN_SWING_DEVIATION * level;
-        self.mass.observe([inertia / deviation], force / deviation);
-        self.mass.cut([LEARN_MASS_WITHIN]);
-        model.mass = self.mass.theta[0] * self.described.mass;
+        let inertia = a.times(self.described.mass);
+        let [moves, creeps] = LEARN_SWINGS.map(S::c);
+        let least = S::select(speed.lt(S::c(LEARN_SLIDES)), creeps, moves);
+        let is_weak = self.band.effective(inertia, period).lt(least * level);
+        let learned = |fit: &mut Fit<S, 1>| {
+            let deviation = level.times(LEARN_SWING_DEVIATION);
+            fit.observe([inertia / deviation], force / deviation);
+            fit.cut([LEARN_MASS_WITHIN]);
+            fit.theta[0].times(self.described.mass)
+        };
+        model.mass = S::either(is_weak, &mut self.mass, |_| model.mass, learned);
     }
 
-    fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {
+    fn learn_valve(&mut self, model: &mut Model<S>, state: &State<S>, [spool, speed]: [S; 2], period: f64) {
+        let (zero, one, half) = (S::zero(), S::one(), S::c(0.5));
         let described = &self.described;
-        let place = [state.position, state.velocity];
-        let gas = state.gas();
-        let full = described.chambers(place, gas, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
-        let shut = described.chambers(place, gas, [0.0; 2]);
+        let (place, gas) = ([state.position, state.velocity], state.gas());
+        let forth = flag(zero, spool);
+        let is_forth = half.lt(forth);
+        let full = described.chambers(place, gas, [forth, one - forth]);
+        let shut = described.chambers(place, gas, [zero; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
-        self.calm = if speed.abs() < LEARN_SPOOL_SPEED { self.calm + period } else { 0.0 };
-        let open = spool.abs() - model.valve.overlap > LEARN_OPEN && self.calm > LEARN_SPOOL_CALM;
-        // The filling chamber comes first: the order is then the same in both directions, also at a bound.
-        let [fills, vents] = if spool > 0.0 { [0, 1] } else { [1, 0] };
-        let seen = [fills, vents].map(|side| {
+        let is_fast = S::one() - flag(speed.abs(), S::c(LEARN_SPOOL_SPEED));
+        self.phase.calm = S::select(half.lt(is_fast), zero, self.phase.calm + S::c(period));
+        let is_wide = flag(S::c(LEARN_OPEN), spool.abs() - model.valve.overlap);
+        let opens = is_wide * flag(S::c(LEARN_SPOOL_CALM), self.phase.calm);
+        let seen = [0, 1].map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
-            let is_open = f64::from(u8::from(spool.abs() > model.valve.overlap));
+            let is_open = flag(model.valve.overlap, spool.abs());
             let flow = is_open * (full.energy_rates[side] - shut.energy_rates[side]);
             let volume = described.sides[side].volume(state.position);
-            let scale = described.valve.flow.gain * CHOKED * described.gas.cp * state.temperatures[side];
-            let now =
-                [state.pressures[side] * volume / k1, shut.energy_rates[side], flow * spool.abs(), flow];
-            let [energy, other, by_spool, by_one] =
+            let scale = state.temperatures[side].times(described.valve.flow.gain * CHOKED * described.gas.cp);
+            let energy = state.pressures[side] * volume / S::c(k1);
+            let now = [energy, shut.energy_rates[side], flow * spool.abs(), flow];
+            let [slow, other, by_spool, by_one] =
                 self.gas[side].follow(now, period / (period + LEARN_GAS_LAG));
-            let rate = (now[0] - energy) / LEARN_GAS_LAG;
-            ([by_spool / scale, by_one / scale], (rate - other) / scale)
+            let rate = (energy - slow) / S::c(LEARN_GAS_LAG);
+            [by_spool / scale, by_one / scale, (rate - other) / scale]
         });
-        if !open {
-            return;
-        }
+        let pick = |a: S, b: S| S::select(is_forth, a, b);
+        // The filling chamber comes first: the order is then the same in both directions, also at a bound.
+        let [fills, vents] =
+            [[0, 1], [1, 0]].map(|[a, b]| std::array::from_fn::<S, 3, _>(|i| pick(seen[a][i], seen[b][i])));
         // Near the supply's pressure, the filling flow depends on the supply and not on the valve.
-        let is_full = state.pressures[fills] > LEARN_FULL * described.supply.pressure;
-        for (phi, y) in seen.into_iter().skip(usize::from(is_full)) {
-            let d = LEARN_OVERLAP_WITHIN;
-            let [low, high] = LEARN_CONDUCTANCE_WITHIN;
-            let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
-            self.valve.observe(phi.map(|own| own / LEARN_FLOW_DEVIATION), y / LEARN_FLOW_DEVIATION);
-            self.valve.cut(within);
+        let filled = pick(state.pressures[0], state.pressures[1]);
+        let is_full = flag(S::c(LEARN_FULL * described.supply.pressure), filled);
+        for ([by_spool, by_one, y], is_seen) in [(fills, opens * (one - is_full)), (vents, opens)] {
+            let learned = |fit: &mut Fit<S, 2>| {
+                let d = LEARN_OVERLAP_WITHIN;
+                let [low, high] = LEARN_CONDUCTANCE_WITHIN;
+                let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
+                let deviation = S::c(LEARN_FLOW_DEVIATION);
+                fit.observe([by_spool / deviation, by_one / deviation], y / deviation);
+                fit.cut(within);
+                zero
+            };
+            S::either(half.lt(is_seen), &mut self.valve, learned, |_| zero);
         }
         let [slope, offset] = self.valve.theta;
-        model.valve.overlap = (-offset / slope).clamp(LEARN_OVERLAP_WITHIN[0], LEARN_OVERLAP_WITHIN[1]);
-        let share = (slope * (1.0 - model.valve.overlap))
-            .clamp(LEARN_CONDUCTANCE_WITHIN[0], LEARN_CONDUCTANCE_WITHIN[1]);
-        model.valve.flow.gain = share * described.valve.flow.gain;
+        let [low, high] = LEARN_OVERLAP_WITHIN;
+        let overlap = (-offset / slope).within(low, high);
+        let [low, high] = LEARN_CONDUCTANCE_WITHIN;
+        let share = (slope * (one - overlap)).within(low, high);
+        let opens = half.lt(opens);
+        let Model { valve, .. } = model;
+        valve.overlap = S::select(opens, overlap, valve.overlap);
+        valve.flow.gain = S::select(opens, share.times(described.valve.flow.gain), valve.flow.gain);
+    }
+}
+
+/// Deviation of the force balance, unit of its constant force, and weight of the load, N.
+#[derive(Clone, Copy, Debug)]
+struct ForceBalance {
+    deviation: f64,
+    offset: f64,
+    weight: f64,
+}
+
+impl ForceBalance {
+    fn of(described: &Model, load: f64) -> Self {
+        let area = 0.5 * described.sides.iter().map(|side| side.area).sum::<f64>();
+        let deviation = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
+        let weight = load.abs();
+        ForceBalance {
+            deviation,
+            offset: LEARN_OFFSET * (deviation / LEARN_FORCE_DEVIATION) + weight,
+            weight,
+        }
+    }
+
+    /// Learns from a force balance. Its terms are described Coulomb friction, viscous friction and inertia, N, the force
+    /// of gas and load, N, the friction level, and a factor of the balance's deviation.
+    fn learn<S: Number>(
+        &self,
+        fit: &mut Fit<S, 4>,
+        [coulomb, viscous, inertia]: [S; 3],
+        force: S,
+        level: S,
+        factor: S,
+    ) {
+        let deviation = factor.times(self.deviation);
+        let rest = (LEARN_MASS_WITHIN[1] - 1.0) * self.weight;
+        let most = (level + S::c(rest)) / S::c(self.offset);
+        let phi = [coulomb, viscous, S::c(self.offset), inertia].map(|own| own / deviation);
+        fit.observe(phi, force / deviation);
+        let of_friction = LEARN_FRICTION_WITHIN.map(S::c);
+        fit.project([of_friction, of_friction, [-most, most], LEARN_MASS_WITHIN.map(S::c)]);
     }
 }
 

@@ -6,7 +6,8 @@ mod guard;
 mod print;
 mod traced;
 
-use crate::types::Sample;
+use crate::adaptation::Adaptation;
+use crate::types::{Sample, State};
 pub use guard::STATUS;
 use guard::{Fixed, GUARD, Guard, GuardInputs, Limits};
 pub use print::Language;
@@ -136,7 +137,7 @@ fn limits(controller: &Controller) -> Vec<(ExportVariable, f64)> {
 }
 
 /// Returns the program of a law, its observer and its checks. Without pressure sensors, the pressures come from the
-/// model. The code does not learn: friction and valve are those of the model.
+/// model, and friction and valve are not learned.
 pub fn program(controller: &Controller, with_pressures: bool) -> Result<LawProgram, String> {
     macro_rules! any {
         ($($law:ident),*) => {
@@ -225,16 +226,16 @@ impl LawRecorder<'_> {
     fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Follower<L, Traced> {
         let Follower { model, plant, hold, period, noise, .. } = &**self.controller;
         Follower {
-            model: model.clone(),
+            model: model.in_numbers(),
             plant: *plant,
             law,
             valves: Valves::One,
             hold: hold.as_ref().map(|own| Hold::new(own.band, own.after)),
-            adaptation: None,
+            adaptation: self.controller.adaptation.as_ref().map(|_| Adaptation::new(model)),
             period: *period,
             takeover: Takeover::default(),
             noise: *noise,
-            speed: 0.0,
+            speed: Traced::zero(),
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
@@ -329,17 +330,21 @@ impl LawRecorder<'_> {
         let mut results = Vec::new();
         match piece {
             Piece::Begin => {
-                let mut first = Observer::new(&own.model, &at, own.period, own.noise);
-                first.update(&own.model, &at);
-                own.friction = Some(first.state.friction);
+                own.friction = None;
                 if let Some(observer) = &mut own.observer {
-                    observer.state = first.state;
+                    observer.state = State::at_rest(&own.model, &at);
                 }
+                own.observe(&at);
+                own.adapt(self.with_pressures);
             }
-            Piece::Observe => own.observe(&at),
+            Piece::Observe => {
+                own.observe(&at);
+                own.adapt(self.with_pressures);
+            }
             Piece::Command => {
                 let nowhere = Reference::Moves { start: 0.0, moves: vec![] };
                 let GuardInputs { now, then, stands, .. } = *given;
+                own.speed = now.velocity.abs();
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
                 let Answer { command, velocity, disturbance, holds, .. } = own.command(&at, &ahead);

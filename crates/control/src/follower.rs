@@ -22,7 +22,7 @@ pub(crate) use takeover::Takeover;
 #[derive(Clone, Debug)]
 pub struct Follower<L = AnyLaw, S = f64> {
     /// Model of the drive.
-    pub model: Model,
+    pub model: Model<S>,
     /// Linear model of the drive at mid-stroke.
     pub plant: Plant,
     /// The law.
@@ -32,13 +32,13 @@ pub struct Follower<L = AnyLaw, S = f64> {
     /// Holding at the target, if it is on.
     pub hold: Option<Hold<S>>,
     /// Adaptation of the model, if it is on.
-    pub adaptation: Option<Adaptation>,
+    pub adaptation: Option<Adaptation<S>>,
     /// The period, s.
     pub period: f64,
     pub(crate) takeover: Takeover,
     pub(crate) noise: Noise,
     /// Speed of the reference at the last sample, m/s.
-    pub(crate) speed: f64,
+    pub(crate) speed: S,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// Force that breaks a resting drive away, N.
@@ -116,7 +116,7 @@ impl Follower {
 
     /// Passes a sample to the observer, and the learned values to the model.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
-        self.observe(sample);
+        self.take(sample);
         let lost = self.state().is_some_and(|mut own| {
             let mut is_lost = !(own.position.abs() < FARTHEST && own.velocity.abs() < FARTHEST);
             own.each(&mut |number| is_lost |= !number.is_finite());
@@ -125,14 +125,17 @@ impl Follower {
         if lost {
             // The sample is much later than the last one, or far from the model: the observer starts again.
             self.restart();
-            self.observe(sample);
+            self.take(sample);
         }
-        let (Some(adaptation), Some(observer)) = (&mut self.adaptation, &mut self.observer) else { return };
-        adaptation.learn_mass(&mut self.model, &observer.state, self.speed, self.period);
-        if measured && sample.pressures.is_some() {
-            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
-            adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
-        }
+        self.adapt(measured && sample.pressures.is_some());
+    }
+
+    /// Passes a sample to the observer. The first one starts it.
+    fn take(&mut self, sample: &Sample) {
+        let Follower { model, period, noise, law, .. } = self;
+        let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
+        self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
+        self.observe(sample);
     }
 
     /// Returns the law's command for a sample that the observer has processed.
@@ -241,13 +244,21 @@ impl Follower {
 }
 
 impl<S: Number, L: Law<S>> Follower<L, S> {
-    /// Stores a sample.
+    /// Corrects the observer by a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let Follower { model, period, noise, law, .. } = self;
-        let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
-        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
-        observer.update(model, sample);
+        let Some(observer) = &mut self.observer else { unreachable!("a sample starts it") };
+        observer.update(&self.model, sample);
         self.friction.get_or_insert(observer.state.friction);
+    }
+
+    /// Adapts the model to the drive after a sample. Its pressures may be `measured`.
+    pub(crate) fn adapt(&mut self, measured: bool) {
+        let (Some(adaptation), Some(observer)) = (&mut self.adaptation, &mut self.observer) else { return };
+        adaptation.learn_mass(&mut self.model, &observer.state, self.speed, self.period);
+        if measured {
+            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
+            adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
+        }
     }
 
     /// Visits each number of the state.
@@ -258,6 +269,13 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
         if let Some(hold) = &mut self.hold {
             hold.each(see);
+        }
+        if let Some(adaptation) = &mut self.adaptation {
+            adaptation.each(see);
+            let Model { mass, friction_shares: [level, viscous], valve, .. } = &mut self.model;
+            [mass, level, viscous, &mut valve.overlap, &mut valve.flow.gain, &mut self.speed]
+                .into_iter()
+                .for_each(&mut *see);
         }
         self.law.each(see);
     }
@@ -296,7 +314,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
             model,
             plant: &self.plant,
             period,
-            acceleration: state.acceleration(model),
+            acceleration: state.acceleration::<S>(model),
             state,
             wanted,
             friction: [along + rate.times(model.stick_damping_time) + viscous * wanted.velocity, force_rate],
@@ -327,8 +345,8 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let bandwidth = self.plant.bandwidth();
         let share = self.law.push() * bandwidth * self.period;
         let bound = PUSH_BOUND * self.plant.coulomb;
-        let stiffness = share * self.model.mass * bandwidth * bandwidth;
-        let grown = (self.push + seen.error.times(stiffness)).within(-bound, bound);
+        let stiffness = self.model.mass.times(share).times(bandwidth).times(bandwidth);
+        let grown = (self.push + seen.error * stiffness).within(-bound, bound);
         let fallen = self.push.times(1.0 - share);
         // After the contact slips, the full breakaway force would drive the piston past its target.
         let slips = S::c(PUSH_SLIPS).lt(seen.velocity.abs());

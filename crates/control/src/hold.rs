@@ -107,7 +107,7 @@ impl<S: Number> Hold<S> {
     /// Ends holding if the drive moves as no held drive can, so that the law takes over. The limits are a speed
     /// ([`HOLD_FASTEST`]), a distance from the beginning of holding ([`HOLD_FARTHEST`]), and a change of the gas force
     /// ([`HOLD_STRONGEST`]). Holding does not move the drive again while the reference is at rest.
-    fn watch(&mut self, seen: &Resting<S>, model: &Model) {
+    fn watch(&mut self, seen: &Resting<S>, model: &Model<S>) {
         let (zero, one) = (S::zero(), S::one());
         let held = zero.lt(self.holds);
         let gone = (seen.error - self.origin).abs();
@@ -130,7 +130,7 @@ impl<S: Number> Hold<S> {
     ///   F_h' = c s e within a bound about the first force, F' = F_h' + k_s (F_h - F)
     ///
     /// F_h is the kept force, s the stiffness of the contact, and c and k_s the rates of contact and gas.
-    pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
+    pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model<S>, period: f64) -> (S::Mask, S) {
         let Resting { stands, error: e, velocity: v, gas, level } = *seen;
         let zero = S::zero();
         self.watch(seen, model);

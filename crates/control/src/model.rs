@@ -2,7 +2,7 @@
 
 mod parts;
 
-use crate::number::Number;
+use crate::number::{Number, StateOf};
 use crate::thresholds::{LEAST_SPEED, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
 use crate::types::{Plant, State};
 use math::{Function, Over};
@@ -12,9 +12,9 @@ use physics::flow::{End, leaking, opened};
 use physics::friction::{At, Contact, plastic_share};
 use physics::{Gas, heat};
 
-/// Controller model of the drive.
+/// Controller model of the drive. The numbers `P` may be learned.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct Model<P = f64> {
     /// The gas.
     pub gas: Gas<f64>,
     /// The air around.
@@ -26,7 +26,7 @@ pub struct Model {
     /// Stroke, m.
     pub stroke: f64,
     /// Moving mass, kg.
-    pub mass: f64,
+    pub mass: P,
     /// Weight along the axis and external force, N in +x.
     pub load: f64,
     /// Heat-transfer coefficient to the walls, W/(m2 K).
@@ -34,7 +34,7 @@ pub struct Model {
     /// Wall temperature, K.
     pub wall_temperature: f64,
     /// The valve.
-    pub valve: Valve,
+    pub valve: Valve<P>,
     /// Friction of the moving parts.
     pub friction: Contact<f64>,
     /// Stiffness of the contact in stick, N/m.
@@ -42,7 +42,7 @@ pub struct Model {
     /// Slip condition of the contact.
     pub slip: Slip,
     /// Factors of the described friction: of its level, and of its viscous part.
-    pub friction_shares: [f64; 2],
+    pub friction_shares: [P; 2],
     /// Damping of the contact in stick over its stiffness, s.
     pub stick_damping_time: f64,
 }
@@ -68,13 +68,6 @@ impl Model {
     pub fn most_rate(&self, side: usize, x: f64) -> f64 {
         let k = self.gas.heat_capacity_ratio;
         k * self.volume_flow() * self.supply.pressure / self.sides[side].volume(x)
-    }
-
-    /// Returns the force of the gas in +x, N.
-    #[inline(always)]
-    pub fn gas_force<S: Over<f64>>(&self, pressures: [S; 2]) -> S {
-        let [a, b] = pressures.map(|p| p - S::c(self.ambient.pressure));
-        a.times(self.sides[0].area) - b.times(self.sides[1].area)
     }
 
     /// Returns pressures, Pa, about the mean of supply and ambient, under which a resting piston needs no friction.
@@ -106,43 +99,66 @@ impl Model {
         [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SLOPE_STEP * p[i]))
     }
 
-    /// Returns the open fraction of the conductance with the spool at `spool`. The first opening is supply to a (and b
-    /// to exhaust), the second is a to exhaust (and supply to b).
-    #[inline(always)]
-    pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
-        self.edges_at(spool, self.valve.overlap)
-    }
-
-    /// Returns the same for a fraction of the opening beyond the overlap.
-    #[inline(always)]
-    pub fn opened_by<S: Over<f64>>(&self, share: S) -> [S; 2] {
-        self.edges_at(share, 0.0)
-    }
-
-    #[inline(always)]
-    fn edges_at<S: Over<f64>>(&self, spool: S, overlap: f64) -> [S; 2] {
-        let whole = 1.0 - overlap;
-        let leak = leaking(S::c(self.valve.leakage), S::c(self.valve.leakage_width), spool);
-        [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
-    }
-
-    /// Returns the command that opens an edge by a fraction of its conductance. The command includes the overlap. It
-    /// changes sign smoothly within a width about zero.
-    pub fn command_for<S: Number>(&self, share: S) -> S {
-        let overlap = self.valve.overlap;
-        let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
-        (share.times(1.0 - overlap) + inverse).limited()
-    }
-
     /// Returns the fraction by which a command opens an edge.
     pub fn share_of(&self, command: f64) -> f64 {
         let overlap = self.valve.overlap;
         command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)
     }
 
+    /// Returns the same model in other numbers.
+    pub fn in_numbers<S: Over<f64>>(&self) -> Model<S> {
+        let Model { gas, ambient, supply, sides, stroke, load, heat_transfer, wall_temperature, .. } = *self;
+        Model {
+            gas,
+            ambient,
+            supply,
+            sides,
+            stroke,
+            mass: S::c(self.mass),
+            load,
+            heat_transfer,
+            wall_temperature,
+            valve: self.valve.in_numbers(),
+            friction: self.friction.clone(),
+            stick_stiffness: self.stick_stiffness,
+            slip: self.slip,
+            friction_shares: self.friction_shares.map(S::c),
+            stick_damping_time: self.stick_damping_time,
+        }
+    }
+}
+
+impl<P: Over<f64>> Model<P> {
+    /// Returns the force of the gas in +x, N.
+    #[inline(always)]
+    pub fn gas_force<S: Over<f64>>(&self, pressures: [S; 2]) -> S {
+        let [a, b] = pressures.map(|p| p - S::c(self.ambient.pressure));
+        a.times(self.sides[0].area) - b.times(self.sides[1].area)
+    }
+
+    /// Returns the open fraction of the conductance with the spool at `spool`. The first opening is supply to a (and b
+    /// to exhaust), the second is a to exhaust (and supply to b).
+    #[inline(always)]
+    pub fn openings<S: StateOf<P>>(&self, spool: S) -> [S; 2] {
+        self.edges_at(spool, self.valve.overlap)
+    }
+
+    /// Returns the same for a fraction of the opening beyond the overlap.
+    #[inline(always)]
+    pub fn opened_by<S: StateOf<P>>(&self, share: S) -> [S; 2] {
+        self.edges_at(share, P::zero())
+    }
+
+    #[inline(always)]
+    fn edges_at<S: StateOf<P>>(&self, spool: S, overlap: P) -> [S; 2] {
+        let whole = P::one() - overlap;
+        let leak = leaking(S::c(self.valve.leakage), S::c(self.valve.leakage_width), spool);
+        [1.0, -1.0].map(|way| opened(S::from(-overlap / whole), S::from(P::c(way) / whole), spool) + leak)
+    }
+
     /// Returns the rates of the chambers' gas at (x, v), with the edges open by `openings`.
     #[inline(always)]
-    pub fn chambers<S: Over<f64>>(
+    pub fn chambers<S: StateOf<P>>(
         &self,
         place: [S; 2],
         gas: [GasState<S>; 2],
@@ -153,7 +169,7 @@ impl Model {
 
     /// Returns the same for another supply.
     #[inline(always)]
-    pub fn chambers_on<S: Over<f64>>(
+    pub fn chambers_on<S: StateOf<P>>(
         &self,
         supply: &ConstantGas,
         [x, v]: [S; 2],
@@ -191,41 +207,20 @@ impl Model {
         Chambers { energy_rates, pressure_rates, temperature_rates }
     }
 
-    /// Returns the opening under which the force of the gas changes at a rate, N/s: its direction, and its fraction.
-    /// Flow is linear in the fraction on each side. The fraction is above 1 if the valve is too small, and below 0 if
-    /// no opening suffices.
-    pub fn opening_for<S: Number>(&self, state: &State<S>, rate: S) -> (S, S) {
-        let gas = state.gas();
-        let at = |openings: [S; 2]| {
-            let [a, b] = self.chambers([state.position, state.velocity], gas, openings).pressure_rates;
-            a.times(self.sides[0].area) - b.times(self.sides[1].area)
-        };
-        let shut = at(self.openings(S::zero()));
-        let is_back = rate.lt(shut);
-        let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
-        let full = at([to, fro]);
-        (S::select(is_back, S::c(-1.0), S::one()), (rate - shut) / (full - shut))
-    }
-
-    /// Returns the arguments of the friction law.
-    #[inline(always)]
-    fn at<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> At<S> {
-        let [gauge_a, gauge_b] = pressures.map(|p| p - S::c(self.ambient.pressure));
-        At { x, v, ..At::at_rest() }.pressed(gauge_a, gauge_b)
-    }
-
     /// Returns the steady friction level without its viscous part at |v|, g(v), N, and the viscous coefficient Fv, N
     /// s/m.
     #[inline(always)]
-    pub fn friction_levels<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
+    pub fn friction_levels<S: StateOf<P>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
         let [a, b] = pressures;
+        let steady = Steady { friction: &self.friction, ambient: self.ambient.pressure };
         let level = if self.friction.is_of_velocity() {
-            S::composed(&Steady(self), [v])
+            <S as Over<f64>>::composed(&steady, [v])
         } else {
-            S::composed(&Steady(self), [v, x, a, b])
+            <S as Over<f64>>::composed(&steady, [v, x, a, b])
         };
         let [share, slope] = self.friction_shares;
-        [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * self.friction.law.levels().viscous)]
+        let viscous = slope * P::c(self.friction.law.levels().viscous);
+        [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::from(viscous)]
     }
 
     /// Returns the rate of the friction force f of the contact, N/s, without its viscous part. The contact is a
@@ -238,7 +233,7 @@ impl Model {
     /// follows df/dt = s v (1 - alpha |f|/g) below its level, and does not exceed g within the step. Here alpha is the
     /// [`plastic_share`] of the motion. It is zero if the contact slips only at its level.
     #[inline(always)]
-    pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
+    pub fn stick_rate<S: StateOf<P>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH_SPEED * SMOOTH_SPEED)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
         // g sgn v |v| = g v avoids the sign at rest.
@@ -255,8 +250,8 @@ impl Model {
         };
         // Near rest the sign changes faster than a step can follow. Its derivative is limited to the value that brings
         // the mass to rest within one step.
-        let slope =
-            || (S::c(SMOOTH_SPEED * SMOOTH_SPEED) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
+        let most = S::from(self.mass / P::c(h));
+        let slope = || (S::c(SMOOTH_SPEED * SMOOTH_SPEED) / (speed * speed * speed)).min(most / level);
         let rest = (level * sign.sloped(v, slope) - f).times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
@@ -264,14 +259,40 @@ impl Model {
 
     /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. The damping can bring the mass to
     /// rest within the step, but cannot reverse its motion.
-    pub fn damping_time(&self, h: f64) -> f64 {
-        self.stick_damping_time.min(self.mass / (self.stick_stiffness * h))
+    pub fn damping_time(&self, h: f64) -> P {
+        P::c(self.stick_damping_time).min(self.mass / P::c(self.stick_stiffness * h))
     }
 
     /// Returns the acceleration under the gas force, the friction force f and a disturbance d, N in +x.
     #[inline(always)]
-    pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
-        (gas + S::c(self.load) - f - viscous * v + d).times(1.0 / self.mass)
+    pub fn acceleration<S: StateOf<P>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
+        (gas + S::c(self.load) - f - viscous * v + d).times(P::one() / self.mass)
+    }
+}
+
+impl<S: Number> Model<S> {
+    /// Returns the command that opens an edge by a fraction of its conductance. The command includes the overlap. It
+    /// changes sign smoothly within a width about zero.
+    pub fn command_for(&self, share: S) -> S {
+        let overlap = self.valve.overlap;
+        let inverse = (share / S::c(OVERLAP_WIDTH)).tanh() * overlap;
+        (share * (S::one() - overlap) + inverse).limited()
+    }
+
+    /// Returns the opening under which the force of the gas changes at a rate, N/s: its direction, and its fraction.
+    /// Flow is linear in the fraction on each side. The fraction is above 1 if the valve is too small, and below 0 if
+    /// no opening suffices.
+    pub fn opening_for(&self, state: &State<S>, rate: S) -> (S, S) {
+        let gas = state.gas();
+        let at = |openings: [S; 2]| {
+            let [a, b] = self.chambers([state.position, state.velocity], gas, openings).pressure_rates;
+            a.times(self.sides[0].area) - b.times(self.sides[1].area)
+        };
+        let shut = at(self.openings(S::zero()));
+        let is_back = rate.lt(shut);
+        let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
+        let full = at([to, fro]);
+        (S::select(is_back, S::c(-1.0), S::one()), (rate - shut) / (full - shut))
     }
 }
 
@@ -300,17 +321,22 @@ impl Plant {
     }
 }
 
-/// Described friction level, N, at a velocity, m/s, a position, m, and the pressures of both chambers, Pa.
-struct Steady<'a>(&'a Model);
+/// Described friction level, N, at a velocity, m/s, a position, m, and the pressures of both chambers, Pa. The ambient
+/// pressure is in Pa.
+struct Steady<'a> {
+    friction: &'a Contact<f64>,
+    ambient: f64,
+}
 
 impl Function<f64, 4> for Steady<'_> {
     #[inline(always)]
     fn at<S: Over<f64>>(&self, [v, x, a, b]: [S; 4]) -> S {
-        let Steady(model) = self;
+        let Steady { friction, ambient } = *self;
         // Formulas may give zero friction at rest, where it has no direction.
         let speed = v.abs().max(S::c(LEAST_SPEED));
-        let at = model.at([x, S::select(v.lt(S::zero()), -speed, speed)], [a, b]);
-        model.friction.steady(&at).abs() - speed.times(model.friction.law.levels().viscous)
+        let [gauge_a, gauge_b] = [a, b].map(|p| p - S::c(ambient));
+        let at = At { x, v: S::select(v.lt(S::zero()), -speed, speed), ..At::at_rest() };
+        friction.steady(&at.pressed(gauge_a, gauge_b)).abs() - speed.times(friction.law.levels().viscous)
     }
 }
 

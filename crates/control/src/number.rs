@@ -2,6 +2,11 @@
 
 use math::Over;
 
+/// A number of a state: it holds constants, and the numbers `P` of its model that may be learned.
+pub trait StateOf<P: Over<f64>>: Over<f64> + Over<P> {}
+
+impl<P: Over<f64>, S: Over<f64> + Over<P>> StateOf<P> for S {}
+
 /// A number of a law.
 pub trait Number: Over<f64> {
     /// Runs `a` or `b` on a memory and returns its number: `a` if the mask is true, else `b`.
@@ -35,6 +40,11 @@ pub(crate) fn set_to<S: Copy>(values: &[S]) -> impl FnMut(&mut S) {
     move |own| *own = values.next().copied().unwrap_or(*own)
 }
 
+/// Returns 1 if `a` is less than `b`, else 0.
+pub(crate) fn flag<S: Number>(a: S, b: S) -> S {
+    S::select(a.lt(b), S::one(), S::zero())
+}
+
 /// A number, or several, that are zero at first.
 pub trait Zeros {
     /// Returns zero.
@@ -47,9 +57,9 @@ impl<S: Number> Zeros for S {
     }
 }
 
-impl<S: Number, const N: usize> Zeros for [S; N] {
+impl<Z: Zeros, const N: usize> Zeros for [Z; N] {
     fn zeros() -> Self {
-        [S::zero(); N]
+        std::array::from_fn(|_| Z::zeros())
     }
 }
 
@@ -92,9 +102,9 @@ impl<S: Number> Memory<S> for S {
     }
 }
 
-impl<S: Number, const N: usize> Memory<S> for [S; N] {
+impl<S, M: Memory<S>, const N: usize> Memory<S> for [M; N] {
     fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        self.iter_mut().for_each(see);
+        self.iter_mut().for_each(|own| own.each(see));
     }
 }
 

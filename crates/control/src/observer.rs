@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
 use crate::model::{Model, Openings};
-use crate::number::{Memory, Number};
+use crate::number::{Memory, Number, StateOf};
 use crate::spool::Spool;
 use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIECE, OBSERVER_REST};
 use crate::types::{Sample, State, gas_at};
@@ -12,26 +12,32 @@ use math::Over;
 impl<S: Over<f64>> State<S> {
     /// Advances by `h` s with edges open by `openings`. If pressures are `measured`, the gas follows them. Returns the
     /// initial acceleration, m/s2.
-    pub fn advance(
+    pub fn advance<P: Over<f64>>(
         &mut self,
-        model: &Model,
+        model: &Model<P>,
         openings: impl Openings<S>,
         h: f64,
         measured: Option<[S; 2]>,
-    ) -> S {
+    ) -> S
+    where
+        S: StateOf<P>,
+    {
         let pieces = (h / LONGEST_PIECE - 1e-6).ceil().max(1.0);
         self.advance_in(pieces as u32, model, openings, h, measured)
     }
 
     /// Does the same with the motion in several pieces, by the classical fourth-order Runge-Kutta method.
-    pub(crate) fn advance_in(
+    pub(crate) fn advance_in<P: Over<f64>>(
         &mut self,
         pieces: u32,
-        model: &Model,
+        model: &Model<P>,
         openings: impl Openings<S>,
         h: f64,
         measured: Option<[S; 2]>,
-    ) -> S {
+    ) -> S
+    where
+        S: StateOf<P>,
+    {
         let (piece, old) = (h / f64::from(pieces), model.gas_force(self.pressures));
         let followed = FOLLOWED * piece;
         let begin = self.pushed(model, old, followed, [self.velocity, self.friction]);
@@ -63,7 +69,16 @@ impl<S: Over<f64>> State<S> {
 
     /// Returns pressures, Pa, and temperatures, K, after `h` s, by the midpoint method. The gas is simulated with a
     /// separate `speed` of the piston, m/s.
-    pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, speed: S) -> [[S; 2]; 2] {
+    pub(crate) fn flow<P: Over<f64>>(
+        &self,
+        model: &Model<P>,
+        openings: impl Openings<S>,
+        h: f64,
+        speed: S,
+    ) -> [[S; 2]; 2]
+    where
+        S: StateOf<P>,
+    {
         let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
         for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
             let place = [self.position + self.velocity.times(from), speed];
@@ -80,7 +95,10 @@ impl<S: Over<f64>> State<S> {
 
     /// Returns the rate of the friction, N/s, and the acceleration, m/s2, under a force of the gas. The rate is one
     /// that a step of `h` s can follow. Velocity and friction are separate arguments.
-    fn pushed(&self, model: &Model, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2] {
+    fn pushed<P: Over<f64>>(&self, model: &Model<P>, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2]
+    where
+        S: StateOf<P>,
+    {
         let [level, viscous] = model.friction_levels([self.position, velocity], self.pressures);
         let rate = model.stick_rate(velocity, friction, level, h);
         let friction = friction + rate.times(model.damping_time(h));
@@ -88,7 +106,10 @@ impl<S: Over<f64>> State<S> {
     }
 
     /// Returns the acceleration of the model, m/s2.
-    pub fn acceleration(&self, model: &Model) -> S {
+    pub fn acceleration<P: Over<f64>>(&self, model: &Model<P>) -> S
+    where
+        S: StateOf<P>,
+    {
         self.pushed(
             model,
             model.gas_force(self.pressures),
@@ -153,7 +174,35 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
     gain
 }
 
+impl<S: Number> State<S> {
+    /// Returns the state of a drive at rest at a first sample.
+    pub(crate) fn at_rest(model: &Model<S>, sample: &Sample<S>) -> Self {
+        // The pressures are not measured: the usual start is the mean of supply and ambient.
+        let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
+        let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
+        State {
+            position: sample.position,
+            velocity: S::zero(),
+            disturbance: S::zero(),
+            friction: model.gas_force(pressures) + S::c(model.load),
+            pressures,
+            temperatures: [S::c(model.wall_temperature); 2],
+        }
+    }
+}
+
 impl Observer {
+    /// Returns the observer of a drive at rest at a first sample, sampled with a period, s.
+    pub fn new(model: &Model, sample: &Sample, period: f64, noise: Noise) -> Self {
+        let [of_position, of_velocity, of_force] = steady_gain(model.mass, period, noise);
+        Observer {
+            state: State::at_rest(model, sample),
+            spool: Spool::new(&model.valve),
+            gain: [of_position, of_velocity, of_force / model.mass],
+            time: sample.time,
+        }
+    }
+
     /// Returns the observer in other numbers, at the same time and without any past samples.
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
         Observer { state: State::new(), spool: self.spool.at_rest(), gain: self.gain, time: self.time }
@@ -161,30 +210,12 @@ impl Observer {
 }
 
 impl<S: Number> Observer<S> {
-    /// Returns the observer of a drive at rest at a first sample, sampled with a period, s.
-    pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
-        // The pressures are not measured: the usual start is the mean of supply and ambient.
-        let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
-        let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
-        let state = State {
-            position: sample.position,
-            velocity: S::zero(),
-            disturbance: S::zero(),
-            friction: model.gas_force(pressures) + S::c(model.load),
-            pressures,
-            temperatures: [S::c(model.wall_temperature); 2],
-        };
-        let [of_position, of_velocity, of_force] = steady_gain(model.mass, period, noise);
-        let gain = [of_position, of_velocity, of_force / model.mass];
-        Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
-    }
-
     /// Uses a sample to correct the estimates.
-    pub fn update(&mut self, model: &Model, sample: &Sample<S>) {
+    pub fn update(&mut self, model: &Model<S>, sample: &Sample<S>) {
         let (from, to) = (self.time, sample.time);
         if to > from {
             let edges = self.spool.edges(model, from, to);
-            self.state.advance(model, edges, to - from, sample.pressures);
+            self.state.advance::<S>(model, edges, to - from, sample.pressures);
         }
         self.time = to;
         correct(model, &mut self.state, sample.position, self.gain);
@@ -196,7 +227,7 @@ impl<S: Number> Observer<S> {
     }
 
     /// Predicts state and spool at a later time, s, under the commands given so far.
-    pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
+    pub fn predict(&self, model: &Model<S>, to: f64, step: f64) -> (State<S>, Spool<S>) {
         // Rounding of times must not change the number of steps.
         let n = ((to - self.time) / step - 1e-6).ceil().max(1.0);
         let h = (to - self.time) / n;
@@ -204,7 +235,7 @@ impl<S: Number> Observer<S> {
         for k in 0..n as usize {
             let begin = self.time + h * k as f64;
             let edges = spool.edges(model, begin, begin + h);
-            state.advance(model, edges, h, None);
+            state.advance::<S>(model, edges, h, None);
         }
         (state, spool)
     }
@@ -222,11 +253,11 @@ impl<S: Number> Observer<S> {
 ///
 /// s = 1/(1 + (v/[`OBSERVER_REST`])^2): at rest, an unexplained force is assigned to friction up to the friction level.
 /// No sensor could distinguish the two.
-fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f64; 3]) {
+fn correct<S: Number>(model: &Model<S>, state: &mut State<S>, measured: S, gain: [f64; 3]) {
     let miss = measured - state.position;
     state.position += miss.times(gain[0]);
     state.velocity += miss.times(gain[1]);
-    let force = miss.times(gain[2] * model.mass);
+    let force = miss * (S::c(gain[2]) * model.mass);
     let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
     let slides = state.velocity / S::c(OBSERVER_REST);
     let rests = S::one() / (S::one() + slides * slides);

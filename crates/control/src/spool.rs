@@ -60,25 +60,6 @@ fn act<S: Number>(line: &mut Line<S>, acts: f64, value: S) {
 }
 
 impl<S: Number> Spool<S> {
-    /// Returns a spool at rest in the centre.
-    pub fn new(valve: &Valve) -> Self {
-        let beside = match valve.arrangement {
-            Arrangement::One => Beside::Nothing,
-            Arrangement::Pair => {
-                let one = Valve { arrangement: Arrangement::One, ..valve.clone() };
-                Beside::Both(Box::new(Spool::new(&one)))
-            }
-            _ => Beside::Edges(Box::new(std::array::from_fn(|_| line()))),
-        };
-        Spool {
-            state: [S::zero(); 2],
-            acts: line(),
-            angular_frequency: valve.angular_frequency,
-            damping_ratio: valve.damping_ratio,
-            beside,
-        }
-    }
-
     /// Adds a command that acts from a time on, s.
     pub fn command(&mut self, acts: f64, value: S) {
         match &mut self.beside {
@@ -111,7 +92,7 @@ impl<S: Number> Spool<S> {
 
     /// Advances from one time to another, s. Returns the openings of the edges at half time, or their mean if they
     /// switch.
-    pub fn edges(&mut self, model: &Model, from: f64, to: f64) -> Edges<S> {
+    pub fn edges(&mut self, model: &Model<S>, from: f64, to: f64) -> Edges<S> {
         if let Beside::Edges(edges) = &mut self.beside {
             let [fills_a, vents_a, fills_b, vents_b] = [0, 1, 2, 3].map(|i| mean(&mut edges[i], from, to));
             self.state = [(fills_a - vents_a - fills_b + vents_b).times(0.5), S::zero()];
@@ -200,6 +181,25 @@ impl<S: Number> Spool<S> {
 }
 
 impl Spool {
+    /// Returns a spool at rest in the centre.
+    pub fn new(valve: &Valve) -> Self {
+        let beside = match valve.arrangement {
+            Arrangement::One => Beside::Nothing,
+            Arrangement::Pair => {
+                let one = Valve { arrangement: Arrangement::One, ..valve.clone() };
+                Beside::Both(Box::new(Spool::new(&one)))
+            }
+            _ => Beside::Edges(Box::new(std::array::from_fn(|_| line()))),
+        };
+        Spool {
+            state: [0.0; 2],
+            acts: line(),
+            angular_frequency: valve.angular_frequency,
+            damping_ratio: valve.damping_ratio,
+            beside,
+        }
+    }
+
     /// Returns the spool of one 5/3 valve in other numbers, at rest in the centre under zero commands.
     pub(crate) fn at_rest<S: Number>(&self) -> Spool<S> {
         Spool {

@@ -301,6 +301,4 @@ def export(
     model = None if drive is None else described  # it goes before the drive that the file names
     found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
     written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
-    if found.adaptation and (to != "fmu" or found.law != "nmpc"):
-        typer.echo("The exported controller does not adapt; `pneudrive control tune` prints its error.")
     terminal.show_paths(*written)

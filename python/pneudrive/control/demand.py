@@ -12,7 +12,7 @@ from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch
 from pneudrive.control.motion import Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.control.tuning import Controller, Tuning, laws
+from pneudrive.control.tuning import Tuning, laws
 from pneudrive.errors import PneudriveError
 from pneudrive.simulation.simulate import require
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
@@ -236,19 +236,7 @@ def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real", *, s
 
 
 def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int) -> Suitability:
-    """Try a controller as it is simulated and, if it suits, as it is exported: `nmpc` with adaptation, others not."""
-    worst, failure = _worst(drive, Controller(law=law), setup, seed)
-    if failure:
-        return Suitability(law, False, worst, failure)
-    reason = f"errors up to {1e3 * worst:.3g} mm"
-    if law != "nmpc":
-        exported, failure = _worst(drive, Controller(law=law, adaptation=False), setup, seed)
-        reason += f"; exported, without adaptation: {failure or f'{1e3 * exported:.3g} mm'}"
-    return Suitability(law, True, worst, f"a baseline: {reason}" if law in BASELINES else reason)
-
-
-def _worst(drive: Drive | Circuit, controller: Controller, setup: Setup | str | Path, seed: int) -> tuple[float, str]:
-    """Return the largest error of the trials, m, and the reason if a controller does not suit."""
+    """Try a controller along a reference, with the described mass and with half of it."""
     worst = 0.0
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
@@ -256,20 +244,23 @@ def _worst(drive: Drive | Circuit, controller: Controller, setup: Setup | str | 
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                prepared = prepare(drive, None, ALONG, setup=setup, controller=controller, mismatch=mismatch)
+                prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
                 run = run_prepared(prepared, seed)
         except PneudriveError as error:
-            return float("inf"), f"{of}: {error.what}"
+            return Suitability(law, False, float("inf"), f"{of}: {error.what}")
         score, events = run.provenance["score"], run.provenance["events"]
         reach = prepared.reference.reach()
         worst = max(worst, float(score["max_error_m"]))
         if score["lost"]:
-            return worst, f"{of} it is lost"
-        if any(event["kind"] == CYCLE for event in events) and controller.law not in BASELINES:
-            return worst, f"{of} it oscillates"
+            return Suitability(law, False, worst, f"{of} it is lost")
+        if any(event["kind"] == CYCLE for event in events) and law not in BASELINES:
+            return Suitability(law, False, worst, f"{of} it oscillates")
         if worst > MOST * (reach.highest_m - reach.lowest_m):
-            return worst, f"{of} it misses by {1e3 * worst:.3g} mm"
-    return worst, ""
+            return Suitability(law, False, worst, f"{of} it misses by {1e3 * worst:.3g} mm")
+    reason = f"errors up to {1e3 * worst:.3g} mm"
+    if law == "nmpc":
+        reason += "; exported as an FMU only"
+    return Suitability(law, True, worst, f"a baseline: {reason}" if law in BASELINES else reason)
 
 
 def view_of_suitability(found: Sequence[Suitability]) -> View:

@@ -4,7 +4,7 @@
 //! A drive whose valve is shut, or that was stopped, remains in this state until it is disabled and enabled again.
 
 use crate::course::Fade;
-use crate::number::{Number, memory};
+use crate::number::{Number, flag, memory};
 use crate::reference::Wanted;
 use crate::thresholds::*;
 
@@ -90,10 +90,6 @@ memory! {
 
 /// Count of numbers in a [`Guard`].
 pub const GUARD: usize = 17;
-
-fn flag<S: Number>(a: S, b: S) -> S {
-    S::select(a.lt(b), S::one(), S::zero())
-}
 
 /// Returns 1 if a number is between two others, else 0; also 0 for NaN.
 fn between<S: Number>(low: S, x: S, high: S) -> S {

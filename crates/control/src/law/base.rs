@@ -12,7 +12,7 @@ use crate::types::{Plant, State};
 #[derive(Clone, Copy, Debug)]
 pub struct Tick<'a, S = f64> {
     /// The belief.
-    pub model: &'a Model,
+    pub model: &'a Model<S>,
     /// Linear model of the drive at mid-stroke.
     pub plant: &'a Plant,
     /// The period, s.
@@ -55,7 +55,7 @@ impl<S: Number> Tick<'_, S> {
 ///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
 pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
     let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
-    let jerk = wanted.jerk + share * tick.friction[1] / S::c(tick.model.mass);
+    let jerk = wanted.jerk + share * tick.friction[1] / tick.model.mass;
     (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w))
         / S::c(tick.plant.speed)
 }

@@ -38,11 +38,11 @@ impl<S: Number> Law<S> for Inversion<S> {
         let (l, model) = (self.bandwidth, tick.model);
         let [friction, friction_rate] = tick.friction;
         let wanted = &tick.wanted;
-        let force = (wanted.acceleration + l.times(2.0) * e1 + l * l * e).times(model.mass)
+        let force = (wanted.acceleration + l.times(2.0) * e1 + l * l * e) * model.mass
             - S::c(model.load)
             - tick.state.disturbance
             + friction;
-        let rate = (wanted.jerk + l.times(2.0) * e2 + l * l * e1).times(model.mass) + friction_rate;
+        let rate = (wanted.jerk + l.times(2.0) * e2 + l * l * e1) * model.mass + friction_rate;
         let gas = model.gas_force(tick.state.pressures);
         tick.opening_for(rate + self.force_gain * (force - gas))
     }

@@ -15,7 +15,7 @@ fn surface<S: Number>(tick: &Tick<S>, l: S) -> [S; 2] {
 
 /// Returns the opening that produces a jerk, m/s3.
 fn opening<S: Number>(tick: &Tick<S>, jerk: S) -> S {
-    tick.opening_for(jerk.times(tick.model.mass) + tick.friction[1])
+    tick.opening_for(jerk * tick.model.mass + tick.friction[1])
 }
 
 law! {

@@ -95,11 +95,11 @@ impl Slip {
 
 /// A proportional valve with a spool, or several valves that replace it.
 #[derive(Clone, Debug)]
-pub struct Valve {
+pub struct Valve<P = f64> {
     /// Arrangement of the valves.
     pub arrangement: Arrangement,
     /// Flow through each edge, fully open.
-    pub flow: Iso6358<f64>,
+    pub flow: Iso6358<P>,
     /// Angular natural frequency of the spool, rad/s. If infinite, the spool follows the command at once.
     pub angular_frequency: f64,
     /// Damping ratio of the spool.
@@ -107,7 +107,7 @@ pub struct Valve {
     /// Dead time from the command to the spool, s.
     pub delay: f64,
     /// Spool position up to which an edge stays shut.
-    pub overlap: f64,
+    pub overlap: P,
     /// Fraction of the conductance that leaks past each edge in the centre.
     pub leakage: f64,
     /// Spool travel over which the leak falls to 1/e.
@@ -115,6 +115,22 @@ pub struct Valve {
 }
 
 impl Valve {
+    /// Returns the same valve in other numbers.
+    pub(super) fn in_numbers<S: Over<f64>>(&self) -> Valve<S> {
+        let Valve { arrangement, angular_frequency, damping_ratio, delay, leakage, leakage_width, .. } =
+            *self;
+        Valve {
+            arrangement,
+            flow: self.flow.with_ratio(S::c(self.flow.critical_pressure_ratio)),
+            angular_frequency,
+            damping_ratio,
+            delay,
+            overlap: S::c(self.overlap),
+            leakage,
+            leakage_width,
+        }
+    }
+
     /// Delay of the flow after the command, s: dead time and 2 zeta/omega of the spool.
     pub fn lag(&self) -> f64 {
         self.delay + 2.0 * self.damping_ratio / self.angular_frequency
