@@ -2,7 +2,7 @@
 //! the drive moves. Nothing branches on a number other than by a choice, so that the adaptation can be exported.
 
 use crate::model::Model;
-use crate::number::{Memory, Number, Zeros, flag, memory};
+use crate::number::{Memory, Number, Zeros, change, flag, memory};
 use crate::thresholds::*;
 use crate::types::State;
 
@@ -99,36 +99,15 @@ impl<S: Number, const N: usize> Zeros for Lagged<S, N> {
 }
 
 memory! {
-    /// Force and acceleration in the frequency band in which a controlled drive swings: after two lags, without the
-    /// slow part.
-    struct Band<S> {
-        lags: [Lagged<S, 2>; 3],
-        /// Mean square of the inertial force in the band, N2.
+    /// Filtered signals, and times on which it depends what may be learned.
+    struct Signals<S> {
+        motion: Lagged<S, 4>,
+        gas: [Lagged<S, 4>; 2],
+        /// Residual of the force balance, in each direction.
+        disturbance: [Lagged<S, 1>; 2],
+        /// Force and acceleration after two lags, their slow part, and the mean square of the inertial force, N2.
+        band: [Lagged<S, 2>; 3],
         power: S,
-    }
-}
-
-impl<S: Number> Band<S> {
-    /// Returns force, N, and acceleration, m/s2, in the band, from force and velocity.
-    fn follow(&mut self, [force, v]: [S; 2], period: f64) -> [S; 2] {
-        let [fast, slow] = LEARN_BAND;
-        let share = period / (period + fast);
-        let [f1, v1] = self.lags[0].follow([force, v], share);
-        let [f2, a2] = self.lags[1].follow([f1, (v - v1) / S::c(fast)], share);
-        let [f3, a3] = self.lags[2].follow([f2, a2], period / (period + slow));
-        [f2 - f3, a2 - a3]
-    }
-
-    /// Adds the inertial force of a sample, N, and returns its effective value, N.
-    fn effective(&mut self, inertia: S, period: f64) -> S {
-        self.power += (inertia * inertia - self.power).times(period / (period + LEARN_BAND[1]));
-        self.power.sqrt()
-    }
-}
-
-memory! {
-    /// Course of the motion, on which it depends what may be learned.
-    struct MotionPhase<S> {
         /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. The following numbers are the
         /// duration of this motion and of the rest after it, s.
         way: S,
@@ -143,6 +122,25 @@ memory! {
     }
 }
 
+impl<S: Number> Signals<S> {
+    /// Returns force, N, and acceleration, m/s2, in the frequency band in which a controlled drive swings, from force
+    /// and velocity.
+    fn in_band(&mut self, [force, v]: [S; 2], period: f64) -> [S; 2] {
+        let [fast, slow] = LEARN_BAND;
+        let share = period / (period + fast);
+        let [f1, v1] = self.band[0].follow([force, v], share);
+        let [f2, a2] = self.band[1].follow([f1, (v - v1) / S::c(fast)], share);
+        let [f3, a3] = self.band[2].follow([f2, a2], period / (period + slow));
+        [f2 - f3, a2 - a3]
+    }
+
+    /// Adds the inertial force of a sample in this band, N, and returns its effective value, N.
+    fn effective(&mut self, inertia: S, period: f64) -> S {
+        self.power += (inertia * inertia - self.power).times(period / (period + LEARN_BAND[1]));
+        self.power.sqrt()
+    }
+}
+
 /// Coulomb and viscous friction and the moving mass are estimated relative to the description. The valve's conductance
 /// and overlap are estimated, too. A force that is equal in both directions is estimated as well, but the observer
 /// compensates it. Zero offsets of pressure sensors look like such a force. Friction that differs between the
@@ -153,17 +151,13 @@ pub struct Adaptation<S = f64> {
     described: Model,
     /// Load of that model at first, N.
     load: f64,
+    balance: ForceBalance,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<S, 4>,
     /// Factor of the mass in the band of a swing.
     mass: Fit<S, 1>,
     valve: Fit<S, 2>,
-    motion: Lagged<S, 4>,
-    band: Band<S>,
-    gas: [Lagged<S, 4>; 2],
-    /// Residual of the force balance, in each direction.
-    disturbance: [Lagged<S, 1>; 2],
-    phase: MotionPhase<S>,
+    signals: Signals<S>,
 }
 
 impl<S: Number> Memory<S> for Adaptation<S> {
@@ -171,11 +165,7 @@ impl<S: Number> Memory<S> for Adaptation<S> {
         self.friction.each(see);
         self.mass.each(see);
         self.valve.each(see);
-        self.motion.each(see);
-        self.band.each(see);
-        self.gas.each(see);
-        self.disturbance.each(see);
-        self.phase.each(see);
+        self.signals.each(see);
     }
 }
 
@@ -195,14 +185,11 @@ impl<S: Number> Adaptation<S> {
         Adaptation {
             described: model.clone(),
             load: model.load,
+            balance: ForceBalance::of(model),
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
-            motion: Lagged::zeros(),
-            band: Band::new(),
-            gas: Zeros::zeros(),
-            disturbance: Zeros::zeros(),
-            phase: MotionPhase::new(),
+            signals: Signals::new(),
         }
     }
 
@@ -221,22 +208,21 @@ impl<S: Number> Adaptation<S> {
     /// sign with the motion.
     fn turn(&mut self, model: &mut Model<S>, state: &mut State<S>, period: f64) {
         let (zero, one, half) = (S::zero(), S::one(), S::c(0.5));
-        let MotionPhase { way, gone, stood, rests, .. } = self.phase;
+        let Signals { way, gone, stood, rests, .. } = self.signals;
         let reverses = flag(way * state.friction, zero);
         let moves = flag(S::c(LEARN_MOVES), state.velocity.abs());
         let goes = (one - reverses) * moves * flag(zero, state.friction * state.velocity);
         let begins = half.lt(goes * flag(way.abs(), half));
         let [reversed, gone_on] = [reverses, goes].map(|own| half.lt(own));
         let sign = S::select(state.velocity.lt(zero), -one, one);
-        self.phase.way = S::select(reversed, zero, S::select(begins, sign, way));
-        self.phase.gone = S::select(begins, zero, gone) + goes.times(period);
+        self.signals.way = S::select(reversed, zero, S::select(begins, sign, way));
+        self.signals.gone = S::select(begins, zero, gone) + goes.times(period);
         let rested = S::select(gone_on, zero, stood + S::c(period));
-        self.phase.stood = S::select(reversed, stood, rested);
+        self.signals.stood = S::select(reversed, stood, rested);
         let is_new = flag(rests, S::c(f64::MIN_POSITIVE));
         let was_long = one - flag(gone, S::c(LEARN_MOVED_FOR));
         let was_short = one - flag(S::c(LEARN_STOOD_FOR), stood);
         let learns = half.lt(reverses * is_new * was_long * was_short);
-        let balance = ForceBalance::of(&self.described, self.load);
         let taken = S::either(
             learns,
             &mut self.friction,
@@ -245,7 +231,7 @@ impl<S: Number> Adaptation<S> {
                 let [level, _] = self.described.friction_levels(place, state.pressures);
                 let before = fit.theta[0];
                 let force = way * level * before - state.disturbance;
-                balance.learn(fit, [way * level, zero, zero], force, level, S::c(1.0 / LEARN_REVERSAL));
+                self.balance.learn(fit, [way * level, zero, zero], force, level, S::c(1.0 / LEARN_REVERSAL));
                 (fit.theta[0] - before) * way * level
             },
             |_| zero,
@@ -262,46 +248,39 @@ impl<S: Number> Adaptation<S> {
         let sign = S::select(v.lt(zero), -one, S::select(zero.lt(v), one, zero));
         let force = model.gas_force(state.pressures) + S::c(model.load);
         let now = [force, v, sign * level, viscous * v];
-        let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + LEARN_MOTION_LAG));
-        self.phase.rests -= S::c(period);
+        let [force, slow, coulomb, viscous] =
+            self.signals.motion.follow(now, period / (period + LEARN_MOTION_LAG));
+        self.signals.rests -= S::c(period);
         // The friction is not known during the first lag after the drive began to slide, or to slide fast.
-        for (own, least) in self.phase.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
+        for (own, least) in self.signals.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
             *own = S::select(v.abs().lt(S::c(least)), zero, *own + S::c(period));
         }
-        let [slid, fast] = self.phase.slid;
+        let [slid, fast] = self.signals.slid;
         let slid = S::select(v.abs().lt(S::c(LEARN_FAST)), slid, fast);
         let is_settled = one - flag(slid, S::c(LEARN_SETTLED * LEARN_MOTION_LAG));
         let slides = is_settled * (one - flag(slow * v, zero));
         // Separate for each direction: wrong friction changes sign with the motion, and must be learned.
         let back = flag(v, zero);
-        let mut known = zero;
-        for (own, is_this) in self.disturbance.iter_mut().zip([one - back, back]) {
-            known += S::either(
-                half.lt(slides * is_this),
-                own,
-                |own| own.follow([state.disturbance], period / (period + LEARN_WAIT))[0],
-                |_| zero,
-            );
+        for (own, is_this) in self.signals.disturbance.iter_mut().zip([one - back, back]) {
+            change(slides * is_this, own, |own| {
+                _ = own.follow([state.disturbance], period / (period + LEARN_WAIT))
+            });
         }
+        let [Lagged([forth], _), Lagged([back], _)] = self.signals.disturbance;
+        let known = S::select(v.lt(zero), back, forth);
         let inertia = (v - slow).times(self.described.mass) / S::c(LEARN_MOTION_LAG);
         let expected = (level + inertia.abs()).times(LEARN_JUMP);
         let jumps = half.lt(slides * flag(expected, (state.disturbance - known).abs()));
-        self.phase.rests = S::select(jumps, S::c(LEARN_WAIT), self.phase.rests);
-        let learns = half.lt(slides * flag(self.phase.rests, S::c(f64::MIN_POSITIVE)));
-        let balance = ForceBalance::of(&self.described, self.load);
-        S::either(
-            learns,
-            &mut self.friction,
-            |fit| {
-                let factor = (S::c(LEARN_FAST) / v.abs()).max(one);
-                balance.learn(fit, [coulomb, viscous, inertia], force, level, factor);
-                zero
-            },
-            |_| zero,
-        );
+        self.signals.rests = S::select(jumps, S::c(LEARN_WAIT), self.signals.rests);
+        let learns = slides * flag(self.signals.rests, S::c(f64::MIN_POSITIVE));
+        change(learns, &mut self.friction, |fit| {
+            // Slower motion is not learned. The bound avoids a division by zero in exported code.
+            let factor = (S::c(LEARN_FAST) / v.abs().max(S::c(LEARN_SLIDES))).max(one);
+            self.balance.learn(fit, [coulomb, viscous, inertia], force, level, factor);
+        });
         // Inertia is part of the balance, so it is not mistaken for friction. Other errors look like mass, too.
         let [coulomb, viscous, ..] = self.friction.theta;
-        model.friction_shares = [coulomb, S::select(learns, viscous, model.friction_shares[1])];
+        model.friction_shares = [coulomb, S::select(half.lt(learns), viscous, model.friction_shares[1])];
     }
 
     /// Learns the mass from a drive that swings. The pressures are measured, or those of the model:
@@ -321,11 +300,11 @@ impl<S: Number> Adaptation<S> {
         let [level, viscous] = model.friction_levels([state.position, v], state.pressures);
         let growth = S::c(model.load - self.load);
         let force = model.gas_force(state.pressures) - state.friction - viscous * v + growth;
-        let [force, a] = self.band.follow([force, v], period);
+        let [force, a] = self.signals.in_band([force, v], period);
         let inertia = a.times(self.described.mass);
         let [moves, creeps] = LEARN_SWINGS.map(S::c);
         let least = S::select(speed.lt(S::c(LEARN_SLIDES)), creeps, moves);
-        let is_weak = self.band.effective(inertia, period).lt(least * level);
+        let is_weak = self.signals.effective(inertia, period).lt(least * level);
         let learned = |fit: &mut Fit<S, 1>| {
             let deviation = level.times(LEARN_SWING_DEVIATION);
             fit.observe([inertia / deviation], force / deviation);
@@ -345,9 +324,9 @@ impl<S: Number> Adaptation<S> {
         let shut = described.chambers(place, gas, [zero; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
         let is_fast = S::one() - flag(speed.abs(), S::c(LEARN_SPOOL_SPEED));
-        self.phase.calm = S::select(half.lt(is_fast), zero, self.phase.calm + S::c(period));
+        self.signals.calm = S::select(half.lt(is_fast), zero, self.signals.calm + S::c(period));
         let is_wide = flag(S::c(LEARN_OPEN), spool.abs() - model.valve.overlap);
-        let opens = is_wide * flag(S::c(LEARN_SPOOL_CALM), self.phase.calm);
+        let opens = is_wide * flag(S::c(LEARN_SPOOL_CALM), self.signals.calm);
         let seen = [0, 1].map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
             let is_open = flag(model.valve.overlap, spool.abs());
@@ -357,7 +336,7 @@ impl<S: Number> Adaptation<S> {
             let energy = state.pressures[side] * volume / S::c(k1);
             let now = [energy, shut.energy_rates[side], flow * spool.abs(), flow];
             let [slow, other, by_spool, by_one] =
-                self.gas[side].follow(now, period / (period + LEARN_GAS_LAG));
+                self.signals.gas[side].follow(now, period / (period + LEARN_GAS_LAG));
             let rate = (energy - slow) / S::c(LEARN_GAS_LAG);
             [by_spool / scale, by_one / scale, (rate - other) / scale]
         });
@@ -369,16 +348,14 @@ impl<S: Number> Adaptation<S> {
         let filled = pick(state.pressures[0], state.pressures[1]);
         let is_full = flag(S::c(LEARN_FULL * described.supply.pressure), filled);
         for ([by_spool, by_one, y], is_seen) in [(fills, opens * (one - is_full)), (vents, opens)] {
-            let learned = |fit: &mut Fit<S, 2>| {
+            change(is_seen, &mut self.valve, |fit| {
                 let d = LEARN_OVERLAP_WITHIN;
                 let [low, high] = LEARN_CONDUCTANCE_WITHIN;
                 let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
                 let deviation = S::c(LEARN_FLOW_DEVIATION);
                 fit.observe([by_spool / deviation, by_one / deviation], y / deviation);
                 fit.cut(within);
-                zero
-            };
-            S::either(half.lt(is_seen), &mut self.valve, learned, |_| zero);
+            });
         }
         let [slope, offset] = self.valve.theta;
         let [low, high] = LEARN_OVERLAP_WITHIN;
@@ -401,10 +378,10 @@ struct ForceBalance {
 }
 
 impl ForceBalance {
-    fn of(described: &Model, load: f64) -> Self {
+    fn of(described: &Model) -> Self {
         let area = 0.5 * described.sides.iter().map(|side| side.area).sum::<f64>();
         let deviation = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
-        let weight = load.abs();
+        let weight = described.load.abs();
         ForceBalance {
             deviation,
             offset: LEARN_OFFSET * (deviation / LEARN_FORCE_DEVIATION) + weight,

@@ -45,6 +45,15 @@ pub(crate) fn flag<S: Number>(a: S, b: S) -> S {
     S::select(a.lt(b), S::one(), S::zero())
 }
 
+/// Changes a memory if a flag is 1.
+pub(crate) fn change<S: Number, M: Memory<S>>(flag: S, memory: &mut M, how: impl FnOnce(&mut M)) {
+    let changed = |memory: &mut M| {
+        how(memory);
+        S::zero()
+    };
+    S::either(S::c(0.5).lt(flag), memory, changed, |_| S::zero());
+}
+
 /// A number, or several, that are zero at first.
 pub trait Zeros {
     /// Returns zero.

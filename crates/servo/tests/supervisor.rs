@@ -311,7 +311,12 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
     let supply = Fault { value: Some(1.1e5), ..fault(FaultKind::SupplyFallen, 0.0, 9.0) };
     let no_air = with(&|_| (), "inversion", vec![supply]);
     assert!(count(&no_air, EventKind::NoAir) > 0, "{:?}", told(&no_air));
-    let swings = with(&|_| (), "pid", vec![]);
+    let late = |plant: &mut Circuit| {
+        for valve in plant.components.iter_mut().filter(|own| own.kind.starts_with("valve")) {
+            *valve.numbers.get_mut("delay").expect("a dead time") *= 12.0;
+        }
+    };
+    let swings = with(&late, "pid", vec![]);
     assert!(count(&swings, EventKind::LimitCycle) > 0, "{:?}", told(&swings));
     let settles = with(&|_| (), "nmpc", vec![]);
     assert_eq!(told(&settles), [], "it settles");

@@ -3,14 +3,16 @@
  * Compiled by gcc on x86-64, they have the bits of the core of pneudrive.
  *
  * Only +, -, *, /, fma and sqrt are used, which IEEE 754 rounds correctly. The compiler must not contract a product and a sum
- * into one operation: gcc needs -ffp-contract=off, or -std=c99.
+ * into one operation: the pragmas below forbid it.
  */
 #ifndef PNEUDRIVE_MATH_H
 #define PNEUDRIVE_MATH_H
 
 #include <stdint.h>
 
-#if !defined(__GNUC__) || defined(__clang__)
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC optimize("fp-contract=off")
+#else
 #pragma STDC FP_CONTRACT OFF
 #endif
 

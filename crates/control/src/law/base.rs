@@ -53,7 +53,8 @@ impl<S: Number> Tick<'_, S> {
 /// Returns the fraction of opening that makes a mass on its air follow a motion, with a fraction of the friction:
 ///
 ///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
-pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
+pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, share: S) -> S {
+    let Tick { wanted, .. } = tick;
     let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
     let jerk = wanted.jerk + share * tick.friction[1] / tick.model.mass;
     (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w))

@@ -11,18 +11,19 @@ use physics::{above, at_least};
 const SETS: f64 = 3.0;
 
 law! {
-    /// A fuzzy controller. Rules "if the error is big and its slope is small, then ..." replace the proportional and
-    /// derivative part of [`Pid`](super::Pid). Feed-forward and integral are those of `Pid`.
+    /// A fuzzy controller. Rules "if the error is big and its slope is small, then ..." replace the feedback of
+    /// [`Pid`](super::Pid) without its integral. Feed-forward and integral are those of `Pid`.
     ///
-    ///   u_fb = k_p e_max phi(e/e_max, T_d e'/e_max)
+    ///   u_fb = k_p e_max phi(e/e_max, (T_d e' + T_a e'')/e_max)
     ///
     /// Both inputs have seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
     /// for the set i + j within -3 .. 3. [`sugeno`] gives phi.
     pub struct Fuzzy {
-        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v", factor "gain";
-        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega", factor "damping";
-        integral_time: "s", above(0.0), "T_i", rule "4/omega";
-        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega", factor "filter";
+        gain: "1/m", at_least(0.0), "k_p", rule "as of pid", factor "gain";
+        derivative_time: "s", at_least(0.0), "T_d", rule "as of pid", factor "damping";
+        acceleration_time: "s2", at_least(0.0), "T_a", rule "as of pid", factor "damping";
+        integral_time: "s", above(0.0), "T_i", rule "as of pid";
+        filter_time: "s", at_least(0.0), "time constant of T_d e' + T_a e''", rule "as of pid", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
         error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
     } memory<S> { errors: Errors<S> = Errors::new() }
@@ -56,18 +57,20 @@ impl Tuned for Fuzzy {
     const KEY: &'static str = "fuzzy";
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
-        let Pid { gain, derivative_time, integral_time, filter_time, friction_share, .. } =
-            <Pid as Tuned>::tuned(model, plant);
-        Fuzzy::new(gain, derivative_time, integral_time, filter_time, friction_share, 0.03)
+        let Pid {
+            gain, derivative_time, acceleration_time, integral_time, filter_time, friction_share, ..
+        } = <Pid as Tuned>::tuned(model, plant);
+        Fuzzy::new(gain, derivative_time, acceleration_time, integral_time, filter_time, friction_share, 0.03)
     }
 }
 
 impl<S: Number> Law<S> for Fuzzy<S> {
     fn step(&mut self, tick: &Tick<S>) -> S {
-        let [e, slope] = self.errors.seen(tick, self.filter_time);
+        let factors = [self.derivative_time, self.acceleration_time];
+        let [e, slopes] = self.errors.seen(tick, factors, self.filter_time);
         let range = self.error_range;
-        fed_forward(tick, &tick.now.1, self.friction_share)
-            + self.gain * range * sugeno(e / range, self.derivative_time * slope / range)
+        fed_forward(tick, self.friction_share)
+            + self.gain * range * sugeno(e / range, slopes / range)
             + self.errors.integral
     }
 

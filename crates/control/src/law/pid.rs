@@ -2,31 +2,26 @@ use super::base::{Law, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Number, memory};
+use crate::thresholds::SLIDING_BANDWIDTH;
 use crate::types::Plant;
 use physics::{above, at_least};
 
 memory! {
-    /// Error of the measured position, its filtered slope and its integral.
+    /// Filtered slopes of the error, m, and its integral.
     pub(super) struct Errors<S> {
-        /// The last error, and whether it exists: 0 or 1.
-        last: [S; 2],
-        slope: S,
+        slopes: S,
         /// Integral of the error, as a fraction of opening.
         pub integral: S,
     }
 }
 
 impl<S: Number> Errors<S> {
-    /// Returns the error and its slope.
-    pub fn seen(&mut self, tick: &Tick<S>, filter_time: S) -> [S; 2] {
-        let (position, wanted) = tick.now;
-        let e = wanted.position - position;
-        let period = S::c(tick.period);
-        let [last, is_there] = self.last;
-        let slope = S::select(S::zero().lt(is_there), (e - last) / period, S::zero());
-        self.slope += (slope - self.slope) * period / (period + filter_time);
-        self.last = [e, S::one()];
-        [e, self.slope]
+    /// Returns the error, and its first and second derivative times these factors, filtered, m.
+    pub fn seen(&mut self, tick: &Tick<S>, [first, second]: [S; 2], filter_time: S) -> [S; 2] {
+        let ([e, e1, e2], period) = (tick.errors(), S::c(tick.period));
+        let slopes = first * e1 + second * e2;
+        self.slopes += (slopes - self.slopes) * period / (period + filter_time);
+        [e, self.slopes]
     }
 
     /// Integrates the error at a rate, 1/(m s), unless the command was at its limit.
@@ -37,17 +32,20 @@ impl<S: Number> Errors<S> {
 }
 
 law! {
-    /// PID with feed-forward of velocity, acceleration, jerk and friction; it needs a position sensor alone:
+    /// PID with feedback of acceleration, and feed-forward of velocity, acceleration, jerk and friction, as usual for
+    /// pneumatic axes:
     ///
-    ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e') + k_p/T_i int e
+    ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e' + T_a e'') + k_p/T_i int e
     ///
-    /// omega and zeta are those of the mass on its air, and K_v is its speed per fraction of opening. The integral is
-    /// kept while the command is at its limit.
+    /// omega and zeta are those of the mass on its air, and K_v is its speed per fraction of opening. Without the
+    /// integral, the gains place three poles at -lambda. The observer estimates velocity and acceleration. The
+    /// integral is kept while the command is at its limit.
     pub struct Pid {
-        gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v", factor "gain";
-        derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega", factor "damping";
-        integral_time: "s", above(0.0), "T_i", rule "4/omega";
-        filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega", factor "filter";
+        gain: "1/m", at_least(0.0), "k_p", rule "lambda^3/(K_v omega^2), lambda = 48 rad/s, assumed", factor "gain";
+        derivative_time: "s", at_least(0.0), "T_d", rule "(3 lambda^2 - omega^2)/lambda^3", factor "damping";
+        acceleration_time: "s2", at_least(0.0), "T_a", rule "(3 lambda - 2 zeta omega)/lambda^3", factor "damping";
+        integral_time: "s", above(0.0), "T_i", rule "8/lambda";
+        filter_time: "s", at_least(0.0), "time constant of T_d e' + T_a e''", rule "0.02/lambda", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
     } memory<S> { errors: Errors<S> = Errors::new() }
 }
@@ -56,17 +54,20 @@ impl Tuned for Pid {
     const KEY: &'static str = "pid";
 
     fn tuned(_model: &Model, plant: &Plant) -> Self {
-        let w = plant.natural_frequency;
-        Pid::new(plant.damping_ratio * w / plant.speed, 0.5 / w, 4.0 / w, 0.1 / w, 0.5)
+        let Plant { natural_frequency: w, damping_ratio, speed, .. } = *plant;
+        let l = SLIDING_BANDWIDTH;
+        let cube = l * l * l;
+        let derivative_time = (3.0 * l * l - w * w).max(0.0) / cube;
+        let acceleration_time = (3.0 * l - 2.0 * damping_ratio * w).max(0.0) / cube;
+        Pid::new(cube / (speed * w * w), derivative_time, acceleration_time, 8.0 / l, 0.02 / l, 0.5)
     }
 }
 
 impl<S: Number> Law<S> for Pid<S> {
     fn step(&mut self, tick: &Tick<S>) -> S {
-        let [e, slope] = self.errors.seen(tick, self.filter_time);
-        fed_forward(tick, &tick.now.1, self.friction_share)
-            + self.gain * (e + self.derivative_time * slope)
-            + self.errors.integral
+        let factors = [self.derivative_time, self.acceleration_time];
+        let [e, slopes] = self.errors.seen(tick, factors, self.filter_time);
+        fed_forward(tick, self.friction_share) + self.gain * (e + slopes) + self.errors.integral
     }
 
     fn given(&mut self, asked: S, tick: &Tick<S>) {
