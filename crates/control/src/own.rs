@@ -26,7 +26,7 @@ macro_rules! signals {
             $(#[doc = $meaning] pub $name: f64,)*
         }
 
-        /// Names, units and meanings of the signals, in the order of a compiled law's sample.
+        /// Names, units and meanings of the signals.
         pub const SIGNALS: &[Signal] =
             &[$(Signal { key: stringify!($name), unit: $unit, meaning: $meaning },)*];
 
@@ -39,7 +39,6 @@ macro_rules! signals {
     };
 }
 
-// Compiled laws depend on this order: new signals are added at the end.
 signals! {
     time: "s", "time of the sample";
     position: "m", "measured position";

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive import _core
 from pneudrive.control.loop import prepare, run_prepared
-from pneudrive.control.mismatch import Mismatch
+from pneudrive.control.mismatch import OF_VALVE, Mismatch, read_mismatch
 from pneudrive.control.motion import Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
 from pneudrive.control.tuning import Tuning, laws
@@ -18,11 +18,13 @@ from pneudrive.simulation.simulate import require
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from pneudrive.control.loop import Prepared
     from pneudrive.control.setup import Setup
     from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.simulate import Run
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).
 SHARE = 0.85
@@ -240,12 +242,8 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     worst = 0.0
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
-        mismatch = None if mass == 1.0 else Mismatch.model_validate({"moving_mass": mass})
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
-                run = run_prepared(prepared, seed)
+            prepared, run = _trial(drive, law, setup, seed, {} if mass == 1.0 else {"moving_mass": mass})
         except PneudriveError as error:
             return Suitability(law, False, float("inf"), f"{of}: {error.what}")
         score, events = run.provenance["score"], run.provenance["events"]
@@ -263,6 +261,17 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     return Suitability(law, True, worst, f"a baseline: {reason}" if law in BASELINES else reason)
 
 
+def _trial(
+    drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int, deviations: Mapping[str, float | str]
+) -> tuple[Prepared, Run]:
+    """Run a drive that deviates from its description."""
+    mismatch = Mismatch.model_validate(deviations) if deviations else None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
+        return prepared, run_prepared(prepared, seed)
+
+
 def view_of_suitability(found: Sequence[Suitability]) -> View:
     """Return whether each controller suits a drive, with the reason."""
     rows = [
@@ -272,3 +281,40 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
     ]
     title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
     return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")
+
+
+def view_of_zeros(
+    drive: Drive | Circuit, law: str, setup: Setup | str | Path = "real", *, seed: int = 1
+) -> View | None:
+    """Return what the numbers of the valve that the description has as zero could cost.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    law : str
+    setup : Setup, str or path-like
+        Sensors and converter.
+    seed : int
+        Seed of the noise.
+
+    Returns
+    -------
+    View or None
+        Largest error along R3 with the highest values of the spread `standard`; None if no number is zero.
+    """
+    ranges = read_mismatch("standard")[0].ranges
+    prepared, described = _trial(drive, law, setup, seed, {})
+    valve = prepared.tuning.plant.valves[0]
+    numbers = next(
+        own["numbers"] for own in json.loads(prepared.circuit.core_json())["components"] if own["name"] == valve
+    )
+    highest = {key: ranges[name][1] for name, key in OF_VALVE.items() if numbers.get(key) == 0.0}
+    if not highest:
+        return None
+    texts = {key: f"{1e3 * value:g} ms" if key == "delay" else f"{value:g}" for key, value in highest.items()}
+    _, deviating = _trial(drive, law, setup, seed, texts)
+    without, with_them = (f"{1e3 * run.provenance['score']['max_error_m']:.3g} mm" for run in (described, deviating))
+    listed = ", ".join(f"{key} {text}" for key, text in texts.items())
+    text = f"{valve}: the largest error along {ALONG} is {without}, and {with_them} with {listed} in place of zero."
+    remedy = "Take them from the data sheet, or identify them from a recording: pneudrive identify."
+    return View(f"Numbers of the valve that are zero, {law}, simulated", findings=(Finding(text, "open", remedy),))

@@ -167,7 +167,7 @@ _CYLINDER = {
     "heat_transfer": ("heat_transfer", "heat_transfer_scale"),
     "dead_volume": ("dead_volume_a", "dead_volume_b"),
 }
-_VALVE = {
+OF_VALVE = {
     "spool_frequency_hz": "frequency",
     "delay_s": "delay",
     "overlap": "overlap",
@@ -182,7 +182,7 @@ PLACES = (
     *_CYLINDER,
     "supply_pressure",
     "supply_conductance",
-    *_VALVE,
+    *OF_VALVE,
     *_SENSORS,
 )
 DRAWS = (*PLACES, *(f"{name}_b" for name in _SENSORS))
@@ -241,7 +241,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
 
 def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
     """Change the valves of a drive in place; a law assumes equal valves."""
-    for name, key in _VALVE.items():
+    for name, key in OF_VALVE.items():
         if name in drawn and "frequency" not in valves[0]["numbers"]:
             what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
             raise wrong(name, what, remedy="Leave it out of the mismatch.")
