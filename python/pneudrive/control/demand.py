@@ -286,7 +286,7 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
 def view_of_zeros(
     drive: Drive | Circuit, law: str, setup: Setup | str | Path = "real", *, seed: int = 1
 ) -> View | None:
-    """Return what the numbers of the valve that the description has as zero could cost.
+    """Return the possible cost of valve numbers that are zero in the description.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ impl<S: Number> Errors<S> {
 }
 
 law! {
-    /// PID with feedback of acceleration, and feed-forward of velocity, acceleration, jerk and friction, as usual for
-    /// pneumatic axes:
+    /// PID with feedback of acceleration, as usual for pneumatic axes. Velocity, acceleration, jerk and friction of the
+    /// reference are fed forward:
     ///
     ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e' + T_a e'') + k_p/T_i int e
     ///
