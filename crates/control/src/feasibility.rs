@@ -122,7 +122,7 @@ pub fn demand(
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
         let open = model.opened_by(given);
-        [state.pressures, state.temperatures] = now.flow(model, open, step, now.velocity);
+        [state.pressures, state.temperatures] = model.flow(&now, open, step, now.velocity);
         force = next;
     }
     found

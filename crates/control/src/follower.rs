@@ -314,7 +314,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
             model,
             plant: &self.plant,
             period,
-            acceleration: state.acceleration::<S>(model),
+            acceleration: model.acceleration(&state),
             state,
             wanted,
             friction: [along + rate.times(model.stick_damping_time) + viscous * wanted.velocity, force_rate],

@@ -262,12 +262,6 @@ impl<P: Over<f64>> Model<P> {
     pub fn damping_time(&self, h: f64) -> P {
         P::c(self.stick_damping_time).min(self.mass / P::c(self.stick_stiffness * h))
     }
-
-    /// Returns the acceleration under the gas force, the friction force f and a disturbance d, N in +x.
-    #[inline(always)]
-    pub fn acceleration<S: StateOf<P>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
-        (gas + S::c(self.load) - f - viscous * v + d).times(P::one() / self.mass)
-    }
 }
 
 impl<S: Number> Model<S> {

@@ -9,83 +9,74 @@ use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIEC
 use crate::types::{Sample, State, gas_at};
 use math::Over;
 
-impl<S: Over<f64>> State<S> {
-    /// Advances by `h` s with edges open by `openings`. If pressures are `measured`, the gas follows them. Returns the
-    /// initial acceleration, m/s2.
-    pub fn advance<P: Over<f64>>(
-        &mut self,
-        model: &Model<P>,
+impl<P: Over<f64>> Model<P> {
+    /// Advances a state by `h` s with edges open by `openings`. If pressures are `measured`, the gas follows them.
+    /// Returns the initial acceleration, m/s2.
+    pub fn advance<S: StateOf<P>>(
+        &self,
+        own: &mut State<S>,
         openings: impl Openings<S>,
         h: f64,
         measured: Option<[S; 2]>,
-    ) -> S
-    where
-        S: StateOf<P>,
-    {
+    ) -> S {
         let pieces = (h / LONGEST_PIECE - 1e-6).ceil().max(1.0);
-        self.advance_in(pieces as u32, model, openings, h, measured)
+        self.advance_in(pieces as u32, own, openings, h, measured)
     }
 
     /// Does the same with the motion in several pieces, by the classical fourth-order Runge-Kutta method.
-    pub(crate) fn advance_in<P: Over<f64>>(
-        &mut self,
+    pub(crate) fn advance_in<S: StateOf<P>>(
+        &self,
         pieces: u32,
-        model: &Model<P>,
+        own: &mut State<S>,
         openings: impl Openings<S>,
         h: f64,
         measured: Option<[S; 2]>,
-    ) -> S
-    where
-        S: StateOf<P>,
-    {
-        let (piece, old) = (h / f64::from(pieces), model.gas_force(self.pressures));
+    ) -> S {
+        let (piece, old) = (h / f64::from(pieces), self.gas_force(own.pressures));
         let followed = FOLLOWED * piece;
-        let begin = self.pushed(model, old, followed, [self.velocity, self.friction]);
-        let speed = self.velocity + begin[1].times(0.5 * h);
-        let [pressures, temperatures] = self.flow(model, openings, h, speed);
-        (self.pressures, self.temperatures) = (measured.unwrap_or(pressures), temperatures);
-        let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(pieces));
+        let begin = self.pushed(own, old, followed, [own.velocity, own.friction]);
+        let speed = own.velocity + begin[1].times(0.5 * h);
+        let [pressures, temperatures] = self.flow(own, openings, h, speed);
+        (own.pressures, own.temperatures) = (measured.unwrap_or(pressures), temperatures);
+        let grown = (self.gas_force(own.pressures) - old).times(1.0 / f64::from(pieces));
         for k in 0..pieces {
-            let [v, f] = [self.velocity, self.friction];
+            let [v, f] = [own.velocity, own.friction];
             // The force of the gas changes from the old value to the new one.
-            let rates = |own: &Self, at: f64, motion: [S; 2]| {
-                own.pushed(model, old + grown.times(f64::from(k) + at), followed, motion)
+            let rates = |own: &State<S>, at: f64, motion: [S; 2]| {
+                self.pushed(own, old + grown.times(f64::from(k) + at), followed, motion)
             };
             let after = |[f_dot, a]: [S; 2], t: f64| [v + a.times(t), f + f_dot.times(t)];
-            let first = if k == 0 { begin } else { rates(self, 0.0, [v, f]) };
+            let first = if k == 0 { begin } else { rates(own, 0.0, [v, f]) };
             let one = after(first, 0.5 * piece);
-            let second = rates(self, 0.5, one);
+            let second = rates(own, 0.5, one);
             let two = after(second, 0.5 * piece);
-            let third = rates(self, 0.5, two);
+            let third = rates(own, 0.5, two);
             let three = after(third, piece);
-            let last = rates(self, 1.0, three);
+            let last = rates(own, 1.0, three);
             let gone = |[a, b, c, d]: [S; 4]| (a + (b + c).times(2.0) + d).times(piece / 6.0);
-            self.friction += gone([first[0], second[0], third[0], last[0]]);
-            self.velocity += gone([first[1], second[1], third[1], last[1]]);
-            self.position += gone([v, one[0], two[0], three[0]]);
+            own.friction += gone([first[0], second[0], third[0], last[0]]);
+            own.velocity += gone([first[1], second[1], third[1], last[1]]);
+            own.position += gone([v, one[0], two[0], three[0]]);
         }
         begin[1]
     }
 
-    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the midpoint method. The gas is simulated with a
-    /// separate `speed` of the piston, m/s.
-    pub(crate) fn flow<P: Over<f64>>(
+    /// Returns pressures, Pa, and temperatures, K, of a state after `h` s, by the midpoint method. The gas is simulated
+    /// with a separate `speed` of the piston, m/s.
+    pub(crate) fn flow<S: StateOf<P>>(
         &self,
-        model: &Model<P>,
+        own: &State<S>,
         openings: impl Openings<S>,
         h: f64,
         speed: S,
-    ) -> [[S; 2]; 2]
-    where
-        S: StateOf<P>,
-    {
-        let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
+    ) -> [[S; 2]; 2] {
+        let (openings, mut gas) = (openings.edges(), [own.pressures, own.temperatures]);
         for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
-            let place = [self.position + self.velocity.times(from), speed];
-            let chambers = model.chambers(place, gas_at(&gas), openings);
+            let place = [own.position + own.velocity.times(from), speed];
+            let chambers = self.chambers(place, gas_at(&gas), openings);
             for side in 0..2 {
-                let p = self.pressures[side] + chambers.pressure_rates[side].times(to);
-                let t = self.temperatures[side] + chambers.temperature_rates[side].times(to);
+                let p = own.pressures[side] + chambers.pressure_rates[side].times(to);
+                let t = own.temperatures[side] + chambers.temperature_rates[side].times(to);
                 gas[0][side] = p.max(S::c(LEAST_PRESSURE));
                 gas[1][side] = t.max(S::c(GAS_TEMPERATURES[0])).min(S::c(GAS_TEMPERATURES[1]));
             }
@@ -95,27 +86,24 @@ impl<S: Over<f64>> State<S> {
 
     /// Returns the rate of the friction, N/s, and the acceleration, m/s2, under a force of the gas. The rate is one
     /// that a step of `h` s can follow. Velocity and friction are separate arguments.
-    fn pushed<P: Over<f64>>(&self, model: &Model<P>, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2]
-    where
-        S: StateOf<P>,
-    {
-        let [level, viscous] = model.friction_levels([self.position, velocity], self.pressures);
-        let rate = model.stick_rate(velocity, friction, level, h);
-        let friction = friction + rate.times(model.damping_time(h));
-        [rate, model.acceleration(force, velocity, viscous, friction, self.disturbance)]
+    fn pushed<S: StateOf<P>>(
+        &self,
+        own: &State<S>,
+        force: S,
+        h: f64,
+        [velocity, friction]: [S; 2],
+    ) -> [S; 2] {
+        let [level, viscous] = self.friction_levels([own.position, velocity], own.pressures);
+        let rate = self.stick_rate(velocity, friction, level, h);
+        let friction = friction + rate.times(self.damping_time(h));
+        let force = force + S::c(self.load) - friction - viscous * velocity + own.disturbance;
+        [rate, force.times(P::one() / self.mass)]
     }
 
-    /// Returns the acceleration of the model, m/s2.
-    pub fn acceleration<P: Over<f64>>(&self, model: &Model<P>) -> S
-    where
-        S: StateOf<P>,
-    {
-        self.pushed(
-            model,
-            model.gas_force(self.pressures),
-            FOLLOWED * LONGEST_PIECE,
-            [self.velocity, self.friction],
-        )[1]
+    /// Returns the acceleration of a state, m/s2.
+    pub fn acceleration<S: StateOf<P>>(&self, own: &State<S>) -> S {
+        let (force, step) = (self.gas_force(own.pressures), FOLLOWED * LONGEST_PIECE);
+        self.pushed(own, force, step, [own.velocity, own.friction])[1]
     }
 }
 
@@ -215,7 +203,7 @@ impl<S: Number> Observer<S> {
         let (from, to) = (self.time, sample.time);
         if to > from {
             let edges = self.spool.edges(model, from, to);
-            self.state.advance::<S>(model, edges, to - from, sample.pressures);
+            model.advance(&mut self.state, edges, to - from, sample.pressures);
         }
         self.time = to;
         correct(model, &mut self.state, sample.position, self.gain);
@@ -235,7 +223,7 @@ impl<S: Number> Observer<S> {
         for k in 0..n as usize {
             let begin = self.time + h * k as f64;
             let edges = spool.edges(model, begin, begin + h);
-            state.advance::<S>(model, edges, h, None);
+            model.advance(&mut state, edges, h, None);
         }
         (state, spool)
     }

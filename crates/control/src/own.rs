@@ -64,7 +64,7 @@ impl Seen {
             time: sample.time,
             position: sample.position,
             velocity: state.velocity,
-            acceleration: state.acceleration(model),
+            acceleration: model.acceleration(state),
             pressure_a,
             pressure_b,
             temperature_a,

@@ -211,13 +211,13 @@ fn foreseen<S: Over<f64>>(tick: &Tick, horizon: &Horizon, plan: &[S; MOVES]) -> 
         if horizon.growth[step] != 0.0 {
             state.disturbance += S::c(horizon.growth[step]);
         }
-        let began = state.advance_in(pieces as u32, model, open, h, None);
+        let began = model.advance_in(pieces as u32, &mut state, open, h, None);
         if step > 0 {
             foreseen[step - 1][2] = began;
         }
         foreseen[step] = [state.position, state.velocity, S::zero()];
     }
-    foreseen[HORIZON - 1][2] = state.acceleration(model);
+    foreseen[HORIZON - 1][2] = model.acceleration(&state);
     foreseen
 }
 

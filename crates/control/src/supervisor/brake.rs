@@ -135,7 +135,7 @@ fn brakes_before(
         for step in 0..BRAKE_STEPS {
             let edges = spool.edges(model, t, t + period);
             t += period;
-            state.advance(model, edges, period, None);
+            model.advance(&mut state, edges, period, None);
             let is_slow = way * state.velocity < BRAKE_TOUCH;
             still = if is_slow { still - period } else { 0.0 };
             let ends = is_slow && still <= 0.0 || room(state.position) < 0.0;

@@ -49,7 +49,7 @@ impl Mode {
         deceleration: f64,
     ) -> Self {
         let Moment { time, period } = at;
-        let seen = [state.position, state.velocity, state.acceleration(model)];
+        let seen = [state.position, state.velocity, model.acceleration(state)];
         let from = followed.map_or(seen, |last| {
             let Wanted { position, velocity, acceleration, jerk } = last;
             let x = position + period * (velocity + 0.5 * period * acceleration);

@@ -46,7 +46,7 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
         back(&mut own.pressures[i], seen.pressures[i]);
         back(&mut own.temperatures[i], seen.temperatures[i]);
     }
-    own.advance(model, edges, period, None);
+    model.advance(own, edges, period, None);
 }
 
 /// A reading, and the state of its sensor and of the drive.
@@ -108,7 +108,7 @@ impl Position {
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
-            self.twin.iter_mut().for_each(|twin| _ = twin.free.advance(model, edges, period, None));
+            self.twin.iter_mut().for_each(|twin| _ = model.advance(&mut twin.free, edges, period, None));
             return (reading, None);
         }
         self.bad += 1;
@@ -122,7 +122,7 @@ impl Position {
         let free = self.twin.as_ref().filter(|_| self.bad == 1 && !jumps).map(|twin| twin.free);
         let mut now = free.unwrap_or(*foreseen);
         if free.is_some() {
-            now.advance(model, edges, period, None);
+            model.advance(&mut now, edges, period, None);
         }
         (now.position, free)
     }
