@@ -9,7 +9,6 @@ use formula::Operation;
 use math::{Over, Real};
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// An operation on numbers, by the indices of earlier nodes.
 pub type Node = Operation<u32>;
@@ -157,24 +156,13 @@ fn recorded(node: Node) -> Traced {
     RECORDING.with_borrow_mut(|own| own.node(node))
 }
 
-macro_rules! operators {
-    ($($trait:ident $method:ident $operator:ident;)*) => {$(
-        impl $trait for Traced {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                recorded(Node::$operator(self.0, other.0))
-            }
-        }
-    )*};
-}
-
-operators! {
-    Add add Add;
-    Sub sub Subtract;
-    Mul mul Multiply;
-    Div div Divide;
-}
-math::assign_operators!([] Traced);
+math::operators!([] Traced, |a, b|
+    +: recorded(Node::Add(a.0, b.0)),
+    -: recorded(Node::Subtract(a.0, b.0)),
+    *: recorded(Node::Multiply(a.0, b.0)),
+    /: recorded(Node::Divide(a.0, b.0)),
+    neg: recorded(Node::Negative(a.0)),
+);
 
 macro_rules! functions {
     ($($name:ident $operation:ident),*) => {
@@ -182,13 +170,6 @@ macro_rules! functions {
             recorded(Node::$operation(self.0))
         })*
     };
-}
-
-impl Neg for Traced {
-    type Output = Self;
-    fn neg(self) -> Self {
-        recorded(Node::Negative(self.0))
-    }
 }
 
 impl From<f64> for Traced {
