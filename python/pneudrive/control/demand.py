@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
 from pneudrive.control.loop import prepare, run_prepared
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from pneudrive.control.loop import Prepared
     from pneudrive.control.setup import Setup
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.simulation.simulate import Run
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).
 SHARE = 0.85
@@ -243,33 +242,35 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
         try:
-            prepared, run = _trial(drive, law, setup, seed, {} if mass == 1.0 else {"moving_mass": mass})
+            prepared, told = _trial(drive, law, setup, seed, {"moving_mass": mass})
         except PneudriveError as error:
             return Suitability(law, False, float("inf"), f"{of}: {error.what}")
-        score, events = run.provenance["score"], run.provenance["events"]
+        score = told["score"]
         reach = prepared.reference.reach()
         worst = max(worst, float(score["max_error_m"]))
         if score["lost"]:
             return Suitability(law, False, worst, f"{of} it is lost")
-        if any(event["kind"] == CYCLE for event in events) and law not in BASELINES:
+        if any(event["kind"] == CYCLE for event in told["events"]):
             return Suitability(law, False, worst, f"{of} it oscillates")
         if worst > MOST * (reach.highest_m - reach.lowest_m):
             return Suitability(law, False, worst, f"{of} it misses by {1e3 * worst:.3g} mm")
     reason = f"errors up to {1e3 * worst:.3g} mm"
     if law == "nmpc":
         reason += "; exported as an FMU only"
-    return Suitability(law, True, worst, f"a baseline: {reason}" if law in BASELINES else reason)
+    if law in BASELINES:
+        reason = f"a baseline: {reason}"
+    return Suitability(law, True, worst, reason)
 
 
 def _trial(
     drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int, deviations: Mapping[str, float | str]
-) -> tuple[Prepared, Run]:
-    """Run a drive that deviates from its description."""
-    mismatch = Mismatch.model_validate(deviations) if deviations else None
+) -> tuple[Prepared, dict[str, Any]]:
+    """Run a drive that deviates from its description; return the provenance of the run."""
+    mismatch = Mismatch.model_validate(deviations)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
-        return prepared, run_prepared(prepared, seed)
+        return prepared, run_prepared(prepared, seed).provenance
 
 
 def view_of_suitability(found: Sequence[Suitability]) -> View:
@@ -283,9 +284,7 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
     return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")
 
 
-def view_of_zeros(
-    drive: Drive | Circuit, law: str, setup: Setup | str | Path = "real", *, seed: int = 1
-) -> View | None:
+def view_of_zeros(drive: Drive | Circuit, law: str, setup: Setup | str | Path = "real") -> View | None:
     """Return the possible cost of valve numbers that are zero in the description.
 
     Parameters
@@ -294,8 +293,6 @@ def view_of_zeros(
     law : str
     setup : Setup, str or path-like
         Sensors and converter.
-    seed : int
-        Seed of the noise.
 
     Returns
     -------
@@ -303,18 +300,19 @@ def view_of_zeros(
         Largest error along R3 with the highest values of the spread `standard`; None if no number is zero.
     """
     ranges = read_mismatch("standard")[0].ranges
-    prepared, described = _trial(drive, law, setup, seed, {})
+    prepared, described = _trial(drive, law, setup, 1, {})
     valve = prepared.tuning.plant.valves[0]
-    numbers = next(
-        own["numbers"] for own in json.loads(prepared.circuit.core_json())["components"] if own["name"] == valve
-    )
+    components = json.loads(prepared.circuit.core_json())["components"]
+    numbers = next(own["numbers"] for own in components if own["name"] == valve)
     highest = {key: ranges[name][1] for name, key in OF_VALVE.items() if numbers.get(key) == 0.0}
     if not highest:
         return None
-    texts = {key: f"{1e3 * value:g} ms" if key == "delay" else f"{value:g}" for key, value in highest.items()}
-    _, deviating = _trial(drive, law, setup, seed, texts)
-    without, with_them = (f"{1e3 * run.provenance['score']['max_error_m']:.3g} mm" for run in (described, deviating))
-    listed = ", ".join(f"{key} {text}" for key, text in texts.items())
-    text = f"{valve}: the largest error along {ALONG} is {without}, and {with_them} with {listed} in place of zero."
+    texts = {key: f"{value:g}" for key, value in highest.items()}
+    if "delay" in texts:
+        texts["delay"] += " s"
+    _, deviating = _trial(drive, law, setup, 1, texts)
+    errors = [f"{1e3 * told['score']['max_error_m']:.3g} mm" for told in (described, deviating)]
+    listed = ", ".join(map(" ".join, texts.items()))
+    text = f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} in place of zero."
     remedy = "Take them from the data sheet, or identify them from a recording: pneudrive identify."
     return View(f"Numbers of the valve that are zero, {law}, simulated", findings=(Finding(text, "open", remedy),))
