@@ -202,7 +202,7 @@ export interface SentView {
 
 export interface MachineCheck {
   name: string;
-  value: number | null;
+  value: number;
   limit: number | null;
   unit: string;
   is_kept: boolean | null;
