@@ -305,7 +305,7 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
     assert!(count(&no_air, EventKind::NoAir) > 0, "{:?}", told(&no_air));
     let late = |plant: &mut Circuit| {
         for valve in plant.components.iter_mut().filter(|own| own.kind.starts_with("valve")) {
-            *valve.numbers.get_mut("delay").expect("a dead time") *= 12.0;
+            *valve.numbers.get_mut("delay").expect("a dead time") *= 30.0;
         }
     };
     let swings = with(&late, "pid", vec![]);
