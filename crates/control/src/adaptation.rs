@@ -323,7 +323,7 @@ impl<S: Number> Adaptation<S> {
         let full = described.chambers(place, gas, [forth, one - forth]);
         let shut = described.chambers(place, gas, [zero; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
-        let is_fast = S::one() - flag(speed.abs(), S::c(LEARN_SPOOL_SPEED));
+        let is_fast = one - flag(speed.abs(), S::c(LEARN_SPOOL_SPEED));
         self.signals.calm = S::select(half.lt(is_fast), zero, self.signals.calm + S::c(period));
         let is_wide = flag(S::c(LEARN_OPEN), spool.abs() - model.valve.overlap);
         let opens = is_wide * flag(S::c(LEARN_SPOOL_CALM), self.signals.calm);

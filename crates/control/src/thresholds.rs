@@ -57,7 +57,7 @@ thresholds! {
     NMPC_SHORTER: f64 = 0.25, "1", "fraction of a Gauss-Newton step that is taken if the whole step increases the cost", "assumed";
     NMPC_SLOW: f64 = 0.05, "m/s", "speed below which the motion is simulated in steps of 1 ms", "assumed";
     NMPC_ROUNDS: usize = 20, "1", "rounds of the search for moves at a limit", "eight moves need fewer";
-    SLIDING_BANDWIDTH: f64 = 48.0, "rad/s", "bandwidth of pid and of the sliding surface", "assumed";
+    LAW_BANDWIDTH: f64 = 48.0, "rad/s", "bandwidth of pid and of the sliding surface", "assumed";
     SLIDING_GAIN: f64 = 0.1, "1", "gain as a fraction of force rate over mass", "assumed";
     STIFFNESS_WEIGHT: f64 = 0.3, "1", "weight of the stiffness beside the force", "assumed";
     STIFFNESS_RATE: f64 = 0.2, "1", "rate of the stiffness as a fraction of the bandwidth", "assumed";

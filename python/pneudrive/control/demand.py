@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.control.loop import Prepared
     from pneudrive.control.setup import Setup
     from pneudrive.describe import Circuit, Drive
 
@@ -242,11 +241,11 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
         try:
-            prepared, told = _trial(drive, law, setup, seed, {"moving_mass": mass})
+            reference, told = _trial(drive, law, setup, seed, {"moving_mass": mass})
         except PneudriveError as error:
             return Suitability(law, False, float("inf"), f"{of}: {error.what}")
         score = told["score"]
-        reach = prepared.reference.reach()
+        reach = reference.reach()
         worst = max(worst, float(score["max_error_m"]))
         if score["lost"]:
             return Suitability(law, False, worst, f"{of} it is lost")
@@ -264,13 +263,13 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
 
 def _trial(
     drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int, deviations: Mapping[str, float | str]
-) -> tuple[Prepared, dict[str, Any]]:
-    """Run a drive that deviates from its description; return the provenance of the run."""
+) -> tuple[Reference, dict[str, Any]]:
+    """Run a drive that deviates from its description; return the reference and the provenance of the run."""
     mismatch = Mismatch.model_validate(deviations)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         prepared = prepare(drive, law, ALONG, setup=setup, mismatch=mismatch)
-        return prepared, run_prepared(prepared, seed).provenance
+        return prepared.reference, run_prepared(prepared, seed).provenance
 
 
 def view_of_suitability(found: Sequence[Suitability]) -> View:
@@ -284,13 +283,13 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
     return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")
 
 
-def view_of_zeros(drive: Drive | Circuit, law: str, setup: Setup | str | Path = "real") -> View | None:
+def view_of_zeros(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path = "real") -> View | None:
     """Return the possible cost of valve numbers that are zero in the description.
 
     Parameters
     ----------
     drive : Drive or Circuit
-    law : str
+    tuning : Tuning
     setup : Setup, str or path-like
         Sensors and converter.
 
@@ -300,9 +299,8 @@ def view_of_zeros(drive: Drive | Circuit, law: str, setup: Setup | str | Path = 
         Largest error along R3 with the highest values of the spread `standard`; None if no number is zero.
     """
     ranges = read_mismatch("standard")[0].ranges
-    prepared, described = _trial(drive, law, setup, 1, {})
-    valve = prepared.tuning.plant.valves[0]
-    components = json.loads(prepared.circuit.core_json())["components"]
+    law, valve = tuning.law, tuning.plant.valves[0]
+    components = json.loads(tuning.belief.core_json())["components"]
     numbers = next(own["numbers"] for own in components if own["name"] == valve)
     highest = {key: ranges[name][1] for name, key in OF_VALVE.items() if numbers.get(key) == 0.0}
     if not highest:
@@ -310,8 +308,8 @@ def view_of_zeros(drive: Drive | Circuit, law: str, setup: Setup | str | Path = 
     texts = {key: f"{value:g}" for key, value in highest.items()}
     if "delay" in texts:
         texts["delay"] += " s"
-    _, deviating = _trial(drive, law, setup, 1, texts)
-    errors = [f"{1e3 * told['score']['max_error_m']:.3g} mm" for told in (described, deviating)]
+    trials = [_trial(drive, law, setup, 1, deviations)[1] for deviations in ({}, texts)]
+    errors = [f"{1e3 * told['score']['max_error_m']:.3g} mm" for told in trials]
     listed = ", ".join(map(" ".join, texts.items()))
     text = f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} in place of zero."
     remedy = "Take them from the data sheet, or identify them from a recording: pneudrive identify."

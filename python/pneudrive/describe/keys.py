@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pneudrive.errors import DescriptionError, together
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 class WrongValueError(DescriptionError):
@@ -27,7 +32,9 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
     return error
 
 
-def within(error: DescriptionError, name: str, above: str = "", written=None) -> DescriptionError:  # noqa: ANN001
+def within(
+    error: DescriptionError, name: str, above: str = "", written: Callable[[str], str] = str
+) -> DescriptionError:
     """Return errors of a table as errors of the table that contains it.
 
     Parameters
@@ -45,6 +52,5 @@ def within(error: DescriptionError, name: str, above: str = "", written=None) ->
     for one in error.each():
         key = getattr(one, "key", None) or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
-        key = written(key) if written else key
-        out.append(wrong(f"{above}{name}.{key}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
+        out.append(wrong(f"{above}{name}.{written(key)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
     return together(out)

@@ -1,6 +1,6 @@
 """Sensitivity of a drive's outputs to its numbers: Sobol indices.
 
-The points lie in the unit cube. The distributions convert them to values of the numbers.
+The points are in the unit cube. The distributions convert them to values of the numbers.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def sensitivity(
     vary : mapping
         Name -> distribution, ``"normal(30 N, 10 %)"``. The numbers vary independently.
     n : int
-        Base points, best a power of 2. A small number such as 64 screens many numbers.
+        Base points, best a power of 2. A small number such as 32 screens many numbers.
     seed : int
         Random seed of the design and of the bootstrap.
     confidence : float

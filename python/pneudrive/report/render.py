@@ -25,7 +25,7 @@ PICTURES = (".png", ".svg", ".pdf")
 TINT = 0.15  # opacity of a band in the colour of its curve
 WIDE = 3.0  # ratio of values beyond which an axis of scale "wide" is logarithmic
 FAR_APART = 20.0  # ratio of the largest values of two lines beyond which an axis of scale "far" is logarithmic
-NAME_IN = 0.09  # least distance of the names of points
+NAME_IN, NAME_PT = 0.09, (3.5, 2.5)  # least distance of the names of points, and their place beside the points
 
 
 def draw_figure(
@@ -261,7 +261,7 @@ def _spread_names(axis: Axes, panel: figures.Panel, row_in: float) -> None:
     for name in sorted(names, key=lambda name: name.xy[1]):
         height = (name.xy[1] - low) / (high - low)
         lowest = max(height, lowest + NAME_IN / row_in)
-        name.set_position((3.5, 2.5 + 72.0 * row_in * (lowest - height)))
+        name.set_position((NAME_PT[0], NAME_PT[1] + 72.0 * row_in * (lowest - height)))
 
 
 def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> None:
@@ -316,7 +316,7 @@ def _points(mark: Markers, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark
     shown["mfc"] = color if mark.filled else style.ink("paper", dark=dark)
     at, values = x.shown(mark.x), y.shown(mark.y)
     for where, name in zip(zip(at, values, strict=True), mark.names, strict=False):
-        axis.annotate(name, where, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
+        axis.annotate(name, where, NAME_PT, textcoords="offset points", fontsize=5.5)
     if mark.low is None:
         return axis.plot(at, values, **shown)[0]
     reach = [np.maximum(np.nan_to_num(part), 0.0) for part in (values - y.shown(mark.low), y.shown(mark.high) - values)]

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive.arrays import Array
-    from pneudrive.describe import Drive
-    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe import Circuit, Drive
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
 HIGHEST_PA = 20e5

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import SimulationResult
     from pneudrive.arrays import Array
-    from pneudrive.describe import Drive, Initial
-    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.free.parameters import Sensitivities
 
 MOST_BUDGET = 10**15

@@ -208,9 +208,8 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
     """
     groups: dict[tuple[Any, ...], list[PartChoice]] = {}
     for one in parts:
-        groups.setdefault((one.form, one.tube_diameter_m, tuple(sorted(one.numbers.items())), one.assumed), []).append(
-            one
-        )
+        shared = (one.form, one.tube_diameter_m, tuple(sorted(one.numbers.items())), one.assumed)
+        groups.setdefault(shared, []).append(one)
     return [replace(first, alike=tuple(one.name for one in rest)) for first, *rest in groups.values()]
 
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pneudrive.sizing.choices import DriveChoice
     from pneudrive.sizing.task import SizingTask
 
-    #: Yields runs, takes their results, and at last yields the settings.
-    Search = Generator[Any, StrokeResults, Any]
+    #: Yields runs, takes their results.
+    Search = Generator[StrokeRuns, StrokeResults, Any]
 
 #: Conductances of the needle that are tried first in the nominal case, over that through which the gas leaves choked
 #: just in time; and openings of the cushion.
@@ -119,7 +119,7 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
         results = run_all(list(asked.values()))
         due, asked = dict(zip(asked, results, strict=True)), {}
         for place, result in due.items():
-            following = searches[place].send(result)
+            following = _sent(searches[place], result)
             if isinstance(following, Tuned):
                 found[place] = following
             else:
@@ -127,8 +127,15 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
     return [found[place] for place in range(len(every))]
 
 
+def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
+    try:
+        return search.send(result)
+    except StopIteration as end:
+        return end.value
+
+
 def _rough(strokes: DriveStrokes) -> Search:
-    """Search rough settings of a choice: yield runs, receive their results, and yield the settings at last.
+    """Search rough settings of a choice: yield runs, receive their results, return the settings.
 
     If a stroke with fully open needles is too slow even in the fast case, nothing is searched, because no setting makes
     it faster.
@@ -139,8 +146,7 @@ def _rough(strokes: DriveStrokes) -> Search:
         time = float(opened.time[0])
         if time > limit:
             margin = 1.0 - time / limit if np.isfinite(time) else NEVER
-            yield Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time), margin)
-            return
+            return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time), margin)
     every, setting = [], Setting()
     for outward in (True, False):
         rows, grid = cases(task, outward), product(*_grid(strokes, outward))
@@ -150,11 +156,11 @@ def _rough(strokes: DriveStrokes) -> Search:
         every, setting = [*every, best], best.setting
         if best.nominal < SMALL:
             break
-    yield _joined(every)
+    return _joined(every)
 
 
 def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
-    """Refine rough settings of a choice, with more cases; yields as `_rough`."""
+    """Refine rough settings of a choice, with more cases."""
     every, setting, draws = [], rough.setting, points(MORE)
     for outward in (True, False):
         best, rows = rough, cases(strokes.task, outward)
@@ -170,7 +176,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
             if is_settled or best.least >= SETTLED:
                 break
         every.append(best)
-    yield _joined(every)
+    return _joined(every)
 
 
 def _joined(every: Sequence[Tuned]) -> Tuned:

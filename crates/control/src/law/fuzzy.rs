@@ -14,7 +14,7 @@ law! {
     /// A fuzzy controller. Rules "if the error is big and its slope is small, then ..." replace the feedback of
     /// [`Pid`](super::Pid) without its integral. Feed-forward and integral are those of `Pid`.
     ///
-    ///   u_fb = k_p e_max phi(e/e_max, (T_d e' + T_a e'')/e_max)
+    ///   u_fb = k_p e_max phi(e/e_max, (T_d e' + T_a e'')/e_max).
     ///
     /// Both inputs have seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
     /// for the set i + j within -3 .. 3. [`sugeno`] gives phi.

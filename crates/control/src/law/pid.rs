@@ -2,7 +2,7 @@ use super::base::{Law, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Number, memory};
-use crate::thresholds::SLIDING_BANDWIDTH;
+use crate::thresholds::LAW_BANDWIDTH;
 use crate::types::Plant;
 use physics::{above, at_least};
 
@@ -33,13 +33,13 @@ impl<S: Number> Errors<S> {
 
 law! {
     /// PID with feedback of acceleration, as usual for pneumatic axes. Velocity, acceleration, jerk and friction of the
-    /// reference are fed forward:
+    /// reference are fed forward. The opening is
     ///
-    ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e' + T_a e'') + k_p/T_i int e
+    ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e' + T_a e'') + k_p/T_i int e.
     ///
-    /// omega and zeta are those of the mass on its air, and K_v is its speed per fraction of opening. Without the
-    /// integral, the gains place three poles at -lambda. The observer estimates velocity and acceleration. The
-    /// integral is kept while the command is at its limit.
+    /// The mass on its air has the natural frequency omega, the damping ratio zeta, and the speed K_v per fraction of
+    /// opening. Without the integral, the gains place three poles at -lambda. The observer estimates velocity and
+    /// acceleration. The integral is kept while the command is at its limit.
     pub struct Pid {
         gain: "1/m", at_least(0.0), "k_p", rule "lambda^3/(K_v omega^2), lambda = 48 rad/s, assumed", factor "gain";
         derivative_time: "s", at_least(0.0), "T_d", rule "(3 lambda^2 - omega^2)/lambda^3", factor "damping";
@@ -55,7 +55,7 @@ impl Tuned for Pid {
 
     fn tuned(_model: &Model, plant: &Plant) -> Self {
         let Plant { natural_frequency: w, damping_ratio, speed, .. } = *plant;
-        let l = SLIDING_BANDWIDTH;
+        let l = LAW_BANDWIDTH;
         let cube = l * l * l;
         let derivative_time = (3.0 * l * l - w * w).max(0.0) / cube;
         let acceleration_time = (3.0 * l - 2.0 * damping_ratio * w).max(0.0) / cube;

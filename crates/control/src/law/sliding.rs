@@ -2,7 +2,7 @@ use super::base::{Law, Tick, Tuned, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
-use crate::thresholds::{SLIDING_BANDWIDTH, SLIDING_GAIN};
+use crate::thresholds::{LAW_BANDWIDTH, SLIDING_GAIN};
 use crate::types::Plant;
 use physics::{above, at_least};
 
@@ -32,7 +32,7 @@ impl Tuned for Sliding {
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
         let gain = SLIDING_GAIN * plant.force_rate / model.mass;
-        Sliding::new(SLIDING_BANDWIDTH, gain, gain / 72.0)
+        Sliding::new(LAW_BANDWIDTH, gain, gain / 72.0)
     }
 }
 

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
-    from pneudrive.describe import Drive, Initial
-    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
 

@@ -58,8 +58,8 @@ impl<P: Lane> Meets<P> {
     }
 }
 
-/// Implements `Part` for a part with a contact `meets` that a mass hits, from its restoring force `pushes` at a
-/// penetration and its rate, and from the energy of its springs.
+/// Implements `Part` for a part that a mass hits. The part has a contact `meets`, a restoring force `pushes` at a
+/// penetration and its rate, and springs.
 macro_rules! hit_by_a_mass {
     ($part:ident) => {
         impl<P: Lane> Part<P> for $part<P> {
