@@ -201,6 +201,8 @@ BUCKLING_SAFETY = 5.0
 #: Free length over stroke of a rod whose cylinder is fixed at its front and whose end is guided, and whose end is free
 #: (Euler: effective length 0.7 and 2 times the free length).
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
+#: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
+USUAL_SUPPLY_PA = 1e6
 #: Remedy of a value that no data sheet of the catalogue states.
 CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 
@@ -285,9 +287,13 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[Machin
         limit = cylinder.printed_si("max_load", "N")
         rule = "maker's sheet of the cylinder"
         yield _check("side load", task.across_n, limit, "N", rule, carried, f"printed.max_load {CATALOGUE}")
+    gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
+    if gauge > USUAL_SUPPLY_PA:
+        rule = "usual cylinders and valves allow 10 bar gauge"
+        regulator = "a regulator and its lower supply.pressure"
+        yield _check("supply pressure", 1e-5 * gauge, None, "bar gauge", rule, regulator)
     if (buckles := buckling_n(cylinder, task)) is not None:
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
-        gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
         push = gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
         yield _check("buckling of the rod", push, buckles, "N", rule)
 
@@ -306,7 +312,8 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
     if task.cycles is not None:
         lives = [part.printed_si("b10_cycles", "") for part in (cylinder, choice.valve)]
         life = min((one for one in lives if one is not None), default=None) if None not in lives else None
-        rule, remedy = "B10 of cylinder and valve, ISO 19973", f"printed.b10_cycles of both {CATALOGUE}"
+        rule = "B10 of cylinder and valve, ISO 19973"
+        remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
     if math.sin(task.incline_rad):
         found.append(_hanging_load(choice, task))
@@ -318,7 +325,8 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
     numbers = choice.cylinder.numbers
     mass = task.mass_kg * (1.0 + task.spread.mass) + numbers["moving_mass"]
     hangs = mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(task.incline_rad))
-    name, rule = "load that hangs at pressure loss", "after ISO 4414: a loss of supply must cause no hazard"
+    name = "load that hangs at pressure loss"
+    rule = "after ISO 4414: a loss of supply must cause no hazard"
     if task.held_by == "machine":
         return MachineCheck(name, hangs, None, "N", True, f'{rule}; held_by = "machine"')
     holds, is_known = task.clamp_force_n, True

@@ -365,9 +365,16 @@ def nearest_miss(
             gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
         return NearestMiss(drive.parts, drive.binding, gives)
     if short:
-        choice, tuned = max(short, key=lambda pair: pair[1].nominal)
+        choice, tuned = max(short, key=lambda pair: (pair[1].nominal >= 0.0, pair[1].least))
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
+        if tuned.nominal >= 0.0:
+            gives = (
+                f"The nominal case keeps each limit ({name} {value:.3g} of {limit:.3g} {unit}). Over the spreads, a "
+                f"limit is missed by {-100.0 * tuned.least:.2g} %: relax the limits by as much, or narrow [spread] and "
+                "supply.spread, or change supply pressure, tubes or catalogue."
+            )
+            return NearestMiss(choice.parts, "a limit over the spreads", gives)
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
     bound = max(pruned, key=lambda dropped: dropped.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."

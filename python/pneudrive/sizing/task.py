@@ -17,7 +17,7 @@ from pneudrive.describe.all_values import leaves
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.keys import WrongValueError, invalid, wrong
 from pneudrive.describe.marks import Angle, Between, Bounds, Force, Length, Mass, Percent, Quantity
 from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
@@ -95,6 +95,10 @@ class SizingTask(Described):
     78.45
     """  # noqa: E501
 
+    elsewhere: ClassVar = {
+        "components": "This file describes a circuit. A task has mass, stroke, time and supply.",
+        "cylinder": "This file describes a drive. A task has mass, stroke, time and supply.",
+    }
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "task"
     mass_kg: Mass = Field(description="mass of the load; the mass of the piston is added")
@@ -130,7 +134,7 @@ class SizingTask(Described):
     cycles_per_hour: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
         default=None, description="for air and energy of a year"
     )
-    hours_per_year: Annotated[float, Quantity("", bounds=_POSITIVE)] = Field(
+    hours_per_year: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=8784.0))] = Field(
         default=2000.0, description="hours of operation in a year; the default is one shift"
     )
     price_per_kwh: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
@@ -145,30 +149,19 @@ class SizingTask(Described):
     ambient: Ambient = Ambient()
 
     @model_validator(mode="after")
-    def _one_time(self) -> SizingTask:
+    def _fits_together(self) -> SizingTask:
         if (self.time_s is None) == (self.speed_m_s is None):
-            what = "time is missing" if self.time_s is None else "time and speed are both given"
-            raise wrong("time", what, rule="give either time or speed", remedy='Write time = "0.6 s".')
-        return self
-
-    @model_validator(mode="after")
-    def _clamp_with_its_force(self) -> SizingTask:
+            state = "time is missing" if self.time_s is None else "time and speed are both given"
+            raise invalid("time", "sizing.one_time", state=state)
         if (self.held_by == "clamp") != (self.clamp_force_n is not None):
-            what = "clamp_force is missing" if self.held_by else "clamp_force is given without a clamp"
-            remedy = 'Write held_by = "clamp" and clamp_force = "300 N", from the data sheet of the clamp.'
-            raise wrong("held_by", what, rule="a clamp and its holding force go together", remedy=remedy)
-        return self
-
-    @model_validator(mode="after")
-    def _supply_above_ambient(self) -> SizingTask:
-        low = self.supply_pa - self.supply.spread_pa
-        if not low > self.ambient.pressure_pa:
-            what = f"supply.pressure = {self.supply.pressure} minus its spread is not above the ambient pressure"
-            raise wrong("supply.pressure", what, rule=f"above {self.ambient.pressure}")
-        return self
-
-    @model_validator(mode="after")
-    def _known_exclusions(self) -> SizingTask:
+            state = "clamp_force is missing" if self.held_by else "clamp_force is given without a clamp"
+            raise invalid("held_by", "sizing.clamp", state=state)
+        most = 3600.0 / (self.outward_s + self.back_s)
+        if self.cycles_per_hour is not None and self.cycles_per_hour > most:
+            raise invalid("cycles_per_hour", "sizing.cycles", cycles=self.cycles_per_hour, most=most)
+        if not self.supply_pa - self.supply.spread_pa > self.ambient.pressure_pa:
+            values = {"spread": 1e-5 * self.supply.spread_pa, "ambient": self.ambient.pressure}
+            raise invalid("supply.pressure", "sizing.low_supply", pressure=self.supply.pressure, **values)
         known = sorted({word for one in entries().values() if not one.is_drive for word in (one.name, one.kind)})
         for place, word in enumerate(self.exclude):
             if not any(fnmatchcase(one, word) for one in known):
