@@ -64,7 +64,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     law = topic.say("with_law") if any(map(_is_curve, (fits or {}).values())) else ""
     if fits is not None:
         about = _fitted(fits)
-        findings += about.findings or [Finding(topic.say("no_law"), "open")]
+        findings += about.findings or [Finding(topic.say("no_law"), "open")] * (not about.tables)
         tables = about.tables
     return View(
         f"{table.sizes['row']} points of friction",

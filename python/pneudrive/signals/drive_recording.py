@@ -167,7 +167,10 @@ def drive_recording(
     """
     where = str(source or name)
     rule = f"a recording of a drive has {', '.join(needed)}"
-    remedy = "name the columns like `pneudrive simulate --out`, or name them in a layout"
+    remedy = (
+        "name the columns like `pneudrive simulate --out`, or name them in a layout; "
+        "a recording of friction has no command: characterise it, and validate against its map.parquet"
+    )
     used = _arrays(columns, needed, (*NEEDED, *OPTIONAL), where, rule, remedy)
     time = used["time_s"]
     if time.size < LEAST_SAMPLES:

@@ -19,7 +19,7 @@ from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 from pneudrive.signals import text_table, times
-from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, role_of, split_name, words_of
+from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, header_unit, role_of, split_name, words_of
 from pneudrive.signals.layout import UNITS, FileLayout, TimeColumn
 from pneudrive.units import converter, suffix
 
@@ -284,9 +284,9 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
         If the layout does not fit the file, or no sample is left.
     """
     data = text_table.read_bytes(path)
-    for doubt in unit_doubts(layout):
-        warn(f"{path.name}: {doubt}")
     table, channels = read_channels(path, layout, data)
+    for doubt in unit_doubts(layout, table):
+        warn(f"{path.name}: {doubt}")
     if unread := unread_pressures(layout, table.unread):
         shown = ", ".join(f"'{name}'" for name in unread)
         warn(
@@ -303,24 +303,28 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
     return Imported(si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest())
 
 
-def unit_doubts(layout: FileLayout) -> list[str]:
-    """Return differences between the unit in a column's name and the layout: sizes, and gauge or absolute."""
+def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]:
+    """Return differences between the units of the file and of the layout: sizes, and gauge or absolute.
+
+    A file states a unit in the name of the column, or in a row of units below the names.
+    """
     doubts = []
     for channel, column in layout.channels.items():
-        _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
+        cell = table.units.get(table.places.get(column.column, ""), "")
+        named = split_name(str(column.column))[1] or header_unit(cell)
         if named is None or not named.si or not isinstance(unit := column.unit, ColumnUnit):
             continue
         where = f'the column "{column.column}" of {channel}'
         try:
             factor = converter(named.unit, UNITS.get(channel, "Pa"))[0]
         except DescriptionError:
-            doubts.append(f"{where} is in {named.unit} by its name, which is not a unit of {channel}: check the column")
+            doubts.append(f"{where} is in {named.unit} in the file, which is not a unit of {channel}: check the column")
             continue
         is_other = not math.isclose(factor, unit.factor, rel_tol=1e-3) and column.scale == 1.0
         turned = None not in (named.gauge, unit.gauge) and named.gauge is not unit.gauge
         if is_other or turned:
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
-            doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {unit.text} by the layout")
+            doubts.append(f"{where} is in {named.unit}{sort} in the file, but in {unit.text} by the layout")
     return doubts
 
 

@@ -294,7 +294,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
     """Return the number of a column given by name or number; refuse a missing one."""
     if isinstance(column, str):
         if column not in names:
-            remedy = "name a column of the header, or give its number from 0"
+            remedy = "name a column, or give its number from 0; correct skip_lines if this line is not the header"
             if not names and is_text:
                 remedy = "write header = true, or give its number from 0"
             elif len(names) == 1 and is_text:

@@ -60,14 +60,14 @@ def test_a_layout_is_proposed_with_both_chambers_and_the_ram_as_a_comment(spring
 @pytest.mark.parametrize(
     ("right", "wrong", "words"),
     [
-        ('(psia)", unit = "psi abs"', '(psia)", unit = "psi gauge"', "psi abs by its name, but in psi gauge"),
-        ('(in)", unit = "in"', '(in)", unit = "mm"', "in by its name, but in mm"),
-        ('(lbs)", unit = "lbf"', '(lbs)", unit = "N"', "lbf by its name, but in N"),
-        ('position = { column = "Pos(in)"', 'position = { column = "LowerHyd(psig)"', "psi by its name"),
+        ('(psia)", unit = "psi abs"', '(psia)", unit = "psi gauge"', "psi abs in the file, but in psi gauge"),
+        ('(in)", unit = "in"', '(in)", unit = "mm"', "in in the file, but in mm"),
+        ('(lbs)", unit = "lbf"', '(lbs)", unit = "N"', "lbf in the file, but in N"),
+        ('position = { column = "Pos(in)"', 'position = { column = "LowerHyd(psig)"', "psi in the file"),
     ],
 )
 def test_a_unit_that_contradicts_the_header_is_flagged(spring, right, wrong, words):
-    with pytest.warns(PneudriveWarning, match="by its name") as found:
+    with pytest.warns(PneudriveWarning, match="in the file") as found:
         load_recordings([spring[0]], Layout.loads(LAYOUT.replace(right, wrong)))
     assert any(words in str(one.message) for one in found)
 

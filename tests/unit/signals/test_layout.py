@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import load_recordings
-from pneudrive.errors import LayoutError
+from pneudrive.errors import LayoutError, PneudriveWarning
 
 PLAIN = (Path(__file__).parents[2] / "data" / "layout_plain.toml").read_text("utf-8")
 ROWS = "\n".join(f"{10 * i} {0.5 * i} {2.0 + 0.01 * i} {100.0 + i}" for i in range(30))
@@ -80,10 +80,10 @@ def test_overrides_by_file_name(tmp_path):
 
 def test_decimal_comma_header_units_row_and_lines_above(tmp_path):
     layout = PLAIN.replace('"whitespace"', '";"\nheader = true\ndecimal = ","\nskip_lines = 1')
-    for old, new in (("column = 0", 'column = "t"'), ("column = 1", 'column = "weg"')):
-        layout = layout.replace(old, new)
-    rows = "Bench 3\nt;weg;p;F\nms;mm;bar;N\n" + ROWS.replace(".", ",").replace(" ", ";")
-    recording = read(tmp_path, layout, rows)
+    layout = layout.replace("column = 0", 'column = "t"').replace("column = 1", 'column = "weg"')
+    rows = "Bench 3\nt;weg;p;F\nms;m;bar;N\n" + ROWS.replace(".", ",").replace(" ", ";")
+    with pytest.warns(PneudriveWarning, match='"weg" of position is in m in the file, but in mm by the layout'):
+        recording = read(tmp_path, layout, rows)
     assert recording.position_m[0] == pytest.approx(1e-3)
     assert recording.flags == {}
 
