@@ -98,4 +98,4 @@ def test_a_difference_of_pressures_has_its_own_rule(text):
     assert 'without abs or gauge, e.g. "0.3 bar"' in told.value.rule
     with pytest.raises(DescriptionError, match='"s" is a time') as told:
         units.parse_pressure("3 s abs")
-    assert told.value.rule == 'a pressure is needed, e.g. "7 bar abs"'
+    assert told.value.rule == 'a pressure is needed, e.g. "7 bar abs" or "95 psi gauge"'

@@ -246,7 +246,8 @@ def _of_record(path: Path) -> motion.Reference:
     table = None if path.suffix.lower() == ".csv" else open_table(path, "parquet")
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
-        raise CommandError(f"the record {path} lacks a column", rule="columns time_s and position_m")
+        shown = f"columns: {', '.join(there)}"
+        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s and position_m, in s and m")
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)

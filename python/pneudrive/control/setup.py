@@ -86,10 +86,10 @@ class ControlSensors(Described):
 
     @model_validator(mode="after")
     def _both_pressures(self) -> ControlSensors:
-        for one, other in (("a", "b"), ("b", "a")):
-            if getattr(self, f"pressure_{one}") is None and getattr(self, f"pressure_{other}") is not None:
-                what = f"sensors.pressure_{other} is given without sensors.pressure_{one}"
-                raise wrong(f"pressure_{other}", what, remedy="Give both, or neither: both are then simulated.")
+        if (self.pressure_a is None) != (self.pressure_b is None):
+            one, other = "ba" if self.pressure_a is None else "ab"
+            what = f"sensors.pressure_{one} is given without sensors.pressure_{other}"
+            raise wrong(f"pressure_{one}", what, remedy="Give both, or neither: both are then simulated.")
         return self
 
 
@@ -216,6 +216,7 @@ class Setup(Described):
     0.0003
     """
 
+    elsewhere: ClassVar = {"factors": "Gains no longer change during a run. Give factors in the controller file."}
     schema_version: Literal[1] = Field(default=1, alias="schema")
     about: str = Field(default="", description="free text")
     sensors: ControlSensors = ControlSensors()
@@ -225,25 +226,13 @@ class Setup(Described):
     disturbances: tuple[Disturbance, ...] = ()
     faults: tuple[ControlFault, ...] = ()
 
-    @model_validator(mode="before")
-    @classmethod
-    def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
-        if isinstance(given, dict) and "factors" in given:
-            remedy = "Gains no longer change during a run. Give factors in the controller file."
-            raise wrong("factors", "the table [[factors]] is not known", remedy=remedy)
-        return given
-
     @model_validator(mode="after")
-    def _times_rise(self) -> Setup:
+    def _fits_together(self) -> Setup:
         times = [one.at_s for one in self.disturbances]
         for number, (before, after) in enumerate(pairwise(times), start=1):
             if not after > before:
                 what = f"disturbances: {after:g} s follows {before:g} s"
                 raise wrong(f"disturbances.{number}.at", what, rule="times rise")
-        return self
-
-    @model_validator(mode="after")
-    def _faults_of_its_sensors(self) -> Setup:
         for number, fault in enumerate(self.faults):
             if fault.channel is not None and getattr(self.sensors, fault.channel) is None:
                 what = f"faults: the setup has no sensor {fault.channel} that could fail"

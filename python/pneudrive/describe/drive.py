@@ -92,20 +92,12 @@ class Drive(Described):
         return data
 
     @model_validator(mode="after")
-    def _lines_fit(self) -> Drive:
+    def _fits_together(self) -> Drive:
         if not self.is_plain:
             assert self.circuit  # raises an error if it is wrong
-        return self
-
-    @model_validator(mode="after")
-    def _supply_is_absolute(self) -> Drive:
         if not self.supply_pressure_pa > 0.0:
             raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
         assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error if it is wrong
-        return self
-
-    @model_validator(mode="after")
-    def _origins_fit(self) -> Drive:
         provenance.check(self, self.provenance)
         return self
 

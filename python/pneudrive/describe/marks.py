@@ -31,19 +31,17 @@ class Bounds:
     at_most: float | None = None
     bound: str | None = None  # bound of `pneudrive.files.bounds`, which users can raise
 
-    def broken(self, value: float) -> str | None:
-        """Return the violated rule in words, or None for a valid value."""
+    def broken(self, value: float, show: Callable[[float], str] = "{:g}".format) -> str | None:
+        """Return the violated rule in words, or None for a valid value; `show` writes a bound."""
         if self.above is not None and not value > self.above:
-            return f"greater than {self.above:g}"
+            return f"greater than {show(self.above)}"
         if self.at_least is not None and not value >= self.at_least:
-            return f"not less than {self.at_least:g}"
+            return f"not less than {show(self.at_least)}"
         if self.below is not None and not value < self.below:
-            return f"less than {self.below:g}"
+            return f"less than {show(self.below)}"
         if self.at_most is not None and not value <= self.at_most:
-            return f"not more than {self.at_most:g}"
-        if not math.isfinite(value):
-            return "finite"
-        return None
+            return f"not more than {show(self.at_most)}"
+        return None if math.isfinite(value) else "finite"
 
     def beyond(self, given: object, value: float) -> None:
         """Raise `WrongValueError` for a value beyond the named bound."""
@@ -59,14 +57,14 @@ class PerChamber(NamedTuple):
     b: float
 
 
-def quantity(given: object, si_unit: str, bounds: Bounds) -> float:
-    """Convert one quantity to a checked SI value, or raise `DescriptionError`."""
+def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = None) -> float:
+    """Convert one quantity to a checked SI value, or raise `DescriptionError` with its rule in the unit `written`."""
     if not isinstance(given, str | units.UnitFloat):
         raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
     value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
-    rule = bounds.broken(value)
+    rule = bounds.broken(value, lambda bound: f"{units.UnitFloat(bound, si_unit, written if bound else None):g}")
     if rule:
-        raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} {si_unit}")
+        raise WrongValueError(f'"{given}" is out of bounds', rule=rule)
     bounds.beyond(given, value)
     return value
 
@@ -141,7 +139,7 @@ class Quantity(Mark):
 
     def read(self, given: object) -> float:
         """Convert and check."""
-        return quantity(given, self.si_unit, self.bounds) if self.si_unit else number(given, self.bounds)
+        return quantity(given, self.si_unit, self.bounds, self.written) if self.si_unit else number(given, self.bounds)
 
     def show(self, value: float) -> str | float:
         """Write the value as users would."""

@@ -121,14 +121,11 @@ class MemberPlans:
 
     def about(self) -> dict[str, Any]:
         """Describe them as plain data. Long data are represented by their SHA-256."""
-        said = {name: _said(each) for name, each in self.steps.items()}
+        steps = self.steps.items()
+        said = {name: [*map(list, each[0])] if len(each) == 1 else _digest(each) for name, each in steps}
         command = next(iter(said.values())) if list(said) == ["command"] else said
         durations = self.durations.tolist()
         return {"command": command, "duration_s": durations[0] if len(durations) == 1 else _digest(durations)}
-
-
-def _said(each: EachSteps) -> Any:  # noqa: ANN401 - plain data
-    return [list(one) for one in each[0]] if len(each) == 1 else _digest(each)
 
 
 def _digest(given: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data

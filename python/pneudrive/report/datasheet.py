@@ -212,7 +212,10 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     """
     target, view = check_target(path, SUFFIXES), found.view()
     drive, numbers = Topic("datasheet", "drive"), Topic("datasheet", "numbers")
-    notes = (numbers.say(version=__version__), *_failures(found))
+    notes = (
+        numbers.say(version=__version__),
+        *(f"{name}: {why}" for name, why in found.failed.items() if name != "published"),
+    )
     curves, *compared = view.figures
     rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes, figures=(curves,))
     sections = [
@@ -269,10 +272,6 @@ def _leading(found: Datasheet) -> Iterator[LeadingValue]:
     if "air" in found.results:
         words = "air of a full cycle, l ANR"
         yield LeadingValue(ShownValue("air", "", words, float(found.results["air"].full)))
-
-
-def _failures(found: Datasheet) -> Iterator[str]:
-    return (f"{name}: {why}" for name, why in found.failed.items() if name != "published")
 
 
 def _title(found: Datasheet) -> str:

@@ -24,7 +24,7 @@ KINDS = {si: (about["quantity"], about["example"]) for si, about in _UNITS.items
 USUAL: dict[str, str] = {si: about["usual"] for si, about in _UNITS.items() if "usual" in about}
 
 #: Rules of messages for a pressure, and for a difference of two, which has neither abs nor gauge.
-PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs"'
+PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs" or "95 psi gauge"'
 DIFFERENCE_NEEDED = 'a difference of pressures is needed, without abs or gauge, e.g. "0.3 bar"'
 
 

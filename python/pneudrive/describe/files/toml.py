@@ -75,7 +75,11 @@ def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError)
         tables = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
         what, line = _syntax(str(error), text)
-        raise kind(f"the file is not TOML: {what}", where=f"{origin}:{line}", value=_line(text, line)) from None
+        where, remedy = (
+            f"{origin}:{line}",
+            'A quantity is in quotation marks, "25 mm", and a key occurs once in its table.',
+        )
+        raise kind(f"the file is not TOML: {what}", where=where, value=_line(text, line), remedy=remedy) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise kind(f"the file is not TOML: {error}", where=origin) from None
     check_depth(tables, origin, kind)
@@ -208,7 +212,8 @@ def line_numbers(text: str) -> dict[str, int]:
             table = _table(header[1], is_one_of_many=line.lstrip().startswith("[["), counts=counts)
             lines.setdefault(table, number)
         elif assignment:
-            name, value = ".".join(part for part in (table, _dotted(assignment[1])) if part), assignment[2]
+            name = ".".join(part for part in (table, _dotted(assignment[1])) if part)
+            value = assignment[2]
             lines.setdefault(name, number)
             fence = next((mark for mark in ('"""', "'''") if value.count(mark) % 2), None)
             for inner in _INLINE.finditer(value) if value.startswith("{") else ():

@@ -105,7 +105,7 @@ class PositionDependence(Acting):
     reference_m: marks.Position = 0.0
 
     @model_validator(mode="after")
-    def _few_and_small(self) -> PositionDependence:
+    def _waves_and_points_fit(self) -> PositionDependence:
         key = "friction.position.harmonics"
         if len(self.harmonics) > MOST_HARMONICS:
             raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
@@ -113,17 +113,12 @@ class PositionDependence(Acting):
         if total >= 1.0:
             what = f"the amplitudes of {key} add up to {total:g}, so friction would change its sign"
             raise wrong(key, what, rule="the sum of the amplitudes is less than 1")
-        return self
-
-    @model_validator(mode="after")
-    def _points_rise(self) -> PositionDependence:
         key = "friction.position.table"
         if len(self.points) == 1 or len(self.points) > MOST_POINTS:
             raise wrong(key, f"{key} has {len(self.points)} entries", rule=f"2 to {MOST_POINTS}")
         for before, after in pairwise(self.points):
             if after.position_m <= before.position_m:
-                after_mm, before_mm = 1e3 * after.position_m, 1e3 * before.position_m
-                what = f"{key}: the position {after_mm:g} mm follows {before_mm:g} mm"
+                what = f"{key}: the position {1e3 * after.position_m:g} mm follows {1e3 * before.position_m:g} mm"
                 raise wrong(key, what, rule="positions rise")
         return self
 

@@ -347,8 +347,7 @@ class Friction(Described):
             return parameter_quantities(self.entry)[name].named(parameters[name])
         if name.startswith("_") or not parameters:
             raise AttributeError(name)
-        known = nearest(name, [*parameters, *DEPENDENCES])
-        msg = f'friction law "{self.law}" has no parameter "{name}". {known}'
+        msg = f'friction law "{self.law}" has no parameter "{name}". {nearest(name, [*parameters, *DEPENDENCES])}'
         raise AttributeError(msg)
 
     def __dir__(self) -> list[str]:

@@ -336,7 +336,7 @@ class Valve(Described):
         return _not_of_a_circuit(data, "valve", get_args(cls.model_fields["kind"].annotation))
 
     @model_validator(mode="after")
-    def _one_size(self) -> Valve:
+    def _fits_together(self) -> Valve:
         valve_flow.size_given(self._sizes(), valve_flow.FLOW_KEYS, "valve.")
         if self.conductance_given is not None and "critical_pressure_ratio" not in self.model_fields_set:
             key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
@@ -345,10 +345,6 @@ class Valve(Described):
             key = "valve.linear_above"
             b = self.critical_pressure_ratio
             raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
-        return self
-
-    @model_validator(mode="after")
-    def _keys_of_its_kind(self) -> Valve:
         own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
         given = self.to_dict()
         for key in others:
@@ -398,17 +394,12 @@ class Load(Described):
     """Load of the piston, in addition to its moving mass. `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "incline": 'Write incline = "90 deg" under [cylinder] if x points up, "-90 deg" if it points down.'
+    }
     mass_kg: Annotated[float, marks.Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
     force_n: marks.Force = 0.0
     spring: Spring | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _inclined_with_the_cylinder(cls, data: Any) -> Any:  # noqa: ANN401
-        if isinstance(data, dict) and "incline" in data:
-            remedy = 'Write incline = "90 deg" under [cylinder] if x points up, "-90 deg" if it points down.'
-            raise wrong("load.incline", "load.incline is not known: the load moves along the cylinder", remedy=remedy)
-        return data
 
 
 class Initial(Described):

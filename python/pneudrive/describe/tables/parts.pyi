@@ -234,6 +234,7 @@ class Spring(Described):
 
 class Load(Described):
     table_name: ClassVar[str]
+    elsewhere: ClassVar[Mapping[str, str]]
     mass_kg: float
     force_n: marks.Force
     spring: Spring | _Any

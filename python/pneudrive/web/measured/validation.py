@@ -77,7 +77,7 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
             "channels": [
                 {"column": column, "label": label, "size": size, "unit": unit}
                 for column, label in CHANNELS.items()
-                for size, unit in (readable(_si_unit(column)),)
+                for size, unit in (readable("m" if column.endswith("_m") else "Pa"),)
             ],
         }
     )
@@ -91,10 +91,6 @@ def _read(workspace: Workspace, name: str) -> dict[str, Any]:
     if not all("run" in one for one in content["record"]):
         raise CommandError(f"{name} was written without its runs", remedy="Validate again.")
     return content
-
-
-def _si_unit(column: str) -> str:
-    return "m" if column.endswith("_m") else "Pa"
 
 
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
