@@ -160,15 +160,6 @@ pub struct Adaptation<S = f64> {
     signals: Signals<S>,
 }
 
-impl<S: Number> Memory<S> for Adaptation<S> {
-    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        self.friction.each(see);
-        self.mass.each(see);
-        self.valve.each(see);
-        self.signals.each(see);
-    }
-}
-
 impl Adaptation {
     /// Takes over another described mass, kg, and load, N. The learned factor of the mass stays.
     pub fn expect(&mut self, model: &mut Model, mass: f64, load: f64) {
@@ -191,6 +182,20 @@ impl<S: Number> Adaptation<S> {
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
             signals: Signals::new(),
         }
+    }
+
+    /// Visits each number that was learned.
+    pub(crate) fn learned(&mut self, model: &mut Model<S>, see: &mut dyn FnMut(&mut S)) {
+        self.friction.each(see);
+        self.mass.each(see);
+        self.valve.each(see);
+        let Model { mass, friction_shares: [level, viscous], valve, .. } = model;
+        [mass, level, viscous, &mut valve.overlap, &mut valve.flow.gain].into_iter().for_each(see);
+    }
+
+    /// Visits each number of the filters and times.
+    pub(crate) fn signals(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.signals.each(see);
     }
 
     /// Learns from a state that follows measured pressures, and from position and speed of the spool of a 5/3 valve.

@@ -63,7 +63,7 @@ pub struct LawProgram {
     pub memory: [usize; 2],
     /// [`CHECKED`], the checked inputs, and the state of the checks.
     pub check: LawGraph,
-    /// State at the first sample.
+    /// State at the first sample, with the values learned earlier.
     pub begin: LawGraph,
     /// State at a later sample.
     pub observe: LawGraph,
@@ -206,6 +206,22 @@ impl GuardInputs<Traced> {
     }
 }
 
+impl<L: Law<Traced>> Follower<L, Traced> {
+    /// Takes over learned values, if there are any: a new memory has zeros.
+    fn keep_learned(&mut self, before: &mut Self) {
+        let Some((adaptation, old)) = self.adaptation.as_mut().zip(before.adaptation.as_mut()) else {
+            return;
+        };
+        let has_learned = Traced::zero().lt(before.model.valve.flow.gain);
+        let mut learned = Vec::new();
+        old.learned(&mut before.model, &mut |number| learned.push(*number));
+        let mut learned = learned.into_iter();
+        adaptation.learned(&mut self.model, &mut |number| {
+            *number = Traced::select(has_learned, learned.next().unwrap_or(*number), *number);
+        });
+    }
+}
+
 impl LawRecorder<'_> {
     /// Returns two observers of a controller in steady operation: at time zero after its last command, and at the next
     /// sample.
@@ -261,7 +277,7 @@ impl LawRecorder<'_> {
         });
         let piece = |piece: Piece| {
             let (observer, remembers) = match piece {
-                Piece::Begin => (&settled[1], 0),
+                Piece::Begin => (&settled[1], memory[0]),
                 Piece::Observe => (&settled[0], memory[0]),
                 Piece::Command => (&settled[1], memory[1]),
             };
@@ -273,7 +289,13 @@ impl LawRecorder<'_> {
                     of_gains[place.expect("a gain of the law")]
                 };
                 let mut own = self.traced(law(&mut of_gain), observer);
-                own.numbers(&mut set_to(remembered));
+                if piece == Piece::Begin {
+                    let mut before = self.traced(law(&mut of_gain), &settled[0]);
+                    before.numbers(&mut set_to(remembered));
+                    own.keep_learned(&mut before);
+                } else {
+                    own.numbers(&mut set_to(remembered));
+                }
                 self.step(piece, &mut own, &GuardInputs::of(sample, self.with_pressures))
             })
         };
@@ -329,15 +351,11 @@ impl LawRecorder<'_> {
         let at = given.sample(self.controller.period);
         let mut results = Vec::new();
         match piece {
-            Piece::Begin => {
-                own.friction = None;
-                if let Some(observer) = &mut own.observer {
+            Piece::Begin | Piece::Observe => {
+                if let (Piece::Begin, Some(observer)) = (piece, &mut own.observer) {
+                    own.friction = None;
                     observer.state = State::at_rest(&own.model, &at);
                 }
-                own.observe(&at);
-                own.adapt(self.with_pressures);
-            }
-            Piece::Observe => {
                 own.observe(&at);
                 own.adapt(self.with_pressures);
             }

@@ -12,6 +12,8 @@ pub struct Demand {
     pub opening: f64,
     /// Time of this demand, s.
     pub opening_time: f64,
+    /// Time for which the demand exceeds the full opening, s.
+    pub exceeded: f64,
     /// Fraction of the force that the supply can produce in this direction.
     pub force: f64,
     /// Fraction of the steady speed at full opening.
@@ -113,6 +115,7 @@ pub fn demand(
         if share > found.opening {
             (found.opening, found.opening_time) = (share, t);
         }
+        found.exceeded += if share > 1.0 { step } else { 0.0 };
         let given = way * share.min(1.0);
         found.spool_rate = found.spool_rate.max((given - before.unwrap_or(given)).abs() / step);
         before = Some(given);

@@ -271,11 +271,9 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
             hold.each(see);
         }
         if let Some(adaptation) = &mut self.adaptation {
-            adaptation.each(see);
-            let Model { mass, friction_shares: [level, viscous], valve, .. } = &mut self.model;
-            [mass, level, viscous, &mut valve.overlap, &mut valve.flow.gain, &mut self.speed]
-                .into_iter()
-                .for_each(&mut *see);
+            adaptation.learned(&mut self.model, see);
+            adaptation.signals(see);
+            see(&mut self.speed);
         }
         self.law.each(see);
     }

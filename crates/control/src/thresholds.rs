@@ -137,9 +137,7 @@ thresholds! {
     // Position sensor (supervisor).
     POSITION_JUMP: f64 = 5.0, "counts", "distance from the model above which a reading is not credible; also in standard deviations of its time", "assumed";
     POSITION_STUCK: f64 = 20.0, "counts", "motion of the model, with a constant reading, above which the reading is not credible", "assumed";
-    POSITION_CORRECTED: f64 = 5e-3, "s", "time in which the observer corrects friction at breakaway", "a contact may break away later than the model; assumed";
-    POSITION_STOPS: f64 = 4.0, "counts", "distance in which friction brings a drive to rest", "assumed";
-    POSITION_BEARS: f64 = 1.25, "1", "force up to which friction can keep a drive at rest, relative to breakaway friction", "assumed";
+    POSITION_BEARS: f64 = 2.0, "1", "force up to which friction can stop a drive or keep it at rest, relative to breakaway friction", "friction may be half described; assumed";
     POSITION_CREEPS: [f64; 2] = [5e-4, 5e-3], "m/s", "speed of the model while its drive rests: with pressure sensors, without", "the contact of the model yields smoothly below breakaway; assumed";
     POSITION_SPEED: f64 = 0.1, "1", "error of the speed of the model, relative to the highest speed", "assumed";
     POSITION_FRICTION: [f64; 2] = [2.0, 3.0], "1", "friction of the dead-reckoning model, relative to the description: with pressure sensors, without", "friction may be wrong, and is higher after a rest; assumed";

@@ -343,6 +343,40 @@ fn an_exported_law_gives_the_bits_of_its_controller() {
     assert_eq!(wanted, [exact.position, exact.velocity, exact.acceleration, exact.jerk]);
 }
 
+/// A drive with twice the friction along a sine: a controller that was disabled for a sample, at standstill, commands
+/// what one commands that never was, and not what a new one does.
+#[test]
+fn an_exported_law_keeps_learned_values_while_it_is_disabled() {
+    let (model, reference) = (drive(), sine(1.0));
+    let law = Controller::tuned("inversion", &model, PERIOD, 2e-6).expect("a law of that name");
+    let program = export::program(&law, true).expect("code");
+    let mut own = [(); 3].map(|()| program.remembered());
+    // Sums of deviations from the commands of the one that never was.
+    let [mut kept, mut fresh] = [0.0; 2];
+    // A sine stands still at quarters of its period.
+    const OFF: u32 = 4125;
+    for tick in 0..OFF + 1000 {
+        let time = f64::from(tick) * PERIOD;
+        let (now, then) = (reference.at(time), reference.at(time + program.ahead));
+        let force = model.mass * now.acceleration + 60.0 * (now.velocity / 1e-3).tanh() + 40.0 * now.velocity;
+        let lean = 0.5 * force / model.sides[0].area;
+        let wanted = |own: Wanted| [own.position, own.velocity, own.acceleration, own.jerk];
+        let measured = [now.position, PRESSURE + lean, PRESSURE - lean];
+        let mut command = |number: usize, enabled: bool| {
+            let flags = [0.0, f64::from(u8::from(enabled))];
+            let given = [&measured[..], &wanted(now), &wanted(then), &flags].concat();
+            program.step(&mut own[number], &given)[0]
+        };
+        let [steady, again, new] = [command(0, true), command(1, tick != OFF), command(2, tick > OFF)];
+        // Both observers need a while to find the velocity.
+        if tick > OFF + 100 {
+            kept += (again - steady).abs();
+            fresh += (new - steady).abs();
+        }
+    }
+    assert!(fresh > 10.0 && kept < 0.2 * fresh, "kept {kept}, fresh {fresh}");
+}
+
 /// Checks of exported code: two lost readings are predicted, a reference that jumps ends in a stop ramp, a lost sensor shuts the
 /// valve until the drive is disabled and enabled again.
 #[test]

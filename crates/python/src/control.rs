@@ -157,15 +157,15 @@ pub fn control_feasibility<'py>(
         stopped.map_or(Ok((is, found)), |t| Err(Error::Interrupted { t }))
     })?;
     let told = |demand: &Demand| {
-        let Demand { opening, opening_time, force, speed, spool_rate, pressures: [low, high] } = *demand;
         [
-            ("valve_share", opening),
-            ("valve_at_s", opening_time),
-            ("force_share", force),
-            ("speed_share", speed),
-            ("spool_rate_per_s", spool_rate),
-            ("lowest_pressure_pa", low),
-            ("highest_pressure_pa", high),
+            ("valve_share", demand.opening),
+            ("valve_at_s", demand.opening_time),
+            ("valve_exceeded_s", demand.exceeded),
+            ("force_share", demand.force),
+            ("speed_share", demand.speed),
+            ("spool_rate_per_s", demand.spool_rate),
+            ("lowest_pressure_pa", demand.pressures[0]),
+            ("highest_pressure_pa", demand.pressures[1]),
         ]
         .into_py_dict(py)
     };

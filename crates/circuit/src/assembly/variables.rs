@@ -2,8 +2,7 @@
 
 use super::names::{EDGES, Names};
 use crate::circuit::Circuit;
-use crate::component::Timing;
-use crate::component::{Quantity, Starting};
+use crate::component::{Quantity, Starting, Timing};
 use crate::ground::{Given, Input, Net};
 use crate::part::{InputId, Platform};
 use math::{Lane, Real};

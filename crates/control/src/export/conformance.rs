@@ -40,7 +40,7 @@ impl LawProgram {
         let mut results = vec![0.0; RESULTS.len()];
         if *opens > 0.5 {
             let seen = if *begins > 0.5 {
-                self.begin.run(&[inputs, &parameters].concat())
+                self.begin.run(&[inputs, &parameters, &own.kept].concat())
             } else {
                 self.observe.run(&[inputs, &parameters, &own.kept].concat())
             };

@@ -179,7 +179,7 @@ impl LawProgram {
         };
         [
             piece(&self.check, false, ("before", GUARD + 1), &of_check),
-            piece(&self.begin, true, ("", 0), &of_sample),
+            piece(&self.begin, true, ("kept", kept), &of_sample),
             piece(&self.observe, true, ("kept", kept), &of_sample),
             piece(&self.command, true, ("seen", seen), &of_command),
         ]
@@ -196,7 +196,7 @@ impl LawProgram {
         let lines = [
             format!("Controller {} with its observer, made by pneudrive from its own equations.", self.law),
             format!("Call it every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
-            "SI units, pressures absolute. The learned values are forgotten when the drive is disabled.".into(),
+            "SI units, pressures absolute. The learned values stay when the drive is disabled; a memory of zeros forgets them.".into(),
             "Sensors and reference are checked. It is not a safety function, and it does not brake before an end stop.".into(),
         ];
         let status = STATUS.iter().map(|(value, meaning)| format!("status {value}: {meaning}"));
@@ -230,7 +230,10 @@ impl LawProgram {
         for (piece, (text, _)) in
             ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(Language::C))
         {
-            let unused = ["in", "parameters"].into_iter().filter(|own| !text.contains(&format!("{own}->")));
+            let uses = |own: &&str| text.contains(&format!("{own}->")) || text.contains(&format!("{own}["));
+            let given: &[&str] =
+                if piece == "begin" { &["in", "parameters", "kept"] } else { &["in", "parameters"] };
+            let unused = given.iter().filter(|own| !uses(own));
             let unused: String = unused.map(|own| format!("    (void){own};\n")).collect();
             gaps.push((piece, unused + &text));
         }

@@ -13,7 +13,7 @@ static void check(const @name@_input *in, const @name@_parameters *parameters, c
 {
 @check@}
 
-static void begin(const @name@_input *in, const @name@_parameters *parameters, double *seen)
+static void begin(const @name@_input *in, const @name@_parameters *parameters, const double *kept, double *seen)
 {
 @begin@}
 
@@ -38,7 +38,7 @@ void @name@_step(const @name@_parameters *parameters, @name@_memory *memory, con
     check(in, parameters, before, &checked, memory->guard, out);
     if (0.5 < checked.opens) {
         if (0.5 < checked.begins) {
-            begin(&checked.in, parameters, seen);
+            begin(&checked.in, parameters, memory->kept, seen);
         } else {
             observe(&checked.in, parameters, memory->kept, seen);
         }

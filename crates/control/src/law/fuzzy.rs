@@ -1,6 +1,5 @@
 use super::base::{Law, Tick, Tuned, fed_forward, is_free};
-use super::pid::Errors;
-use super::pid::Pid;
+use super::pid::{Errors, Pid};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;

@@ -13,8 +13,6 @@ pub struct Position {
     last: Option<f64>,
     /// Distance of the model since the reading changed, m.
     moved: f64,
-    /// The drive rested when the reading changed.
-    from_rest: bool,
     /// Whether friction may have stopped the drive since then.
     stopped: bool,
     /// State of the model without readings since the reading changed. The observer itself follows the readings,
@@ -98,13 +96,10 @@ impl Position {
         let jumps = miss.abs() > POSITION_JUMP * grain + apart * f64::from(1 + self.bad);
         let gone = self.dead_reckoned(read, believed);
         miss = gone.map_or(miss, |gone| -gone);
-        let breaks_away =
-            (0.5 * level / model.mass * POSITION_CORRECTED * POSITION_CORRECTED).min(POSITION_GONE);
-        let late = if self.from_rest { breaks_away } else { 0.0 };
         // A reading may be as late as the next one. The jitter of its time counts as far as it exceeds the
         // uncertainty of the speed.
         let jittered = (POSITION_JUMP * jitter - POSITION_SPEED * period).max(0.0) * foreseen.velocity.abs();
-        let is_stuck = gone.is_some() || self.moved.abs() > POSITION_STUCK * grain + late + jittered;
+        let is_stuck = gone.is_some() || self.moved.abs() > POSITION_STUCK * grain + jittered;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
@@ -140,8 +135,8 @@ impl Position {
             self.moved += if creeps || sticks { 0.0 } else { foreseen.velocity * period };
         } else {
             let v = foreseen.velocity;
-            (self.moved, self.from_rest) = (0.0, v.abs() < POSITION_CREEPS[1]);
-            self.stopped = 0.5 * model.mass * v * v < level * POSITION_STOPS * grain;
+            self.moved = 0.0;
+            self.stopped = 0.5 * model.mass * v * v < POSITION_BEARS * level * POSITION_STUCK * grain;
         }
     }
 

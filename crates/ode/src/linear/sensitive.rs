@@ -7,8 +7,7 @@
 use super::arrow::CHANGING;
 use super::{Linear, product};
 use crate::stages::BLOCK;
-use crate::structure::SMALL;
-use crate::structure::{Structure, StructureEntry};
+use crate::structure::{SMALL, Structure, StructureEntry};
 use math::Lane;
 use std::array::from_fn;
 

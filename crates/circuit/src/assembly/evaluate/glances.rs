@@ -1,8 +1,7 @@
 //! Rows of a trajectory of the usual drive, from its fast outputs.
 
 use crate::assembly::variables::{Assembly, command};
-use crate::circuit::Circuit;
-use crate::circuit::{Glance, place};
+use crate::circuit::{Circuit, Glance, place};
 use crate::component::Quantity;
 use crate::part::InputId;
 use crate::part::mechanics::cylinder::INNER;

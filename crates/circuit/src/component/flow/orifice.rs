@@ -1,8 +1,7 @@
 use crate::component::prelude::*;
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
-use physics::flow::NOZZLE_RATIO;
-use physics::flow::choked_factor;
+use physics::flow::{NOZZLE_RATIO, choked_factor};
 use std::f64::consts::PI;
 
 /// A hole of known diameter.

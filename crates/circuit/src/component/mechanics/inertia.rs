@@ -3,19 +3,31 @@ use crate::component::prelude::*;
 use physics::Parameter;
 use physics::mechanics::{Inertia, SlottedLever, TwoLinks};
 
-const KIND: Kind = Kind { ports: &[axis("1", false)], ..Kind::PLAIN };
+/// Defines a mass that depends on the position of an axis, with the law that follows from its numbers.
+macro_rules! inertia {
+    ($(#[$about:meta])* $name:ident { $($kind:tt)* } |$own:ident| $law:expr) => {
+        $(#[$about])*
+        pub struct $name;
 
-fn moves<P: Lane>(law: Inertia<P>, at: &Terminals, build: &mut Build<P>) {
-    let Some(axis) = at.axis(0) else { return };
-    build.masses[axis.0].0 += law.usual();
-    build.circuit.moves(axis, law);
+        impl Component for $name {
+            const KIND: Kind = Kind { ports: &[axis("1", false)], $($kind)* ..Kind::PLAIN };
+
+            fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+                Brings::Along
+            }
+
+            fn compose<P: Lane>($own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+                let (Some(axis), law) = (at.axis(0), $law) else { return };
+                build.masses[axis.0].0 += law.usual();
+                build.circuit.moves(axis, law);
+            }
+        }
+    };
 }
 
-/// A mass whose value depends on the position of an axis, from a table.
-pub struct InertiaTable;
-
-impl Component for InertiaTable {
-    const KIND: Kind = Kind {
+inertia! {
+    /// A mass whose value depends on the position of an axis, from a table.
+    InertiaTable {
         key: "inertia/table",
         title: "Position-dependent mass",
         text: "A mechanism coupled to a mass M by a ratio that depends on its position x, as a mass m(x) beside M: (M + m) x'' + m' x'^2/2 = F, \
@@ -37,23 +49,12 @@ impl Component for InertiaTable {
             options: &["smooth", "straight"],
             meaning: "A smooth curve without overshoot between the points, or straight lines, at whose corners the force jumps",
         }],
-        ..KIND
-    };
-
-    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
-        Brings::Along
-    }
-
-    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-        moves(Inertia::Table(curve(own, own.choices[0] == 0)), at, build);
-    }
+    } |own| Inertia::Table(curve(own, own.choices[0] == 0))
 }
 
-/// A lever with a slot.
-pub struct Lever;
-
-impl Component for Lever {
-    const KIND: Kind = Kind {
+inertia! {
+    /// A lever with a slot.
+    Lever {
         key: "inertia/lever",
         title: "Lever with a slot",
         text: "A lever that a pin on the mass turns, in a slot: tan(phi) = s/h, s = x - x_0. It moves as a mass \
@@ -63,25 +64,15 @@ impl Component for Lever {
             distance: "m", physics::above(0.0), "Distance h of the pivot from the axis of the pin";
             centre: "m", physics::any(), "Position x_0 at which it is perpendicular to the axis";
         },
-        ..KIND
-    };
-
-    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
-        Brings::Along
-    }
-
-    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
-        let [inertia, distance, centre] =
-            ["moment_of_inertia", "distance", "centre"].map(|key| own.number(key));
-        moves(Inertia::Lever(SlottedLever { inertia, distance, centre }), at, build);
+    } |own| {
+        let [inertia, distance, centre] = ["moment_of_inertia", "distance", "centre"].map(|key| own.number(key));
+        Inertia::Lever(SlottedLever { inertia, distance, centre })
     }
 }
 
-/// A toggle of two links.
-pub struct Toggle;
-
-impl Component for Toggle {
-    const KIND: Kind = Kind {
+inertia! {
+    /// A toggle of two links.
+    Toggle {
         key: "inertia/toggle",
         title: "Toggle",
         text: "Two links of length l whose knee the mass moves: stretched at x_0, they draw a slide of mass W along by \
@@ -92,15 +83,8 @@ impl Component for Toggle {
             link_length: "m", physics::above(0.0), "Length l of each link";
             centre: "m", physics::any(), "Position x_0 at which the links are stretched";
         },
-        ..KIND
-    };
-
-    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
-        Brings::Along
-    }
-
-    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+    } |own| {
         let [mass, link, centre] = ["mass", "link_length", "centre"].map(|key| own.number(key));
-        moves(Inertia::Toggle(TwoLinks { mass, link, centre }), at, build);
+        Inertia::Toggle(TwoLinks { mass, link, centre })
     }
 }
