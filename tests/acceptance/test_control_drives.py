@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from benches.control_results import random_axis
 
 import pneudrive as pn
 from pneudrive.control.mismatch import Mismatch
@@ -220,12 +221,8 @@ def wrong_axis(seed: int) -> tuple[pn.Circuit, Mismatch, str, int]:
         supply_pressure=float(draw.uniform(5.5, 7.2) / 7.0),
         friction_level=factor(0.5, 2.0),
     )
-    return (
-        drive,
-        differs,
-        str(draw.choice(["nmpc", "nmpc", "super-twisting", "inversion"])),
-        int(draw.integers(1, 1000)),
-    )
+    controller = str(draw.choice(["nmpc", "nmpc", "super-twisting", "inversion"]))
+    return drive, differs, controller, int(draw.integers(1, 1000))
 
 
 def farthest_from_rest(run: xr.Dataset) -> float:
@@ -244,6 +241,13 @@ def test_a_drive_that_leaves_its_rest_is_no_longer_held(seed: int):
     farthest = farthest_from_rest(run)
     assert farthest < 1e-3
     assert farthest < 0.7e-3 or "rest-lost" in [event["kind"] for event in run.attrs["events"]]
+
+
+def test_a_drive_that_sticks_earlier_than_its_model_has_no_lost_sensor():
+    """A seal that sticks, with 1.7 times the described friction: `position-lost` stopped the drive after 0.42 s."""
+    text, truth = random_axis(134)
+    run = pn.control.run(pn.Circuit.load(text), "nmpc", reference="R1", duration="1 s", mismatch=Mismatch(**truth))
+    assert not run.attrs["events"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])

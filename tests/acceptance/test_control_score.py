@@ -483,7 +483,7 @@ def test_what_a_verdict_advises_is_feasible(capsys):
     assert found.slowed.valve_share <= 0.85
     assert run(["control", "reference", "order 9; 100 mm; 1 s: 250 mm in 0.05 s", "--drive", str(upright)]) == 2
     said = capsys.readouterr()
-    assert re.search(r"slower by 4\.\d+\n", said.out)
+    assert re.search(r"slower by 4\.\d+;", said.out)
     assert re.search(r"Stretch it in time by 3\.\d+\.\n", said.err)
 
 

@@ -69,8 +69,8 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     terminal.show_view(found.view())
     _try_out(described, found, setup)
     terminal.show_view(demand.view_of_suitability(demand.suitability(described, setup)))
-    if (zeros := demand.view_of_zeros(described, found, setup)) is not None:
-        terminal.show_view(zeros)
+    if (lag := demand.view_of_lag(described, found, setup)) is not None:
+        terminal.show_view(lag)
     terminal.write_outputs((out, replace(found, source=drive).save))
 
 
