@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
 
+#: Longest lag of a command that a controller predicts, s (assumed: slow valves need 0.1 s).
+MOST_LAG_S = 0.2
 _DOUBLE_ACTING = ("cylinder/rodless", "cylinder/through-rod", "cylinder/single-rod")
 _CROSSED = ("valve/proportional-5/3", "valve/switching-5/3")
 #: Numbers that change the motion and that no law knows: kind -> how a key begins -> what it is.
@@ -41,14 +43,15 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
     cylinder, valves = plant["cylinder"], plant["valves"]
     ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
     if kinds[cylinder] not in _DOUBLE_ACTING:
-        rule = f"laws have a model of {', '.join(_DOUBLE_ACTING)}"
-        raise DescriptionError(f"{cylinder} is a {kinds[cylinder]}", where=belief.name, rule=rule)
+        raise DescriptionError.of("control.no-model", where=belief.name, name=cylinder, kind=kinds[cylinder])
+    if plant["lag_s"] > MOST_LAG_S:
+        raise DescriptionError.of("control.late", where=belief.name, lag=plant["lag_s"], most=MOST_LAG_S)
     for port, chamber in (("4", "a"), ("2", "b")) if kinds[valves[0]] in _CROSSED else ():
         found = _chambers(form["joints"], f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
-            where, valve = belief.name, valves[0]
-            raise DescriptionError.of("control.crossed", where=where, valve=valve, port=port, to=to, cylinder=cylinder)
+            names = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
+            raise DescriptionError.of("control.crossed", where=belief.name, **names)
 
 
 def check_valves(belief: Circuit) -> None:
