@@ -237,8 +237,7 @@ _VIEWS = {"validation": _validation_view, "characterisation": _characterisation_
 def _run_view(run: xr.Dataset) -> View:
     curves, time = [], run["time"].to_numpy()
     for name, column in run.data_vars.items():
-        unit = str(column.attrs.get("units"))
-        words = str(name).replace("_", " ")
+        unit, words = str(column.attrs.get("units")), str(name).replace("_", " ")
         if column.dims == ("time",) and unit in ("m", "m/s", "Pa", "N"):
             curves.append(_curve(words, time, column.to_numpy(), ("time", words, "s", unit)))
     return replace(run.pneu.info(), curves=tuple(curves))
@@ -253,8 +252,7 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
     side = int(b_most - b >= a_most - a)
     if high < NARROW * low and gauges[side][1] > gauges[side][0] + SAME_PA:
         over = np.linspace(*gauges[side], POINTS)
-        speed = np.full(POINTS, math.sqrt(low * high))
-        axes = (f"gauge pressure of chamber {'ab'[side]}", "Pa")
+        speed, axes = np.full(POINTS, math.sqrt(low * high)), (f"gauge pressure of chamber {'ab'[side]}", "Pa")
         yield _law_pair("friction", before, after, over, axes, (speed, a if side else over, over if side else b))
         return
     speeds = np.geomspace(low, high, POINTS) if low < high else np.array([low])
@@ -351,8 +349,7 @@ class CurvePair(NamedTuple):
         most = [int(np.argmax(np.abs(self.difference)))]
         evenly = np.unique(np.linspace(0, len(self.x) - 1, SHOWN_PLACES).round().astype(int))
         for at in most if self.half_band is None else evenly:
-            value = self.difference[at]
-            half = math.nan if self.half_band is None else self.half_band[at]
+            value, half = self.difference[at], math.nan if self.half_band is None else self.half_band[at]
             ends = "" if math.isnan(half) else f"{(value - half) / size:+.3g} .. {(value + half) / size:+.3g}"
             yield self.first.label, f"{self.x[at] / x_size:.3g} {x_unit}", f"{value / size:+.3g} {unit}", ends
 
@@ -363,15 +360,12 @@ class CurvePair(NamedTuple):
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
         place = [f"{x / x_size:.3g} {x_unit}" for x in self.x]
         gap = [with_u(d / size, h / size, unit) for d, h in zip(abs(self.difference), self.half_band, strict=True)]
-        differs = np.abs(self.difference) > self.half_band
-        quantity = self.first.quantity
+        differs, quantity = np.abs(self.difference) > self.half_band, self.first.quantity
         if not differs.any():
             middle = len(gap) // 2
             return f"The data show no difference in {quantity} ({gap[middle]} at {place[middle]}). "
-        inside = np.flatnonzero(differs)
-        outside = np.flatnonzero(~differs)
-        middle = inside[len(inside) // 2]
-        end = inside[-1 if differs[-1] else 0]
+        inside, outside = np.flatnonzero(differs), np.flatnonzero(~differs)
+        middle, end = inside[len(inside) // 2], inside[-1 if differs[-1] else 0]
         word = "less" if self.difference[end] < 0.0 else "more"
         where = f"from {place[inside[0]]} up" if differs[-1] else f"up to {place[inside[-1]]}"
         text = f"{names[1]} has {word} {quantity} than {names[0]}{f' {where}' if outside.size else ''}"
@@ -404,8 +398,7 @@ class ResultComparison(Shown):
     @property
     def sentence(self) -> str:
         """Number of values and curves that differ, and the value that differs most."""
-        count = self.same + len(self.values)
-        moved = sum(bool(pair.difference.any()) for pair in self.curves)
+        count, moved = self.same + len(self.values), sum(bool(pair.difference.any()) for pair in self.curves)
         if not count and not self.curves:
             return f"These two results of the kind {self.kind} have nothing in common to compare."
         if not self.values and not moved:
@@ -569,8 +562,7 @@ def _curves(result: Any) -> tuple[ShownCurve, ...]:  # noqa: ANN401 - any result
 
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
     """Return two curves at the places of both within their common range."""
-    both = (first, second)
-    x = np.unique(np.concatenate([first.x, second.x]))
+    both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
     x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
     before, after = (np.interp(x, curve.x, curve.y) for curve in both)
     bands = [np.interp(x, curve.x, (curve.band[1] - curve.band[0]) / 2.0) for curve in both if curve.band is not None]

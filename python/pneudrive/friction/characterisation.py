@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -159,7 +160,11 @@ def notes_of(
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
     massless = not any(result.recording.mass_beyond_sensor_kg for result in results)
     assumed |= {"mass between force sensor and piston (`mass_beyond_sensor`): 0 kg"} if massless else set()
+    counts = Counter[str]()
+    for result in results:
+        counts.update(result.recording.flags)
     doubts = {
+        "counts": [f"{count} {kind}" for kind, count in counts.items() if count],
         "negative": [level.recording for level in levels if "negative_friction" in level.flags],
         "assumed": sorted(assumed),
         "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
