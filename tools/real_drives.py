@@ -22,7 +22,7 @@ from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.identify.volume import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
-from pneudrive.report import style
+from pneudrive.report import render as style
 from pneudrive.report.render import render
 from pneudrive.validate.motion import Closure, MotionValidation, validate_motion
 

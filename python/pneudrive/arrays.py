@@ -1,7 +1,8 @@
-"""Types of arrays, intervals and rows, for annotations."""
+"""Types of arrays, intervals, rows and plain data, for annotations."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,3 +17,6 @@ Ints: TypeAlias = NDArray[np.int64]
 Interval: TypeAlias = tuple[float, float]
 #: Values by column or key.
 Row: TypeAlias = dict[str, Any]
+#: Plain data by key, as in TOML and JSON: to write, and given only to be read.
+Plain: TypeAlias = dict[str, Any]
+Keyed: TypeAlias = Mapping[str, Any]

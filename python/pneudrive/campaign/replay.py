@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, CycleFile
-from pneudrive.describe.marks import Bounds, Percent, Quantity
+from pneudrive.describe.marks import NOT_NEGATIVE, Accuracy, Quantity
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
 from pneudrive.rig.rig_file import RigFile
@@ -255,8 +255,8 @@ class ReplayFile(RigFile):
     """Rig file of a replay: a campaign folder, and how near a cycle must be to its recording."""
 
     folder: str
-    speed_tolerance: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = Tolerance.speed
-    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Tolerance.pressure_pa
+    speed_tolerance: Accuracy = Tolerance.speed
+    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=NOT_NEGATIVE)] = Tolerance.pressure_pa
 
 
 def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:

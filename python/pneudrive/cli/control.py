@@ -22,9 +22,9 @@ from typing import Annotated, Any, Literal
 import typer
 
 import pneudrive as pn
-from pneudrive.cli import terminal
 from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, check_used, names_in
+from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
 from pneudrive.errors import CommandError, PneudriveError, warn
 from pneudrive.lazy_names import used_later
 
@@ -63,15 +63,15 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     --------
     pneudrive control tune axis.toml --law super-twisting --out controller.toml
     """
-    terminal.check_outputs(out, (".toml",))
+    check_outputs(out, (".toml",))
     described = load.load_described(drive)
     found = tuning.tune(described, law, setup=setup)
-    terminal.show_view(found.view())
+    show_view(found.view())
     _try_out(described, found, setup)
-    terminal.show_view(demand.view_of_suitability(demand.suitability(described, setup)))
+    show_view(demand.view_of_suitability(demand.suitability(described, setup)))
     if (lag := demand.view_of_lag(described, found, setup)) is not None:
-        terminal.show_view(lag)
-    terminal.write_outputs((out, replace(found, source=drive).save))
+        show_view(lag)
+    write_outputs((out, replace(found, source=drive).save))
 
 
 def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
@@ -83,7 +83,7 @@ def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> 
         warn(f"the controller was not tested on this drive: {error.what}")
         return
     title = f"Simulated on this drive as described, along {prepared.reference.text}"
-    terminal.show_view(replace(scores.view_of_score(run.provenance), title=title))
+    show_view(replace(scores.view_of_score(run.provenance), title=title))
     error_m, reach = run.provenance["score"]["max_error_m"], prepared.reference.reach()
     if run.provenance["score"]["lost"] or error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
         missed = f"{found.law} has an error of up to {1e3 * error_m:.3g} mm in this test"
@@ -149,11 +149,11 @@ def run(
         return
     if payload is not None:
         raise CommandError(f"--payload {payload} is only for platforms", remedy="Give a mismatch, such as mass+30.")
-    terminal.check_outputs(out, plot=plot)
+    check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
-    found = loop.run_prepared(prepared, seed, terminal.watch())
-    terminal.show_view(scores.view_of_score(found.provenance))
-    terminal.write_outputs(
+    found = loop.run_prepared(prepared, seed, watch())
+    show_view(scores.view_of_score(found.provenance))
+    write_outputs(
         (out, lambda path: trajectory.save(found.dataset(), path)),
         (plot, lambda path: control_page.plot_control(found.dataset(), path)),
     )
@@ -168,16 +168,16 @@ def _run_platform(
         with trajectory.whole(target) as temporary:
             temporary.write_text(score.to_csv(), encoding="utf-8")
 
-    terminal.check_outputs(None, plot=plot)
+    check_outputs(None, plot=plot)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     payloads = None if payload is None else names_in(payload)
-    run = pose.run_pose(circuit, reference=path, payload=payloads, progress=terminal.watch().tell, **options)
+    run = pose.run_pose(circuit, reference=path, payload=payloads, progress=watch().tell, **options)
     score = pose.PoseScore.read(run.attrs["score"])
-    terminal.show_view(score.view(run.attrs))
+    show_view(score.view(run.attrs))
     draw = partial(control_page.plot_control, run)
     of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
-    terminal.write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
+    write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
 
 def benchmark(
@@ -232,12 +232,12 @@ def benchmark(
         setup=setup,
         threads=threads,
         out=out,
-        progress=terminal.watch().tell,
+        progress=watch().tell,
         keep_runs=keep_runs,
         allow_code=allow_code,
     )
-    terminal.show_view(control_page.controllers_view(found, SHOWN))
-    terminal.show_paths(out / benchmarks.SCORES, control_page.write_control_report(found, out))
+    show_view(control_page.controllers_view(found, SHOWN))
+    show_paths(out / benchmarks.SCORES, control_page.write_control_report(found, out))
 
 
 def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
@@ -254,12 +254,12 @@ def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
     --------
     pneudrive control reference R1 --drive axis.toml
     """
-    terminal.check_outputs(None, plot=plot)
+    check_outputs(None, plot=plot)
     tuned = tuning.tune(load.load_described(drive))
     stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
     path = references.named_or_read(along, stroke_m, speed_m_s)
-    terminal.show_view(demand.feasibility(tuned, path).view())
-    terminal.write_outputs((plot, partial(control_page.plot_reference, path, tuned.plant)))
+    show_view(demand.feasibility(tuned, path).view())
+    write_outputs((plot, partial(control_page.plot_reference, path, tuned.plant)))
     references.check_reach(path, stroke_m, speed_m_s)
 
 
@@ -303,4 +303,4 @@ def export(
     model = None if drive is None else described  # it goes before the drive that the file names
     found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
     written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
-    terminal.show_paths(*written)
+    show_paths(*written)

@@ -14,6 +14,7 @@ import typer
 import pneudrive as pn
 from pneudrive.cli import terminal
 from pneudrive.cli.options import Count, Switch, names_in, one_of, quantity, sensor_options
+from pneudrive.cli.terminal import check_outputs, show_fit, show_paths, show_view, watch, writable_folder, write_text
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, naming
 from pneudrive.lazy_names import used_later
@@ -118,10 +119,10 @@ def fit(
     for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
         result = curve_fit if campaign is None else characteristics.with_dependences(curve_fit, campaign, part)
         if comparison is not None:
-            terminal.show_view(comparison.view())
+            show_view(comparison.view())
         slug = terminal.file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        terminal.show_fit(result, target, report and report / slug, profile=profile)
+        show_fit(result, target, report and report / slug, profile=profile)
     if by == "seal" and "seal" in curves and len(set(curves["seal"].to_numpy().tolist())) > 1:
         runs = "run" if "run" in curves else None
         try:
@@ -154,7 +155,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
             return friction_map.read_map(source[0]), None
-    return characterisation.characterise_recordings(source, layout, progress=terminal.watch().tell).friction_map, None
+    return characterisation.characterise_recordings(source, layout, progress=watch().tell).friction_map, None
 
 
 def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
@@ -234,7 +235,7 @@ def _fit_laws(
     comparison: law_choice.LawComparison | None = None
     chosen, form = names[0], pressure or "linear"
     if len(names) > 1 or forms is None or hold_out:
-        held = {"pressure": forms, "hold_out": hold_out or None, "progress": terminal.watch().tell}
+        held = {"pressure": forms, "hold_out": hold_out or None, "progress": watch().tell}
         try:
             comparison = pn.select_friction_law(curves, names, loss=loss, **held, **options)
         except FitError as problem:
@@ -303,20 +304,20 @@ def identify(
     pneudrive identify drive.toml run.parquet --out fit.toml \
         --free friction.coulomb,friction.viscous
     """
-    terminal.check_outputs(out, (".toml",))
-    names, tell = names_in(free), terminal.watch().tell
+    check_outputs(out, (".toml",))
+    names, tell = names_in(free), watch().tell
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-        terminal.show_fit(motion, out, report, profile=profile)
+        show_fit(motion, out, report, profile=profile)
     elif volume.Regulator.is_file(drive):
-        terminal.show_fit(pn.identify_regulator(drive, recordings, layout), out, report, profile=profile)
+        show_fit(pn.identify_regulator(drive, recordings, layout), out, report, profile=profile)
     elif pn.Tank.is_file(drive):
         for name, value in (("sensor", sensor), ("robust", robust)):
             if value:
                 raise CommandError.of("cli.tank", where=drive, name=name)
         tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
-        terminal.show_fit(tank_fit, out, report, profile=profile)
+        show_fit(tank_fit, out, report, profile=profile)
     else:
         known = {
             "sensors": sensor_options(sensor),
@@ -325,7 +326,7 @@ def identify(
             "layout": layout,
         }
         result = pn.identify(pn.Drive.load(drive), recordings, names, progress=_show_step, **known)
-        terminal.show_fit(result, out, report, profile=profile)
+        show_fit(result, out, report, profile=profile)
 
 
 def _show_step(progress: Progress) -> None:
@@ -353,7 +354,7 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
     --------
     pneudrive apply fit.toml drive.toml --out measured.toml
     """
-    terminal.check_outputs(out, (".toml",))
+    check_outputs(out, (".toml",))
     found = files.read_fit(fit)
     if out is not None:
         found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
@@ -368,7 +369,7 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
         described = found.apply()
     else:
         raise CommandError.of("cli.no-drive")
-    terminal.write_text(described.to_toml(), out)
+    write_text(described.to_toml(), out)
 
 
 def validate(
@@ -400,7 +401,7 @@ def validate(
     --------
     pneudrive validate measured.toml other.parquet --out check
     """
-    options = {"layout": layout, "progress": terminal.watch().tell}
+    options = {"layout": layout, "progress": watch().tell}
     if volume.RegulatorFit.is_file(drive):
         found: Any = pn.validate(volume.RegulatorFit.from_toml(drive), recordings, layout=layout)
     elif follow.FollowFit.is_file(drive) or _is_circuit(drive):
@@ -415,10 +416,10 @@ def validate(
         else:
             options |= {"window_s": quantity("--window", window, "s"), "sensors": sensor_options(sensor) or None}
             found = pn.validate(described, recordings, **options)
-    folder = terminal.writable_folder(out)
+    folder = writable_folder(out)
     written = [*found.write(folder), found.report(folder)]
-    terminal.show_view(found.view())
-    terminal.show_paths(*written)
+    show_view(found.view())
+    show_paths(*written)
 
 
 def _is_circuit(path: str) -> bool:
@@ -504,12 +505,12 @@ def design(
                 break
             proposal = pn.next_measurements(found, limits, seconds=FIT_FRACTION * proposal.seconds / ratio, **options)
             text = proposal.protocol()
-        terminal.show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
+        show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
     typer.echo(f'the protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:
-        terminal.write_text(text, out)
+        write_text(text, out)
 
 
 def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> tuple[str, ...]:
@@ -554,4 +555,4 @@ def report(fit: Path, *, map: Path | None = None, out: Path = Path("report")) ->
         if not isinstance(found, static_fits.SlidingFit):
             raise CommandError(f"--map: the {found.TITLE} was not fitted to a friction map")
         found = static_fits.with_map(found, friction_map.read_map(map))
-    terminal.show_paths(found.report(out))
+    show_paths(found.report(out))

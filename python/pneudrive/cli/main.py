@@ -1,6 +1,6 @@
 """The ``pneudrive`` command line.
 
-Each command is a function in the module of its section and one word in ``SECTIONS``.
+Each command is a function in the module of its section and one word in ``sections.toml``.
 """
 
 from __future__ import annotations
@@ -23,15 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 #: Commands in the order of a user's work. Each is a function or a group in the module of its name, imported on use.
-SECTIONS = {
-    "Describe": ("catalogue", "components", "check", "draw", "schema"),
-    "Simulate": ("simulate", "sweep", "lines", "platform", "web"),
-    "Measure": ("layout", "characterise", "campaign", "rig", "compare", "reproduce"),
-    "Identify": ("fit", "identify", "apply", "validate", "design", "report"),
-    "Size": ("size", "datasheet", "characteristic"),
-    "Control": ("control",),
-    "Hand over": ("export", "demo"),
-}
+SECTIONS = errors.package_table(__file__, "sections.toml")
 COMMANDS = {
     name: f"pneudrive.cli.{section.lower().replace(' ', '_')}" for section, names in SECTIONS.items() for name in names
 }
@@ -111,7 +103,7 @@ def run(arguments: Sequence[str]) -> int:
         sys.stderr.write(f"pneudrive: there is no command '{first}'. {errors.nearest(first, shown)}\n")
         return EXIT_INPUT
     if Path("matplotlibrc").exists():  # while there is one thread: see `load_matplotlib`
-        from pneudrive.report.style import load_matplotlib
+        from pneudrive.report.render import load_matplotlib
 
         load_matplotlib()
     try:

@@ -15,6 +15,7 @@ import pneudrive as pn
 from pneudrive.cli import terminal
 from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, one_of
+from pneudrive.cli.terminal import show_lines, show_paths, show_table, show_view, watch, writable_folder, write_outputs
 from pneudrive.errors import Cancelled, CommandError, RecordingError
 from pneudrive.lazy_names import used_later
 
@@ -67,7 +68,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
     --------
     pneudrive layout bench.csv --out layout.toml
     """
-    proposal = proposals.propose_layout(file, terminal.watch())
+    proposal = proposals.propose_layout(file, watch())
     if out is None:
         typer.echo(proposal.text)
     else:
@@ -84,13 +85,8 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
         sys.stderr.write(f"Not used: {', '.join(proposals.families(proposal.unused))}.\n")
     sys.stderr.write("".join(f"{path}\n" for path in (out, picture) if path is not None))
     if proposal.problem:
-        raise RecordingError(
-            proposal.problem
-            if proposal.asks
-            else f"the proposed layout does not read the file yet: {proposal.problem}",
-            where=str(file),
-            remedy="Correct the lines marked guess, open or not found, and check the picture.",
-        )
+        before = "" if proposal.asks else "the proposed layout does not read the file yet: "
+        raise RecordingError.of("signals.open-layout", where=str(file), problem=f"{before}{proposal.problem}")
 
 
 def characterise(
@@ -129,7 +125,7 @@ def characterise(
         _characterise_campaign(recordings, layout, out, choice, law)
         return
     with _output(out) as folder:
-        found = characterisation.characterise_recordings(recordings, layout, choice, progress=terminal.watch().tell)
+        found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
         written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
         fits, problems = static_fits.fit_characterisation(found, _laws_with(law))
         written += _write_fits(fits, law, folder, whole=friction_map.ALL_RECORDINGS)
@@ -137,12 +133,12 @@ def characterise(
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
     _show_problems(problems)
-    terminal.show_view(recordings_page.characterisation_view(found, fits))
+    show_view(recordings_page.characterisation_view(found, fits))
     balances = [motion.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
-    terminal.show_lines(*(f"- {balance}." for balance in balances if balance.gains))
+    show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:
-        terminal.show_view(replace(curves.view(), rows=()))
-    terminal.show_paths(*written)
+        show_view(replace(curves.view(), rows=()))
+    show_paths(*written)
 
 
 def _characterise_campaign(
@@ -153,15 +149,15 @@ def _characterise_campaign(
         names = " ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else "")
         raise CommandError.of("cli.one-campaign", value=names)
     with _output(out) as folder:
-        found = characteristics.campaign_friction(recordings[0], choice, progress=terminal.watch().tell)
+        found = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
         written = files.write_characteristics(found, folder)
         fits, problems = characteristics.fit_campaign(found, _laws_with(law))
         whole = characteristics.ALL if len(fits) != 1 else next(iter(fits))
         written += _write_fits(fits, law, folder, whole)
         written.append(campaign_page.write_campaign_report(found, folder))
     _show_problems(problems)
-    terminal.show_view(found.view())
-    terminal.show_paths(*written)
+    show_view(found.view())
+    show_paths(*written)
 
 
 def _laws_with(law: str) -> list[str]:
@@ -177,7 +173,7 @@ def _show_problems(problems: list[str]) -> None:
 def _output(out: Path) -> Iterator[Path]:
     """Make the output folder before any work. Remove a new folder if it stays empty or the work is cancelled."""
     is_new = not out.exists()
-    terminal.writable_folder(out)
+    writable_folder(out)
     try:
         yield out
     except (KeyboardInterrupt, Cancelled):  # a map without its fit and report is no result
@@ -237,32 +233,30 @@ def compare(
         return
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
-    tell = terminal.watch().tell
+    tell = watch().tell
     sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
     comparison = pn.compare_campaigns(*sides)
-    folder = terminal.writable_folder(out)
+    folder = writable_folder(out)
     written = files.write_comparison(comparison, folder / "comparison.toml")
     page = comparison_page.write_comparison_report(comparison, folder)
     named = zip("AB", sides, strict=True)
-    terminal.show_lines(
-        *(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named)
-    )
-    terminal.show_view(comparison.view())
-    terminal.show_paths(written, page)
+    show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named))
+    show_view(comparison.view())
+    show_paths(written, page)
 
 
 def _compare_results(first: str, second: str, plot: Path | None) -> None:
     """Print the values that differ between two results, and the differences of their curves."""
     terminal.check_outputs(None, plot=plot)
     compared = pn.compare_results(first, second, (first, second))
-    terminal.show_lines(compared.sentence)
+    show_lines(compared.sentence)
     if compared.values:
-        terminal.show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), compared.rows())
+        show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), compared.rows())
     if rows := compared.curve_rows()[: terminal.MOST_ROWS]:
-        terminal.show_table(("curve", "at", "B minus A", "95 %"), rows)
+        show_table(("curve", "at", "B minus A", "95 %"), rows)
     elif not compared.curves and compared.kind == fit_results.FrictionFit.TITLE:
-        terminal.show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
-    terminal.write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
+        show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
+    write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
 
 
 def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
@@ -279,7 +273,7 @@ def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
     --------
     pneudrive reproduce --out figures
     """
-    folder = terminal.writable_folder(out)
+    folder = writable_folder(out)
     made = reproduction.reproduce(folder / bracha.FOLDER, seed)
     page = report.write_report(None, {}, folder, made)
     for claim in made.claims:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 import pneudrive as pn
-from pneudrive.cli import terminal
 from pneudrive.cli.options import Port, changed, command_of, names_in
+from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
 from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import upper, used_later
 
@@ -88,14 +88,14 @@ def simulate(
     pneudrive simulate catalogue:parker-osp-p25-mpye --duration '2 s' \
         --command '0 s: 0.3, 1 s: -0.3' --plot run.png
     """
-    terminal.check_outputs(out, plot=plot, more=(".html",))
+    check_outputs(out, plot=plot, more=(".html",))
     if motion is not None:
         columns, provenance = motion_fits.simulate_motion(drive, motion, layout=layout)
         end = f"{len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s"
         if out is not None:
             trajectory.save_columns(columns, provenance, out)
         typer.echo(f"{provenance['title']}: {end} along {motion}")
-        terminal.show_paths(out)
+        show_paths(out)
         return
     if not duration:
         raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
@@ -107,15 +107,13 @@ def simulate(
         duration,
         initial=initial,
         sample_rate=sample_rate,
-        watch=terminal.watch(),
+        watch=watch(),
         rtol=rtol,
         budget=budget,
     )
     view = run_view.run_view(result.columns, result.provenance)
-    terminal.show_view(replace(view, findings=()))  # warnings are on stderr
-    terminal.write_outputs(
-        (out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described))
-    )
+    show_view(replace(view, findings=()))  # warnings are on stderr
+    write_outputs((out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described)))
     if energy:
         typer.echo(str(pn.energy_balance(described, commands, duration, initial=initial, rtol=rtol)))
 
@@ -181,7 +179,7 @@ def sweep(
     """
     is_file = out.suffix != ""
     if is_file:
-        terminal.check_outputs(out, (".parquet", ".csv", ".nc"))
+        check_outputs(out, (".parquet", ".csv", ".nc"))
     described = changed(drive, set)
     study = many.study_of(
         described,
@@ -201,15 +199,15 @@ def sweep(
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
         typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are already computed", err=True)
-    for _ in many.results(study, chunks, chunk, None, terminal.watch()):
+    for _ in many.results(study, chunks, chunk, None, watch()):
         pass  # each is kept in the store
     if fits_memory:
         gathered = many.Members.of(study, chunks.frames())
         if is_file:
             gathered.save(out)
             chunks.remove()
-        terminal.show_view(gathered.view())
-    terminal.show_paths(out)
+        show_view(gathered.view())
+    show_paths(out)
 
 
 def _design(
@@ -294,11 +292,11 @@ def lines(
     --------
     pneudrive lines catalogue:reference --length '0.5 m, 2 m'
     """
-    terminal.check_outputs(out, (".csv", ".parquet"), plot)
+    check_outputs(out, (".csv", ".parquet"), plot)
     described = cast("pn.Drive", load.load_described(drive))
-    study = tube_study.lines(described, names_in(length), names_in(diameter), progress=terminal.watch().tell)
-    terminal.show_view(pictures.view_of_tubes(study))
-    terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
+    study = tube_study.lines(described, names_in(length), names_in(diameter), progress=watch().tell)
+    show_view(pictures.view_of_tubes(study))
+    write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
 
 
 def _save_tubes(study: xr.Dataset, path: Path) -> None:
@@ -342,21 +340,21 @@ def platform(
     pneudrive platform tripod.toml
     pneudrive platform tripod.toml --run run.parquet --out motion.gif
     """
-    terminal.check_outputs(out, (*PICTURES, *OF_RUNS))
+    check_outputs(out, (*PICTURES, *OF_RUNS))
     machine = pn.platform(cast("pn.Circuit", load.load_described(circuit)), name)
     if out is not None and run is None and out.suffix.lower() in OF_RUNS:
         raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
     if out is not None and run is None:
         platform_page.draw_platform(machine, path=out, dark=dark)
     elif run is None:
-        terminal.show_view(machine.view())
+        show_view(machine.view())
     else:
         columns = platform_page.read_platform_run(machine, run)
         if out is None:
-            terminal.show_view(platform_page.platform_run_view(machine, columns))
+            show_view(platform_page.platform_run_view(machine, columns))
         else:
             _write_platform(machine, columns, out, dark=dark)
-    terminal.show_paths(out)
+    show_paths(out)
 
 
 def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pneudrive.cli import terminal
 from pneudrive.cli.options import number_or_text, pairs_in
+from pneudrive.cli.terminal import check_outputs, show_lines, show_paths, show_table, show_view, watch, write_outputs
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import used_later
 
@@ -65,19 +65,19 @@ def size(
     """
     found = search.size(
         task,
-        progress=terminal.watch().tell,
+        progress=watch().tell,
         least=min_candidates,
         most=max_candidates,
         draws=samples,
         draws_best=search.DRAWS_BEST_OF * samples,
         out=out,
-        provisional=lambda made: terminal.show_lines(made.answer),
+        provisional=lambda made: show_lines(made.answer),
     )
-    terminal.show_view(found.view())
+    show_view(found.view())
     if out is not None:
         page = found.report(out)
         tables = (out / name for name in (results.TABLE, results.SUMMARY, results.REASONS))
-        terminal.show_paths(*sorted(out.glob("*.toml")), *tables, page)
+        show_paths(*sorted(out.glob("*.toml")), *tables, page)
     if found.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)
 
@@ -106,10 +106,10 @@ def datasheet(
     pneudrive datasheet drive.toml --out sheet.html
     """
     out.parent.mkdir(parents=True, exist_ok=True)
-    terminal.check_outputs(out, sheet_page.SUFFIXES)
-    found = sheet.build(load.load_described(drive), recordings or [], layout, terminal.watch(), intervals=intervals)
-    terminal.show_view(found.view())
-    terminal.show_paths(sheet_page.write_datasheet(found, out))
+    check_outputs(out, sheet_page.SUFFIXES)
+    found = sheet.build(load.load_described(drive), recordings or [], layout, watch(), intervals=intervals)
+    show_view(found.view())
+    show_paths(sheet_page.write_datasheet(found, out))
 
 
 def characteristic(
@@ -140,16 +140,16 @@ def characteristic(
     """
     if not name:
         rows = [(each.name, each.title, each.standard or "-") for each in registry.characteristics().values()]
-        terminal.show_table(("characteristic", "<title", "<standard"), rows)
+        show_table(("characteristic", "<title", "<standard"), rows)
         return
-    terminal.check_outputs(out, (".csv", ".nc"), plot)
+    check_outputs(out, (".csv", ".nc"), plot)
     kind = registry.characteristic_named(name)
     texts = pairs_in("--set", set or (), "command = 0.6")
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
     uncertain = registry.UncertainDrive(load.load_described(drive))
-    found = uncertain.characteristic(name, terminal.watch(), intervals=intervals, **settings)
-    terminal.show_view(sheet_page.characteristic_view(found))
-    terminal.write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
+    found = uncertain.characteristic(name, watch(), intervals=intervals, **settings)
+    show_view(sheet_page.characteristic_view(found))
+    write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 
 
 def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401

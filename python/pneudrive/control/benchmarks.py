@@ -40,7 +40,7 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     import numpy as np
 
-    from pneudrive.arrays import Interval
+    from pneudrive.arrays import Interval, Keyed, Plain
     from pneudrive.control.motion import Reference
     from pneudrive.describe import Circuit, Drive
 
@@ -222,7 +222,7 @@ class ControlComparison(Viewed):
         return Path(path)
 
 
-def assumptions(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
+def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
     """Return the model of the drive and the gains of each law as plain data."""
     first = next(iter(tunings.values()))
     laws = {
@@ -243,7 +243,7 @@ def assumptions(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
     return {"laws": laws, "plant": [list(row) for row in first.plant.rows()]}
 
 
-def store_about(folder: Path, about: Mapping[str, Any]) -> None:
+def store_about(folder: Path, about: Keyed) -> None:
     """Write the compared laws into a folder; scores of another comparison are removed from it.
 
     Raises
@@ -263,10 +263,10 @@ def store_about(folder: Path, about: Mapping[str, Any]) -> None:
         raise CommandError(f"{path} cannot be written", value=str(error)) from None
 
 
-def row_of(run: ControlledRun, reference: str) -> dict[str, Any]:
+def row_of(run: ControlledRun, reference: str) -> Plain:
     """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, true values."""
     names = [one.name for one in fields(Score)]
-    row: dict[str, Any] = {"law": run.law, "reference": reference, "seed": run.seed, "reason": run.reason}
+    row: Plain = {"law": run.law, "reference": reference, "seed": run.seed, "reason": run.reason}
     row |= dict.fromkeys(names) if run.score is None else run.score.to_dict()
     row["run"] = run.file.name if run.file.is_file() else None
     return row | {f"{_TRUE}{name}": value for name, value in run.truth.items()}
@@ -300,7 +300,7 @@ def read_comparison(folder: str | Path) -> ControlComparison:
         raise CommandError(f"{place} is no comparison", rule=f"a folder with {ABOUT}", remedy="Name its --out.")
     about = read_json(path, CommandError)
     try:
-        asked: dict[str, Any] = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
+        asked: Plain = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
         asked |= {"references": dict(about["references"]), "count": int(about["count"]), "about": dict(about)}
         runs = _runs(place, asked["references"])
         if not isinstance(about["laws"], dict) or not isinstance(about["plant"], list):
@@ -333,7 +333,7 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     return tuple(out)
 
 
-def _log(path: Path, score: Score | None, entry: dict[str, Any]) -> None:
+def _log(path: Path, score: Score | None, entry: Plain) -> None:
     """Add the line of a finished run to a file."""
     with open_to_append(path) as file:
         file.write(json.dumps(entry | {"score": None if score is None else score.to_dict()}) + "\n")
@@ -620,7 +620,7 @@ def benchmark(
     return made
 
 
-def _references_told(references: Mapping[str, Reference]) -> dict[str, Any]:
+def _references_told(references: Mapping[str, Reference]) -> Plain:
     """Return the texts of the references, and how far those that were made of points miss their points."""
     missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
     texts = {along: one.text for along, one in references.items()}
@@ -689,7 +689,7 @@ def _on_threads(
 
 
 def _tunings(
-    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], options: dict[str, Any]
+    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], options: Plain
 ) -> dict[str, Tuning]:
     each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}

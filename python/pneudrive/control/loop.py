@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit, Drive, Initial
@@ -157,7 +157,7 @@ def run(
     >>> run.sizes["time"], run.disturbance.attrs["units"], run.attrs["score"]["lost"]
     (501, 'N', False)
     """
-    told: dict[str, Any] = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
+    told: Plain = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
     told |= {"mismatch": mismatch, "allow_code": allow_code}
     prepared = prepare(drive, law, reference, **told, initial=initial, rtol=rtol)
     return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
@@ -236,7 +236,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
     air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
     found = score_of(named["time"], named, motion, air)
-    said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
+    said: Plain = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
     if own is not None and own.failure is not None:  # the standby law has taken over
         said["law_failure"] = str(own.failure)
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
@@ -251,7 +251,7 @@ def run_axes(
     rtol: float,
     watch: Watch,
     own: RunningLaw | None = None,
-) -> tuple[list[dict[str, Any]], Array, float]:
+) -> tuple[list[Plain], Array, float]:
     """Run axes of one circuit under control; return columns of each axis, outputs, and mass of the drawn air, kg.
 
     Parameters
@@ -347,7 +347,7 @@ def _missed(along: Reference, setup: Setup) -> Iterator[str]:
         yield f"{along.text}: {missed}; errors are those from the curve"
 
 
-def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
+def _provenance(prepared: Prepared, seed: int) -> Plain:
     circuit, tuning, reference = prepared.circuit, prepared.tuning, prepared.reference
     model = tuning.belief.name
     named = {"points_missed_m": reference.points_missed_m, "model": None if model == circuit.name else model}
@@ -368,7 +368,7 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
 
 def provenance_of(
     circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int, rtol: float
-) -> dict[str, Any]:
+) -> Plain:
     """Return the provenance that runs of an axis and of a platform share; `setup` has its name."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []

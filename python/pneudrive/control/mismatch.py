@@ -14,10 +14,9 @@ from pydantic import Field
 from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Choice, Mark, number, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, WrongValueError, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -14,9 +14,8 @@ from pneudrive import units
 from pneudrive.control import motion
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Bounds, Choice, Position, Quantity
-from pneudrive.errors import CommandError, DescriptionError, RecordingError
+from pneudrive.errors import CommandError, DescriptionError, RecordingError, wrong
 from pneudrive.simulation.trajectory import read_columns
 
 LONGEST_S = 1e6  # of a reference

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
 
 
 # --- Score of a run under control: error of the drive along its reference, and the effort.
@@ -161,7 +161,7 @@ def written(name: str, value: float | None) -> str:
 LEADING = ("rmse_m", "max_error_m", "settling_100_um_s", "rest_error_m", "air_anr_m3_s")
 
 
-def view_of_score(about: Mapping[str, Any]) -> View:
+def view_of_score(about: Keyed) -> View:
     """Return the score and the events of a run under control from its provenance, without figures."""
     score = Score(**about["score"])
     texts = {name: written(name, getattr(score, name)) for name in SHOWN}
@@ -185,7 +185,7 @@ def view_of_score(about: Mapping[str, Any]) -> View:
     )
 
 
-def run_title(about: Mapping[str, Any]) -> str:
+def run_title(about: Keyed) -> str:
     """Return a headline: law, drive, reference, setup and seed of a run under control."""
     model = f", told of {about['model']}," if about.get("model") else ""
     loaded = f", payload {about['payload']}" if about.get("payload") else ""
@@ -193,7 +193,7 @@ def run_title(about: Mapping[str, Any]) -> str:
     return f"{named}, setup {about['setup']}, seed {about['seed']}{loaded}, simulated"
 
 
-def event_table(events: Iterable[Mapping[str, Any]]) -> Iterator[ShownTable]:
+def event_table(events: Iterable[Keyed]) -> Iterator[ShownTable]:
     """Yield the table of the events of a run, with the leg of a platform; none without events."""
     rows = [
         (
@@ -244,9 +244,7 @@ SCORED = (
 )
 
 
-def score_of(
-    time: Array, of: Mapping[str, Array], motion: Mapping[str, Any], air: Mapping[str, float] | None = None
-) -> Score:
+def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[str, float] | None = None) -> Score:
     """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` what `air_of` gives."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x
@@ -341,7 +339,7 @@ def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
     return max(found, default=None)
 
 
-def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict[str, Any]:
+def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> Plain:
     """Measure the time after each move: settling, rest, hunting."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
@@ -362,7 +360,7 @@ def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict
             found["hunting_m"].append(float(np.ptp(x[part])))
             fast = np.abs(v[part]) > SLIP_M_S
             found["slips"].append(int(fast[0]) + int(np.sum(fast[1:] & ~fast[:-1])))
-    out: dict[str, Any] = {name: max(values) if values else None for name, values in found.items()}
+    out: Plain = {name: max(values) if values else None for name, values in found.items()}
     if found["slips"]:
         out["slips"] = int(sum(found["slips"]))
     worst = {f"settling_{1e6 * band:.0f}_um_s": max(times) if times else None for band, times in settling.items()}

@@ -14,8 +14,7 @@ from pneudrive import _core, units
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.errors import nearest
+from pneudrive.errors import WrongValueError, nearest, wrong
 from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
 _Kind = TypeVar("_Kind", bound=Described)

@@ -19,9 +19,8 @@ from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
-from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
-from pneudrive.errors import CommandError, DescriptionError, nearest, warn
+from pneudrive.errors import CommandError, DescriptionError, WrongValueError, nearest, warn, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require

@@ -22,7 +22,7 @@ from pneudrive.simulation.session import Session
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Linear
 
@@ -86,7 +86,7 @@ class Actuation:
         return Actuation(seen(self.out), seen(self.back), has_shares=self.has_shares)
 
 
-def held_tables(circuit: Circuit) -> dict[str, Any]:
+def held_tables(circuit: Circuit) -> Plain:
     """Return the tables of a circuit with proportional valves in place of its switching valves."""
     tables = circuit.to_dict()
     parts = dict(tables["components"])
@@ -113,7 +113,7 @@ HELD = {
 }
 
 
-def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
+def _proportional(kind: str, table: Plain) -> Plain:
     """Return the table of the proportional valve with the paths of a switching valve."""
     out = {key: value for key, value in table.items() if key not in _TIMES} | {"kind": HELD[kind]}
     if HELD[kind] != "valve/proportional-5/3":
@@ -128,7 +128,7 @@ def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
     c, c_exhaust = (component({"kind": "fitting"} | path) for path in (supply, exhaust))
     points = []
     for opening in (-1.0, 0.0, 1.0):
-        point: dict[str, Any] = {"opening": opening}
+        point: Plain = {"opening": opening}
         for port, sign in zip(paths, (1.0, -1.0), strict=True):
             for way, path, towards in (("supply", c, sign), ("exhaust", c_exhaust, -sign)):
                 size = path.numbers(1e5)["conductance"] if opening == towards else 0.0
@@ -281,7 +281,7 @@ class HeldDrive:
         session.advance(LASTING_S)
         return session
 
-    def varied(self, tables: dict[str, Any]) -> HeldDrive:
+    def varied(self, tables: Plain) -> HeldDrive:
         """Return the drive with changed tables of its circuit and the same commands."""
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
@@ -410,7 +410,7 @@ class HeldDrive:
         return self.varied(tables)
 
     @cached_property
-    def frictions(self) -> dict[str, dict[str, Any]]:
+    def frictions(self) -> dict[str, Plain]:
         """Friction of the piston and its slides in the core's form, by component; only of those with friction."""
         laws = {name: getattr(self.circuit.components[name], "friction", None) for name in self.slides}
         return {name: law.core() for name, law in laws.items() if law is not None}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.datasheet.characteristic import Characteristic
     from pneudrive.describe import Circuit, Drive
     from pneudrive.progress import Flag
@@ -47,7 +47,7 @@ class Ends(NamedTuple):
 
 def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
     """Return the drives at the ends of each identified value, and the names of values with an open interval."""
-    origins: dict[str, Any] = getattr(drive, "provenance", None) or {}
+    origins: Plain = getattr(drive, "provenance", None) or {}
     found, left_out = _ends_of_heat(drive, origins), []
     known = values(drive) if origins else {}
     for name, origin in origins.items():
@@ -127,7 +127,7 @@ class UncertainDrive:
         variants = ((one.low, one.high) for one in watch.each(ends, "values"))
         return with_intervals(plain, ends, [[self._compute(d, kind, settings) for d in pair] for pair in variants])
 
-    def _compute(self, drive: Drive | Circuit, kind: Characteristic, settings: dict[str, Any]) -> xr.Dataset:
+    def _compute(self, drive: Drive | Circuit, kind: Characteristic, settings: Plain) -> xr.Dataset:
         """Return a characteristic of one variant, without intervals."""
         plant = self._plants[id(drive)] = self._plants.get(id(drive)) or HeldDrive(drive)
         if plant.actuation.is_switched and kind.needs_shares:

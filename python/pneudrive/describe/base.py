@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from pneudrive import units
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Mark, Quantity, StatedPressure
-from pneudrive.errors import DescriptionError, nearest, together
+from pneudrive.errors import DescriptionError, nearest, together, wrong
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
 
     from pydantic.fields import FieldInfo
     from typing_extensions import Self
+
+    from pneudrive.arrays import Plain
 
 
 _STORED_IN = sorted({units.suffix(unit) for unit in units.KINDS} - {"a", "v"} | {"hz", "m_s3"}, key=len, reverse=True)
@@ -86,8 +87,7 @@ class Described(Shown, BaseModel):
             """Refuse to change a value of the description."""
             if name in {*type(self).keys(), *type(self).model_fields}:
                 key = f"{self.table_name}.{name}" if self.table_name else name
-                remedy = f'Make another description: drive = drive.replace({{"{key}": "{value}"}}).'
-                raise DescriptionError(f"{key} cannot be changed: a description is frozen", remedy=remedy)
+                raise DescriptionError.of("describe.frozen", key=key, given=value)
             super().__setattr__(name, value)
 
         @classmethod
@@ -164,7 +164,7 @@ class Described(Shown, BaseModel):
         return wrong(key, what)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain:  # noqa: ANN401 - pydantic's own
         """Return the JSON schema, with defaults as users would write them."""
         out = handler.resolve_ref_schema(handler(schema))
         for name, field in cls.model_fields.items():
@@ -216,7 +216,7 @@ class Described(Shown, BaseModel):
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as plain values, quantities with units; keys with their default are left out."""
-        out: dict[str, Any] = {}
+        out: Plain = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if value is None or name not in self.model_fields_set:

@@ -13,18 +13,16 @@ from pydantic import Field, ValidationError, model_validator
 
 from pneudrive.describe.base import Described, as_tables, escaped, inline
 from pneudrive.describe.circuit_tables import completed, copied, part_of, read_component, used
-from pneudrive.describe.components import Component, within
+from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.formula import formula_of
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short, expanded
 from pneudrive.describe.system import System, compiled
-from pneudrive.describe.tables import end_stops
-from pneudrive.describe.tables.parts import Ambient, Gas
+from pneudrive.describe.tables.parts import Ambient, Gas, assumed_stops
 from pneudrive.describe.tables.starts import (
     PRESSURE,
     Starts,
@@ -33,7 +31,7 @@ from pneudrive.describe.tables.starts import (
     start_place,
     start_values,
 )
-from pneudrive.errors import DescriptionError, PneudriveError, Problems, together, warn
+from pneudrive.errors import DescriptionError, PneudriveError, Problems, together, warn, wrong
 from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
 from pneudrive.repr_tables import Card
@@ -43,8 +41,9 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.arrays import Keyed, Plain
     from pneudrive.describe.files.sourced import Value
-    from pneudrive.describe.tables.signal import Positions, Signal
+    from pneudrive.describe.marks import Positions, Signal
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
     from pneudrive.simulation.session import Session
@@ -254,14 +253,14 @@ class Circuit(Described):
             form["junctions"] = self.junctions
         return json.dumps(form, sort_keys=True)
 
-    def _core_of(self, name: str, one: Component) -> dict[str, Any]:
+    def _core_of(self, name: str, one: Component) -> Plain:
         try:
-            form: dict[str, Any] = {"name": name} | one.core(self.ambient.pressure_pa)
+            form: Plain = {"name": name} | one.core(self.ambient.pressure_pa)
             if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
                 form["numbers"] = start_place(self.initial, name) | form["numbers"]
             return form
         except DescriptionError as error:
-            raise within(error, name, {}) from None
+            raise within_component(error, name, {}) from None
 
     def core_json(self) -> str:
         """Return the description in the core's form, in SI."""
@@ -327,7 +326,7 @@ class Circuit(Described):
         poses = {f"{own.name}.{key}": f"{own.name}.{key}" for own in core.platforms for key in coordinate_keys(own)}
         return keys | poses
 
-    def _starts(self, initial: Mapping[str, Any] | None = None) -> tuple[dict[str, float], list[str]]:
+    def _starts(self, initial: Keyed | None = None) -> tuple[dict[str, float], list[str]]:
         core = compiled(self.core_json())
         starts = Starts(core.start_names, self.components, self.wiring, self.ambient, core.platforms)
         return starts.values(self.initial, initial or {})
@@ -421,7 +420,7 @@ class Circuit(Described):
             if name in stops:
                 given = [key for key in STOP_KEYS if one.fields[f"end_stop_{key}"] in one.model_fields_set]
                 lines = [line for line in lines if not line.startswith("end_stop_")]
-                lines += end_stops.assumed("end_stop_", given, stops[name])
+                lines += assumed_stops("end_stop_", given, stops[name])
             out += [("{}." + escaped(line), name) for line in lines]
         heat = "" if any(one.has_heat_law for one in self.components.values()) else ", and no heat exchange"
         for name, volume in self.joint_volumes:
@@ -451,7 +450,7 @@ class Circuit(Described):
 
     def to_toml(self) -> str:
         """Write the circuit as a file that `load` reads back to the same bits."""
-        tables: dict[str, Any] = {"schema": self.schema_version} | self.to_dict()
+        tables: Plain = {"schema": self.schema_version} | self.to_dict()
         components = tables.pop("components").items()
         blocks = [block for name, one in components for block in toml.blocks(one, f"components.{name}", 2)]
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])

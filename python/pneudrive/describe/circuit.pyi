@@ -11,6 +11,7 @@ from _typeshed import Incomplete
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
+from pneudrive.arrays import Keyed as Keyed, Plain as Plain
 from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
 from pneudrive.describe.circuit_tables import (
     completed as completed,
@@ -19,20 +20,18 @@ from pneudrive.describe.circuit_tables import (
     read_component as read_component,
     used as used,
 )
-from pneudrive.describe.components import Component as Component, within as within
+from pneudrive.describe.components import Component as Component, within_component as within_component
 from pneudrive.describe.connections import Part as Part, Wiring as Wiring
 from pneudrive.describe.files import toml as toml
 from pneudrive.describe.files.sourced import Value as Value
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.formula import formula_of as formula_of
 from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.keys import wrong as wrong
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
+from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import Short as Short, expanded as expanded
 from pneudrive.describe.system import System as System, compiled as compiled
-from pneudrive.describe.tables import end_stops as end_stops
-from pneudrive.describe.tables.parts import Ambient as Ambient, Gas as Gas
-from pneudrive.describe.tables.signal import Positions as Positions, Signal as Signal
+from pneudrive.describe.tables.parts import Ambient as Ambient, Gas as Gas, assumed_stops as assumed_stops
 from pneudrive.describe.tables.starts import (
     PRESSURE as PRESSURE,
     Starts as Starts,
@@ -47,6 +46,7 @@ from pneudrive.errors import (
     Problems as Problems,
     together as together,
     warn as warn,
+    wrong as wrong,
 )
 from pneudrive.lazy_names import upper as upper
 from pneudrive.progress import Flag as Flag, Progress as Progress

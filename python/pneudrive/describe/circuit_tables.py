@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from pneudrive.describe.components import Component, component, component_class, within
+from pneudrive.describe.components import Component, component, component_class, within_component
 from pneudrive.describe.connections import AMBIENT, Part
 from pneudrive.describe.files import catalogue
-from pneudrive.describe.keys import invalid, wrong
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.short import TABLES, Short
-from pneudrive.errors import DescriptionError, Problems
+from pneudrive.errors import DescriptionError, Problems, invalid, wrong
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
@@ -66,11 +65,10 @@ def used(given: object, problems: Problems) -> object:
                 part = catalogue.part_table(table["use"])
                 kind = own.setdefault("kind", part["kind"])
                 if kind != part["kind"]:
-                    what = f"kind = {kind!r}, but {table['use']} is a {part['kind']}"
-                    raise wrong("kind", what, remedy="Leave kind out.")
+                    raise invalid("kind", "describe.other-kind", kind=kind, table=table["use"], part=part["kind"])
                 out[name] = component_class(kind).over(part, own) | copies
             except DescriptionError as error:
-                problems.add(error if error.where else within(error, name, table))
+                problems.add(error if error.where else within_component(error, name, table))
                 out[name] = _Rejected(copies)
     return out
 
@@ -121,5 +119,5 @@ def read_component(key: str, table: object, problems: Problems) -> Component | N
     try:
         return component(table)
     except DescriptionError as error:
-        problems.add(within(error, name, table))
+        problems.add(within_component(error, name, table))
     return None

@@ -9,23 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_a
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
-from pneudrive import units
-from pneudrive.describe import keys
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
-from pneudrive.describe.marks import Bounds, OnPaper, PointRows, PureNumber, Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.marks import POSITIVE, Positions, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
-from pneudrive.describe.tables.signal import Positions, Signal, SignalRange
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
+from pneudrive.units import Pressure, suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+
+    from pneudrive.arrays import Keyed, Plain
 
 
 class Component(Described):
@@ -40,7 +39,7 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in older files -> key
     kind: str
-    at: Annotated[tuple[float, float] | None, OnPaper("")] = Field(
+    at: Annotated[tuple[float, float] | None, marks.OnPaper("")] = Field(
         default=None, description="Place in a drawing, [x, y] in modules"
     )
 
@@ -60,7 +59,7 @@ class Component(Described):
         return made
 
     @classmethod
-    def _lacks_ratio(cls, table: Mapping[str, Any]) -> bool:
+    def _lacks_ratio(cls, table: Keyed) -> bool:
         """Return whether a size is given by a flow or a flow coefficient, without the critical pressure ratio."""
         if RATIO in table or not any(p["key"] == RATIO and is_needed(p) for p in cls.entry["parameters"]):
             return False
@@ -75,7 +74,7 @@ class Component(Described):
     @classmethod
     def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
         """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``, and keep the origin."""
-        out: dict[str, Any] = {}
+        out: Plain = {}
         keys: list[str] = []
         for old, key in cls.renamed.items():
             if old in table and key in table:
@@ -140,7 +139,7 @@ class Component(Described):
                 raise wrong(key, f"{key} is missing", rule=f"all keys of {table} are given, or none")
         return self
 
-    def _has(self, parameter: Mapping[str, Any]) -> bool:
+    def _has(self, parameter: Keyed) -> bool:
         """Return whether a parameter's table is given; True for a parameter without a table."""
         table = parameter["within"]
         own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
@@ -149,11 +148,11 @@ class Component(Described):
     def _choices(self) -> dict[str, str]:
         return {choice["name"]: getattr(self, choice["name"]) for choice in self.entry["choices"]}
 
-    def _points(self) -> dict[str, Any]:
+    def _points(self) -> Plain:
         key = self.entry["points"]["key"] if self.entry["points"] else None
         return {} if key is None else {key: getattr(self, key)}
 
-    def _acting(self) -> Iterator[tuple[Mapping[str, Any], bool]]:
+    def _acting(self) -> Iterator[tuple[Keyed, bool]]:
         """Yield each parameter of the given tables, and whether it has an effect."""
         beside = {key: getattr(self, field) for key, field in self.fields.items()} | self._choices()
         for parameter in filter(self._has, self.entry["parameters"]):
@@ -171,7 +170,7 @@ class Component(Described):
             value = sizes[0]
             if any(sizes[1:]):
                 value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(FLOW))
-            if isinstance(value, units.Pressure):
+            if isinstance(value, Pressure):
                 value = value.absolute_pa(ambient_pa)
                 if not value > 0.0:
                     raise wrong(key, f"{key} is below vacuum", rule="gauge + ambient > 0")
@@ -185,9 +184,9 @@ class Component(Described):
         groups = (flow_keys(cls.entry, parameter["key"]) for parameter in cls.entry["parameters"])
         return [other for keys in groups if key in keys for other in keys if other != key]
 
-    def pressures(self) -> list[units.Pressure]:
+    def pressures(self) -> list[Pressure]:
         """Return the pressures, absolute or gauge as stated."""
-        return [value for field in self.fields.values() if isinstance(value := getattr(self, field), units.Pressure)]
+        return [value for field in self.fields.values() if isinstance(value := getattr(self, field), Pressure)]
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
         """Return the component in the core's form, in SI."""
@@ -207,7 +206,7 @@ class Component(Described):
     def command_input(self) -> Signal | Positions | None:
         """Commands of a component that switches, or the electrical input if one is described."""
         if self.kind in SWITCHED and _PULSES not in self.plain():
-            return Positions(SWITCHED[self.kind], getattr(self, COMMAND))
+            return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
         return getattr(self, COMMAND)
 
     def to_dict(self) -> dict[str, Any]:
@@ -258,7 +257,7 @@ class Component(Described):
         return component, (self.to_dict(),)
 
 
-def component(table: Mapping[str, Any]) -> Component:
+def component(table: Keyed) -> Component:
     """Read the table of a component.
 
     Raises
@@ -281,20 +280,17 @@ def component(table: Mapping[str, Any]) -> Component:
         formula = formula_of(table.get("formula"), entry=kinds[kind])
         taken = next((key for key in formula.parameters if hasattr(Component, key)), None)
         if taken:
-            what = f'the name of parameter "{taken}" of formula "{formula.name}" is already in use'
-            raise wrong(f"formula.parameters.{taken}", what, remedy="Choose another one.")
+            raise invalid(f"formula.parameters.{taken}", "describe.name-in-use", taken=taken, name=formula.name)
         return cast("Component", _class_with(formula).model_validate({**table, "formula": formula}))
     return cast("Component", component_class(kind).model_validate(dict(table)))
 
 
-def within(
-    error: DescriptionError, name: str, table: Mapping[str, Any], above: str = "components."
-) -> DescriptionError:
+def within_component(error: DescriptionError, name: str, table: Keyed, above: str = "components.") -> DescriptionError:
     """Return errors of a component's table with their full keys in the file."""
-    return keys.within(error, name, above, lambda key: _nested(key, table))
+    return within(error, name, above, lambda key: _nested(key, table))
 
 
-def _nested(key: str, table: Mapping[str, Any]) -> str:
+def _nested(key: str, table: Keyed) -> str:
     """Return the key as the user wrote it: nested in inner tables, or under its older name."""
     kind = table.get("kind")
     before = component_class(kind).renamed if isinstance(kind, str) and kind in component_kinds() else {}
@@ -306,7 +302,7 @@ def _nested(key: str, table: Mapping[str, Any]) -> str:
     return key
 
 
-def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
     """Return the keys of a kind as rows of text: key, unit or form, default with its origin, meaning."""
     kind = component_class(entry["kind"])
     out = []
@@ -345,18 +341,18 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     return out
 
 
-def _unless(parameter: Mapping[str, Any]) -> str:
+def _unless(parameter: Keyed) -> str:
     """Return the condition under which a parameter is needed; empty without a condition."""
     unless = parameter["unless"]
     return unless and f"needed unless {unless}{'' if ' = ' in unless else ' is given'}"
 
 
-def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
+def _mark(parameter: Keyed) -> Quantity | StatedPressure:
     """Return the annotation of a parameter."""
     if parameter["unit"] == STATED:
         return StatedPressure()
     mark = parameter_quantity(parameter)
-    return mark if mark.si_unit else PureNumber("", bounds=mark.bounds)
+    return mark if mark.si_unit else marks.PureNumber("", bounds=mark.bounds)
 
 
 def _last(key: str) -> str:
@@ -375,21 +371,21 @@ def _class_with(formula: ComponentFormula) -> type[Component]:
     return _class_of(formula.entry)
 
 
-def _class_of(entry: Mapping[str, Any]) -> type[Component]:
+def _class_of(entry: Keyed) -> type[Component]:
     kind = entry["kind"]
-    fields: dict[str, Any] = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
+    fields: Plain = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
     names: dict[str, str] = {}
     for parameter in entry["parameters"]:
         key = parameter["key"]
         mark = _mark(parameter)
         sizes = flow_keys(entry, key)
-        kind_of = float if isinstance(mark, Quantity) else units.Pressure
+        kind_of = float if isinstance(mark, Quantity) else Pressure
         if is_needed(parameter) and len(sizes) == 1:
             _add(fields, names, key, Annotated[kind_of, mark], ..., parameter["meaning"])
         else:
             default = parameter["default"]
-            if default is not None and kind_of is units.Pressure:
-                default = units.Pressure(default, gauge=False)
+            if default is not None and kind_of is Pressure:
+                default = Pressure(default, gauge=False)
             _add(fields, names, key, Annotated[kind_of | None, mark], default, parameter["meaning"])
         for size in sizes[1:]:
             mark = _SIZES[_last(size)]
@@ -406,7 +402,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
     if entry["points"]:
         columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
         defaults = tuple(column["default"] for column in entry["points"]["columns"])
-        mark = PointRows("", columns=columns, defaults=defaults, most=entry["points"]["most"])
+        mark = marks.PointRows("", columns=columns, defaults=defaults, most=entry["points"]["most"])
         what = columns[1][0] if len(columns) == 2 else "flow"
         meaning = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}"
         rows_of, key = tuple[tuple[float, ...], ...], entry["points"]["key"]
@@ -416,7 +412,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
             fields[key] = (Annotated[rows_of, mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input, for commands in V or mA"
-        fields[COMMAND] = (Annotated[Signal | None, SignalRange("")], Field(default=None, description=meaning))
+        fields[COMMAND] = (Annotated[Signal | None, marks.SignalRange("")], Field(default=None, description=meaning))
     name = re.sub(r"\W+", " ", kind).title().replace(" ", "")
     made = create_model(name, __base__=Component, __doc__=entry["doc"], __module__=__name__, **fields)
     made.entry, made.fields = MappingProxyType(entry), MappingProxyType(names)
@@ -431,14 +427,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
 
 
 #: Kinds of components that switch -> their commands. Some take pulses, whose width is any fraction.
-SWITCHED: dict[str, tuple[float, ...]] = {
-    "valve/switching-2/2": (0.0, 1.0),
-    "valve/switching-3/2": (0.0, 1.0),
-    "valve/switching-5/2": (0.0, 1.0),
-    "valve/switching-5/3": (-1.0, 0.0, 1.0),
-    "valve/impulse-5/2": (-1.0, 0.0, 1.0),
-    "rod-lock": (0.0, 1.0),
-}
+SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
 _PULSES = "pwm_frequency"
 #: Keys of a spool.
 _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
@@ -447,9 +436,9 @@ _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to 
 
 #: Alternative sizes of a flow path beside its conductance, by the last word of their key.
 _SIZES: dict[str, Quantity] = {
-    "flow": Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0)),
-    "kv": FlowCoefficient("", "Kv", Bounds(above=0.0)),
-    "cv": FlowCoefficient("", "Cv", Bounds(above=0.0)),
+    "flow": Quantity("m^3/s ANR", "l/min ANR", POSITIVE),
+    "kv": FlowCoefficient("", "Kv", POSITIVE),
+    "cv": FlowCoefficient("", "Cv", POSITIVE),
 }
 
 
@@ -458,7 +447,7 @@ def _yes_or_no(given: object) -> object:
     return {True: "yes", False: "no"}[given] if isinstance(given, bool) else given
 
 
-def _add(fields: dict[str, Any], names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation
+def _add(fields: Plain, names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation
     """Add the field of a number, under a name with its unit."""
     mark = next(mark for mark in get_args(kind) if isinstance(mark, Quantity | StatedPressure))
     names[key] = _field_name(key, mark)
@@ -473,5 +462,5 @@ def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
     >>> _field_name("leakage", Quantity("m^3/(s Pa)"))
     'leakage_m3_s_pa'
     """
-    unit = units.suffix(mark.si_unit) if isinstance(mark, Quantity) else ""
+    unit = suffix(mark.si_unit) if isinstance(mark, Quantity) else ""
     return f"{key}_{unit}" if unit else key

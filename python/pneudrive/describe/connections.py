@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.keys import invalid, wrong
-from pneudrive.errors import Problems, nearest
+from pneudrive.errors import Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -178,8 +177,7 @@ class Wiring:
             if is_line:
                 words = [word.strip() for word in chain.split(PILOT_LINE)]
             if len(words) < 2:
-                rule = "a connection names two ports or more"
-                raise wrong(key, f'"{chain}" joins nothing', rule=rule, remedy='Write "supply -> valve.1".')
+                raise invalid(key, "describe.joins-nothing", chain=chain)
             ends: list[tuple[Port | str | None, Port | str | None]] = []
             for place, word in enumerate(words):
                 with self.problems.caught():
@@ -229,8 +227,7 @@ class Wiring:
             if port.name == name:
                 return port
         known = ", ".join(port.name for port in self.ports(component))
-        remedy = f"Ports of {kind}: {known}."
-        raise wrong(key, f'{component} has no port "{name}"', remedy=remedy)
+        raise invalid(key, "describe.no-such-port", component=component, name=name, kind=kind, known=known)
 
     @staticmethod
     def _pilots(one: Port | str, other: Port | str, key: str, *, is_line: bool) -> None:
@@ -316,8 +313,7 @@ class Wiring:
                 raise wrong(key, f'"{text}" is not a port', rule="a plug shuts a port", remedy='Write "valve.2".')
             found = self._port(name, port, key) if self.parts[name].entry is not None else None
             if found is not None and found in self.at:
-                what = f"{text} is plugged, but also joined to {self.at[found]}"
-                raise wrong(key, what, remedy="Remove one of the two.")
+                raise invalid(key, "describe.plugged-and-joined", text=text, at=self.at[found])
             return found
         return None
 

@@ -16,17 +16,15 @@ from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.files.sourced import Value, has_origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.keys import invalid, wrong
+from pneudrive.describe.marks import Positions, Signal
 from pneudrive.describe.short import TABLES, beside_control, expanded
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
-from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
-from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
-from pneudrive.describe.tables.signal import Positions, Signal
+from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve, assumed_stops
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
-from pneudrive.errors import Problems
+from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
 from pneudrive.repr_tables import Card
@@ -34,6 +32,7 @@ from pneudrive.repr_tables import Card
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pneudrive.arrays import Keyed, Plain
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Session
 
@@ -87,8 +86,7 @@ class Drive(Described):
     @classmethod
     def _no_circuit(cls, data: Any) -> Any:  # noqa: ANN401
         if isinstance(data, dict) and "components" in data:
-            remedy = "Read it by pn.Circuit.load, or run it by pneudrive simulate."
-            raise wrong("components", "[components] describes a circuit, but a drive is needed", remedy=remedy)
+            raise invalid("components", "describe.circuit-for-drive")
         return data
 
     @model_validator(mode="after")
@@ -141,7 +139,7 @@ class Drive(Described):
         load = _FileOrTable(load.__func__)
 
     @classmethod
-    def _from_catalogue(cls, reference: str, changes: dict[str, Any]) -> Drive:
+    def _from_catalogue(cls, reference: str, changes: Plain) -> Drive:
         made = cls.model_validate(merge(catalogue.drive_tables(reference), changes))
         vars(made)["origins"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
         return made.read_from(reference)
@@ -309,9 +307,8 @@ class Drive(Described):
         state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)
         position = state["position_m"]
         if not 0.0 <= position <= stroke:
-            raise invalid(
-                "initial.position", "describe.start-outside-stroke", position=position * 1e3, stroke=stroke * 1e3
-            )
+            ends = {"position": position * 1e3, "stroke": stroke * 1e3}
+            raise invalid("initial.position", "describe.start-outside-stroke", **ends)
         for chamber in "ab":
             if not state[f"pressure_{chamber}_pa"] > 0.0:
                 pressure = getattr(start, f"pressure_{chamber}")
@@ -407,7 +404,7 @@ class Drive(Described):
             out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
         stop = self.cylinder.end_stop
         given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.stored()]
-        out += end_stops.assumed("cylinder.end_stop.", given, self._stops())
+        out += assumed_stops("cylinder.end_stop.", given, self._stops())
         out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]
         return [(escaped(line), "") for line in out]
 
@@ -429,7 +426,7 @@ class Drive(Described):
         return toml.write({"schema": self.schema_version} | self.to_dict())
 
 
-def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+def merge(base: Plain, changes: Plain) -> Plain:
     """Apply changes to base values, table by table.
 
     A change removes keys that it excludes: another size of the valve, the parameters of another friction law.
@@ -441,7 +438,7 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return toml.merge(base | kept, changes, lambda one: isinstance(one, dict) and not has_origin(one))
 
 
-def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+def _kept(table: str, old: Plain, own: Plain) -> Plain:
     """Return the values of a table that remain valid after a user's changes."""
     dropped: set[str] = set()
     if table == "valve" and set(FLOW_KEYS) & set(own):
@@ -459,7 +456,7 @@ def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any
     return {key: value for key, value in old.items() if key not in dropped}
 
 
-def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]:
+def _untouched(values: Iterable[Value], changes: Keyed) -> tuple[Value, ...]:
     """Return the values of the catalogue that a user's tables do not change."""
 
     def is_touched(key: str) -> bool:

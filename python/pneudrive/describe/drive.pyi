@@ -10,6 +10,7 @@ from _typeshed import Incomplete
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
+from pneudrive.arrays import Keyed as Keyed, Plain as Plain
 from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
 from pneudrive.describe.circuit import Circuit as Circuit
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, toml as toml
@@ -17,7 +18,7 @@ from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.files.sourced import Value as Value, has_origin as has_origin
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.keys import invalid as invalid, wrong as wrong
+from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import TABLES as TABLES, beside_control as beside_control, expanded as expanded
 from pneudrive.describe.system import (
     PISTON as PISTON,
@@ -25,7 +26,6 @@ from pneudrive.describe.system import (
     drive_names as drive_names,
     short_name as short_name,
 )
-from pneudrive.describe.tables import end_stops as end_stops
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
 from pneudrive.describe.tables.friction import Friction as Friction, friction_laws as friction_laws
 from pneudrive.describe.tables.parts import (
@@ -37,11 +37,11 @@ from pneudrive.describe.tables.parts import (
     Load as Load,
     Supply as Supply,
     Valve as Valve,
+    assumed_stops as assumed_stops,
 )
-from pneudrive.describe.tables.signal import Positions as Positions, Signal as Signal
 from pneudrive.describe.tables.starts import read_initial as read_initial, start_state as start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS as FLOW_KEYS
-from pneudrive.errors import Problems as Problems
+from pneudrive.errors import Problems as Problems, invalid as invalid, wrong as wrong
 from pneudrive.lazy_names import upper as upper
 from pneudrive.repr_tables import Card as Card
 from pneudrive.simulation.session import Session as Session
@@ -143,6 +143,6 @@ class Drive(Described):
         provenance: _Mapping[str, _Any] = ...,
     ) -> None: ...
 
-def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]: ...
-def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]: ...
-def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Value, ...]: ...
+def merge(base: Plain, changes: Plain) -> Plain: ...
+def _kept(table: str, old: Plain, own: Plain) -> Plain: ...
+def _untouched(values: Iterable[Value], changes: Keyed) -> tuple[Value, ...]: ...

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pydantic_core import core_schema
 
 from pneudrive import units
-from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import CommandError, DescriptionError, WrongValueError, naming, nearest, wrong
 from pneudrive.files.bounds import beyond
+from pneudrive.units import Pressure, UnitFloat
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from pneudrive.arrays import Interval, Keyed, Plain
 
 
 # --- Quantities of a description: their bounds, how they are read and shown, and the types of the usual ones.
@@ -59,10 +61,10 @@ class PerChamber(NamedTuple):
 
 def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = None) -> float:
     """Convert one quantity to a checked SI value, or raise `DescriptionError` with its rule in the unit `written`."""
-    if not isinstance(given, str | units.UnitFloat):
+    if not isinstance(given, str | UnitFloat):
         raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
     value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
-    rule = bounds.broken(value, lambda bound: f"{units.UnitFloat(bound, si_unit, written if bound else None):g}")
+    rule = bounds.broken(value, lambda bound: f"{UnitFloat(bound, si_unit, written if bound else None):g}")
     if rule:
         raise WrongValueError(f'"{given}" is out of bounds', rule=rule)
     bounds.beyond(given, value)
@@ -71,7 +73,7 @@ def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = 
 
 def number(given: object, bounds: Bounds) -> float:
     """Check a pure number, or raise `WrongValueError`."""
-    if isinstance(given, bool | units.UnitFloat) or not isinstance(given, (int, float)):
+    if isinstance(given, bool | UnitFloat) or not isinstance(given, (int, float)):
         raise WrongValueError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
     try:
         value = float(given)
@@ -81,6 +83,12 @@ def number(given: object, bounds: Bounds) -> float:
     if rule:
         raise WrongValueError(f"{given!r} is out of bounds", rule=rule)
     return value
+
+
+def table_schema(properties: Plain, required: list[str] | None = None) -> Plain:
+    """Return the JSON schema of a table that has no other keys."""
+    needed = {} if required is None else {"required": required}
+    return {"type": "object", "properties": properties, **needed, "additionalProperties": False}
 
 
 @dataclass(frozen=True)
@@ -99,7 +107,7 @@ class Mark:
         """Return the stored value in its displayed form: a quantity with its unit."""
         return value
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         return {}
 
@@ -114,7 +122,7 @@ class Mark:
         """Validate only by `read`."""
         return core_schema.no_info_plain_validator_function(self.read)
 
-    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: object, handler: object) -> Plain:
         """Return the JSON schema of the form that users write."""
         return self.schema()
 
@@ -148,17 +156,17 @@ class Quantity(Mark):
     def named(self, value: Any) -> Any:  # noqa: ANN401 - any type of the field
         """Return the stored value as a quantity that shows its unit; a pure number unchanged."""
         if isinstance(value, float) and self.si_unit:
-            return units.UnitFloat(value, self.si_unit, self.written)
+            return UnitFloat(value, self.si_unit, self.written)
         if isinstance(value, tuple):
             made = [self.named(one) for one in value]
             return type(value)(*made) if hasattr(value, "_fields") else tuple(made)
         return value
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         if self.si_unit:
             return {"type": "string", "description": units.kind(self.si_unit), "x-unit": self.si_unit}
-        out: dict[str, Any] = {"type": "number"}
+        out: Plain = {"type": "number"}
         names = {"above": "exclusiveMinimum", "at_least": "minimum", "below": "exclusiveMaximum", "at_most": "maximum"}
         out |= {word: getattr(self.bounds, key) for key, word in names.items() if getattr(self.bounds, key) is not None}
         return out
@@ -196,11 +204,10 @@ class EachChamber(Quantity):
         """Write both."""
         return {"a": self.show_one(value.a), "b": self.show_one(value.b)}
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Describe a table of two quantities."""
         one = super().schema()
-        both = {"a": one, "b": one}
-        return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
+        return table_schema({"a": one, "b": one}, ["a", "b"])
 
 
 @dataclass(frozen=True)
@@ -209,9 +216,9 @@ class StatedPressure(Mark):
 
     gauge_allowed: bool = True
 
-    def read(self, given: object) -> units.Pressure:
+    def read(self, given: object) -> Pressure:
         """Convert and check; an absolute pressure is above zero."""
-        if isinstance(given, units.Pressure):
+        if isinstance(given, Pressure):
             return given
         if not isinstance(given, str):
             raise WrongValueError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
@@ -222,24 +229,28 @@ class StatedPressure(Mark):
             raise WrongValueError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
         return pressure
 
-    def show(self, value: units.Pressure) -> str:
+    def show(self, value: Pressure) -> str:
         """Write the pressure in its given form, absolute or gauge."""
         return str(value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         words = "(abs|gauge)" if self.gauge_allowed else "abs"
         return {"type": "string", "pattern": f"^.+ {words}$", "description": units.kind("Pa"), "x-unit": "Pa"}
 
 
-Length = Annotated[float, Quantity("m", "mm", Bounds(above=0.0))]
+POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
+Length = Annotated[float, Quantity("m", "mm", POSITIVE)]
+MaybeLength = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
 Position = Annotated[float, Quantity("m", "mm")]
 Velocity = Annotated[float, Quantity("m/s", "mm/s")]
-Mass = Annotated[float, Quantity("kg", "kg", Bounds(above=0.0))]
+Mass = Annotated[float, Quantity("kg", "kg", POSITIVE)]
 Force = Annotated[float, Quantity("N", "N")]
-Temperature = Annotated[float, Quantity("K", "K", Bounds(above=0.0))]
+Temperature = Annotated[float, Quantity("K", "K", POSITIVE)]
+MaybeTemperature = Annotated[float | None, Quantity("K", "K", POSITIVE)]
+MaybePressure = Annotated[Pressure | None, StatedPressure()]
 Angle = Annotated[float, Quantity("rad", "deg", Bounds(at_least=-math.pi / 2, at_most=math.pi / 2))]
-Stiffness = Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
+Stiffness = Annotated[float, Quantity("N/m", "N/m", POSITIVE)]
 Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
 
 
@@ -258,6 +269,9 @@ class Reads(Mark):
     def read(self, given: Any) -> Any:  # noqa: ANN401 - result of the function
         """Convert and check."""
         return self.how(given)
+
+
+Text = Annotated[str, Reads(str)]
 
 
 @dataclass(frozen=True)
@@ -290,7 +304,7 @@ class Whole(Quantity):
         Bounds(bound=self.bound).beyond(given, given)
         return given
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         return {"type": "integer", "minimum": self.at_least}
 
@@ -315,26 +329,30 @@ class Percent(Quantity):
         """Write the value as users would."""
         return units.write_share(value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         return {"type": "string", "pattern": "^.+ %$", "x-unit": "%"}
+
+
+#: A relative uncertainty, or a tolerance.
+Accuracy = Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))]
 
 
 @dataclass(frozen=True)
 class Between(Quantity):
     """Annotation of a field for a range, ``"15 degC .. 30 degC"``, stored as (low, high)."""
 
-    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
+    def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check."""
         if not isinstance(given, str):
             raise WrongValueError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
         return units.parse_range(given, self.si_unit)
 
-    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
+    def show(self, value: Interval) -> str:  # type: ignore[override]
         """Write the value as users would."""
         return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
 
@@ -343,7 +361,7 @@ class Between(Quantity):
 class PressureBetween(StatedPressure):
     """Annotation of a field for a range of pressures, ``"0 bar gauge .. 10 bar gauge"``, stored as both ends."""
 
-    def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
+    def read(self, given: object) -> tuple[Pressure, Pressure]:  # type: ignore[override]
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else []
         if len(ends) != 2:
@@ -353,12 +371,12 @@ class PressureBetween(StatedPressure):
             raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
         return low, high
 
-    def show(self, value: tuple[units.Pressure, units.Pressure]) -> str:  # type: ignore[override]
+    def show(self, value: tuple[Pressure, Pressure]) -> str:  # type: ignore[override]
         """Write the value as users would."""
         return f"{value[0]} .. {value[1]}"
 
 
-def absolute(ends: tuple[units.Pressure, units.Pressure], ambient_pa: float) -> tuple[float, float]:
+def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
     """Return both ends of a range of pressures, absolute, Pa."""
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
 
@@ -380,7 +398,7 @@ class OnPaper(Quantity):
         """Write the place."""
         return list(value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema."""
         return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
@@ -398,7 +416,7 @@ class PureNumber(Quantity):
                 raise WrongValueError(f'"{given}" is not a number') from None
         return super().read(given)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Describe both forms."""
         number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
@@ -442,7 +460,7 @@ class PointRows(Quantity):
                 raise WrongValueError(what, rule=f"{key} increases from point to point")
         return rows
 
-    def _row(self, table: dict[str, Any], number: int, example: str) -> tuple[float, ...]:
+    def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
         if not set(self.needed) <= set(table) <= {key for key, _ in self.columns}:
             rest = f"; only {' and '.join(self.needed)} needed" if len(self.needed) < len(self.columns) else ""
             raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
@@ -459,11 +477,10 @@ class PointRows(Quantity):
             for row in value
         ]
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the list."""
         columns = {key: mark.schema() for key, mark in self.columns}
-        point = {"type": "object", "properties": columns, "required": self.needed, "additionalProperties": False}
-        return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
+        return {"type": "array", "items": table_schema(columns, self.needed), "minItems": 2, "maxItems": self.most}
 
 
 def _read(mark: Quantity, given: object, name: str) -> float:
@@ -471,3 +488,113 @@ def _read(mark: Quantity, given: object, name: str) -> float:
         return mark.read(given)
     except DescriptionError as error:
         raise WrongValueError(f"{name}: {error.what}", error.rule, error.remedy) from None
+
+
+# --- Parameters that the core lists.
+
+
+def parameter_quantity(parameter: Keyed) -> Quantity:
+    """Return the annotation of one parameter: SI unit, preferred unit, bounds."""
+    si_unit = units.si_name(parameter["unit"])
+    written = units.readable(si_unit)[1]
+    low, high = parameter["lower"], parameter["upper"]
+    low = None if low is None or math.isinf(low) else low
+    high = None if high is None or math.isinf(high) else high
+    lower = {"above" if parameter["open"] else "at_least": low}
+    upper = {"below" if parameter["open_above"] else "at_most": high}
+    return Quantity(si_unit, written if units.is_unit(written) else None, Bounds(**lower, **upper))
+
+
+def parameter_quantities(entry: Keyed) -> dict[str, Quantity]:
+    """Return the annotation of each parameter of a law or a component by its key."""
+    return {p["key"]: parameter_quantity(p) for p in entry["parameters"]}
+
+
+# --- Electrical input of a valve: conversion of a voltage or current to an opening.
+
+# SI unit -> preferred unit
+_WRITTEN = {"V": "V", "A": "mA"}
+_FORM = '"0 V .. 10 V" or "4 mA .. 20 mA"'
+
+
+class Signal(NamedTuple):
+    """Range of a valve's electrical input, V or A.
+
+    The lower end opens b fully to the supply (u = -1), the upper end a (u = 1); the valve is shut in the middle.
+    """
+
+    low: float
+    high: float
+    si_unit: str
+
+    def __str__(self) -> str:
+        unit = _WRITTEN[self.si_unit]
+        return " .. ".join(units.write(end, self.si_unit, unit) for end in self[:2])
+
+    def opening(self, text: str) -> float:
+        """Convert a voltage or current to the command u in [-1, 1].
+
+        Raises
+        ------
+        CommandError
+            The text is another quantity, or outside the range.
+
+        Examples
+        --------
+        >>> Signal(0.0, 10.0, "V").opening("7.5 V")
+        0.5
+        """
+        with naming("command"):
+            value = units.parse(text, self.si_unit)
+        if not self.low <= value <= self.high:
+            raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
+        return (2.0 * value - self.low - self.high) / (self.high - self.low)
+
+
+class Positions(NamedTuple):
+    """Commands of a component that switches, and its electrical input if one is described."""
+
+    values: tuple[float, ...]
+    signal: Signal | None = None
+
+    def check(self, value: float, what: str, where: str | None = None) -> None:
+        """Refuse a command between the positions.
+
+        Raises
+        ------
+        CommandError
+            The command is not one of the positions.
+        """
+        if value not in self.values:
+            *first, last = (f"{one:g}" for one in self.values)
+            raise CommandError.of("describe.switches", where=where, what=what, first=", ".join(first), last=last)
+
+
+@dataclass(frozen=True)
+class SignalRange(Quantity):
+    """Annotation of a field for a range of voltage or current, stored as a `Signal`."""
+
+    def read(self, given: object) -> Signal:  # type: ignore[override]
+        """Read ``"0 V .. 10 V"``."""
+        if isinstance(given, Signal):
+            return given
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
+        si_unit = "A" if given.rstrip().endswith("A") else "V"
+        try:
+            return Signal(*units.parse_range(given, si_unit), si_unit)
+        except DescriptionError as error:
+            what = f'"{given}" is not a range of voltage or current'
+            raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
+
+    def show(self, value: Signal) -> str:  # type: ignore[override]
+        """Write the range as users would."""
+        return str(value)
+
+    def schema(self) -> Plain:
+        """Return the JSON schema of the form that users write."""
+        return {
+            "type": "string",
+            "pattern": r"^.+\.\..+$",
+            "description": f"a range of voltage or current, e.g. {_FORM}",
+        }

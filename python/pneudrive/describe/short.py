@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.connections import ARROW
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
-from pneudrive.errors import DescriptionError, Problems, nearest
+from pneudrive.errors import DescriptionError, Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
+
+    from pneudrive.arrays import Keyed, Plain
 
 
 #: Tables of a drive file that describe components.
@@ -54,7 +55,7 @@ class Short:
         return "valve" if table == "connections" and number.isdigit() and int(number) >= self.given else key
 
 
-def expanded(data: Mapping[str, Any], problems: Problems) -> Short:
+def expanded(data: Keyed, problems: Problems) -> Short:
     """Return the components of the tables of a drive file, and the usual joints that `connections` leaves open."""
     short = Short()
     given = _tables(data, problems)
@@ -80,7 +81,7 @@ def expanded(data: Mapping[str, Any], problems: Problems) -> Short:
     return short
 
 
-def _tables(data: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
+def _tables(data: Keyed, problems: Problems) -> Plain:
     """Return the given tables of a drive file, without tables whose [cylinder] or [valve] is missing."""
     given = {key: data[key] for key in TABLES if key in data}
     for key, table in list(given.items()):
@@ -105,14 +106,12 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
     part, kind, renamed = _LINES[key]
     where = f"{key}.{chamber}"
     if chamber not in CHAMBERS:
-        rule = "a table for each chamber, a and b"
-        raise wrong(where, f"{where} is not a known key", rule=rule, remedy=nearest(chamber, CHAMBERS))
+        raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
     if not isinstance(table, dict):
         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
     if key == "flow_control":
         for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
-            what = f"{where}.{size} and {where}.{_NEEDLE}{size} are the same number"
-            raise wrong(f"{where}.{size}", what, remedy=f"Keep {_NEEDLE}{size}.")
+            raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=_NEEDLE)
     name = f"{part}_{chamber}"
     try:
         own = renamed(table)
@@ -123,19 +122,19 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
         short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
 
-def _add(short: Short, name: str, place: str, table: dict[str, Any]) -> None:
+def _add(short: Short, name: str, place: str, table: Plain) -> None:
     short.components[name] = table
     short.places[f"components.{name}"] = place
 
 
-def _of_kind(table: Mapping[str, Any], family: str) -> dict[str, Any]:
+def _of_kind(table: Keyed, family: str) -> Plain:
     """Return the table with the kind of the component: ``rodless`` becomes ``cylinder/rodless``."""
     kind = table.get("kind")
     is_short = isinstance(kind, str) and not kind.startswith(f"{family}/")
     return dict(table) | ({"kind": f"{family}/{kind}"} if is_short else {})
 
 
-def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
+def _flow_control(table: Keyed) -> Plain:
     """Return the table of a flow control; the default size of its check valve is that of its needle."""
     out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
     needle = {size: out[f"{_NEEDLE}{size}"] for size in FLOW_KEYS if f"{_NEEDLE}{size}" in out}
@@ -145,7 +144,7 @@ def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def beside_control(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+def beside_control(old: Keyed, own: Keyed) -> Plain:
     """Return the keys of a flow control without sizes that a user's size of the same flow path replaces."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
@@ -157,7 +156,7 @@ def _path(key: str) -> str:
     return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
-def _tube(table: Mapping[str, Any]) -> dict[str, Any]:
+def _tube(table: Keyed) -> Plain:
     """Return the table of a tube, with its kind from the key `model`."""
     out = dict(table)
     if "model" in out:
@@ -180,7 +179,7 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 }
 
 
-def _join(short: Short, data: Mapping[str, Any]) -> None:
+def _join(short: Short, data: Keyed) -> None:
     """Add the usual joints, except for ports that `connections` or `plugged` name."""
     lists = [data.get(key) for key in ("connections", "plugged")]
     words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
@@ -204,7 +203,7 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
             yield from (text for text in one if isinstance(text, str))
 
 
-def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
+def _has_ports(table: Keyed, *names: str) -> bool:
     """Return whether a valve has ports of these names; True for a valve of the catalogue (kind not known yet)."""
     from pneudrive.describe.kinds import component_kinds
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import re
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.errors import DescriptionError, package_table
 
 if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive.arrays import Plain
 
     ShortNames = tuple[str, tuple[tuple[str, str], ...], bool]
 
@@ -39,7 +40,7 @@ class System(NamedTuple):
     names: ShortNames | None = None
 
     @classmethod
-    def of_drive(cls, form: dict[str, Any]) -> System:
+    def of_drive(cls, form: Plain) -> System:
         """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
         return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
 
@@ -81,7 +82,7 @@ def compiled(core_json: str, names: ShortNames | None = None) -> CoreCircuit:
         raise refusal from None
 
 
-def expanded_drive(form: dict[str, Any]) -> dict[str, Any]:
+def expanded_drive(form: Plain) -> Plain:
     """Return the circuit of a drive without lines, both in the core's form.
 
     Parameters
@@ -93,7 +94,7 @@ def expanded_drive(form: dict[str, Any]) -> dict[str, Any]:
     choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}
     stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop", {}).items()}
     kind, spring = cylinder.pop("kind"), load.pop("spring", None)
-    components: list[dict[str, Any]] = [
+    components: list[Plain] = [
         {"name": "supply", "kind": "reservoir", "numbers": _numbers(form["supply"])},
         {"name": "valve", "kind": f"valve/{valve.pop('kind')}", "numbers": _numbers(valve)},
         {
@@ -113,7 +114,7 @@ def expanded_drive(form: dict[str, Any]) -> dict[str, Any]:
     return {"gas": form["gas"], "ambient": form["ambient"], "components": components, "joints": joints}
 
 
-def _numbers(table: dict[str, Any]) -> dict[str, float]:
+def _numbers(table: Plain) -> dict[str, float]:
     return {without_unit(key): value for key, value in table.items() if value is not None}
 
 

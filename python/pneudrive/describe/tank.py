@@ -11,20 +11,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.components import Component, component, within
+from pneudrive.describe.components import Component, component, within_component
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import invalid, wrong
-from pneudrive.describe.marks import Bounds, Fraction, Quantity, StatedPressure
-from pneudrive.describe.tables.parts import NOT_NEGATIVE, Ambient, Gas
-from pneudrive.errors import DescriptionError
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, Fraction, MaybePressure, MaybeTemperature, Quantity
+from pneudrive.describe.tables.parts import Ambient, Gas
+from pneudrive.errors import DescriptionError, invalid, wrong
 
 #: Kind of component of a tank's tube.
 TUBE = "tube/distributed"
 #: Critical pressure ratio of a leak (assumed).
 LEAK_RATIO = 0.2
-_TEMPERATURE = Quantity("K", "K", Bounds(above=0.0))
 
 
 class FixedVolume(Described):
@@ -36,11 +33,11 @@ class FixedVolume(Described):
     """
 
     table: ClassVar[str] = "volume"
-    volume_m3: Annotated[float, Quantity("m^3", "dm3", Bounds(above=0.0))] = Field(alias="value")
+    volume_m3: Annotated[float, Quantity("m^3", "dm3", POSITIVE)] = Field(alias="value")
     heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = 0.5
     leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
-    wall_temperature_k: Annotated[float | None, _TEMPERATURE] = None
-    start_temperature_k: Annotated[float | None, _TEMPERATURE] = None
+    wall_temperature_k: MaybeTemperature = None
+    start_temperature_k: MaybeTemperature = None
 
 
 class TankLine(Described):
@@ -50,12 +47,12 @@ class TankLine(Described):
     """
 
     table: ClassVar[str] = "line"
-    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))]
+    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)]
     critical_pressure_ratio: Fraction
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: Fraction = 0.999
-    pressure: Annotated[units.Pressure | None, StatedPressure()] = None
-    temperature_k: Annotated[float | None, _TEMPERATURE] = None
+    pressure: MaybePressure = None
+    temperature_k: MaybeTemperature = None
 
     @model_validator(mode="after")
     def _in_order(self) -> TankLine:
@@ -75,7 +72,7 @@ def _tube(table: object) -> object:
     try:
         return component(table | {"kind": TUBE})
     except DescriptionError as error:
-        raise within(error, "tube", table, above="") from None
+        raise within_component(error, "tube", table, above="") from None
 
 
 class Tank(Described):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.estimate.profile import Transforms
 
 
@@ -382,7 +382,7 @@ class Marginals:
             cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
         return np.column_stack([one.quantile(share) for one, share in zip(self.each.values(), cube.T, strict=True)])
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Describe the distributions."""
         return {
             "distributions": {name: str(one) for name, one in self.each.items()},
@@ -413,7 +413,7 @@ class NormalCoordinates:
         found[:, list(self.folded)] = np.abs(found[:, list(self.folded)])
         return found
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Describe the distributions."""
         return {"posterior": {"names": list(self.names), "covariance": self.covariance.tolist(), **self.source}}
 
@@ -672,7 +672,7 @@ class EnsembleDesign(Shown):
 
 
 def design_of(
-    vary: Mapping[str, Any] | EnsembleDesign, n: int | None = None, seed: int | None = None, method: str = "sobol"
+    vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | None = None, method: str = "sobol"
 ) -> EnsembleDesign:
     """Return the design that a mapping describes: a table of values, a grid, or distributions.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Ensemble, Outcome
     from pneudrive._core import Output as CoreOutput
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe.system import System
     from pneudrive.ensemble.outputs import Alike, MemberPlans, Reduction
     from pneudrive.ensemble.variation import CoreMembers
@@ -108,7 +108,7 @@ def run(
 
 
 def _run(
-    core: Ensemble, members: CoreMembers, alike: Alike, options: dict[str, Any], look: Callable[[float], object] | None
+    core: Ensemble, members: CoreMembers, alike: Alike, options: Plain, look: Callable[[float], object] | None
 ) -> Outcome:
     starts = [members.starts[name] for name in core.start_names]
     rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(members.values)

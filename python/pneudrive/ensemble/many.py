@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.simulation.command import Commands
@@ -86,7 +86,7 @@ class EnsembleStudy:
     threads: int | None = None
     begin: int = 0
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Describe everything that determines the results, as plain data."""
         return {
             "description_hash": self.variation.drive.description_hash,
@@ -149,7 +149,7 @@ class EnsembleStudy:
         found = engine.run(self.variation.drive.system, members, plans, self.rtol, requests, self.threads, look)
         values = iter(found.values)
         reasons = [found.reasons.get(k, "") for k in range(len(rows))]
-        columns: dict[str, Any] = {"member": np.arange(*chunk), "status": found.status}
+        columns: Plain = {"member": np.arange(*chunk), "status": found.status}
         columns["reason"] = pl.Series(reasons, dtype=pl.String)
         for number, column in zip(self.variation.numbers, rows.T, strict=True):
             columns[number.file_name] = np.ascontiguousarray(column)
@@ -220,8 +220,8 @@ class Members:
         upper("Pneu")  # registers `dataset.pneu`
 
         columns = {name: self.frame[name].to_numpy(writable=True) for name in self.frame.columns}
-        variables: dict[str, Any] = {}
-        coordinates: dict[str, Any] = {"member": ("member", columns["member"], {"long_name": "member"})}
+        variables: Plain = {}
+        coordinates: Plain = {"member": ("member", columns["member"], {"long_name": "member"})}
         for number in self.study.variation.numbers:
             attrs = {"units": number.unit, "long_name": number.name}
             coordinates[number.name] = ("member", columns[number.file_name], attrs)
@@ -236,7 +236,7 @@ class Members:
         variables["reason"] = ("member", columns["reason"], {"units": "1", "long_name": "why a member failed"})
         return xr.Dataset(variables, coordinates, self.provenance())
 
-    def provenance(self) -> dict[str, Any]:
+    def provenance(self) -> Plain:
         """Describe the source of the results."""
         study, drive = self.study, self.study.variation.drive
         core, _ = ready(drive, study.variation.initial)
@@ -395,7 +395,7 @@ class ChunkStore:
             raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=differ)
         self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
 
-    def _begun(self, path: Path) -> dict[str, Any] | None:
+    def _begun(self, path: Path) -> Plain | None:
         try:
             begun = json.loads(path.read_text("utf-8"))
         except FileNotFoundError:
@@ -460,7 +460,7 @@ class ChunkStore:
         self.folder.rmdir()
 
 
-def _different(before: dict[str, Any], now: dict[str, Any]) -> str:
+def _different(before: Plain, now: Plain) -> str:
     """Name the differences between two studies."""
     names = {"description_hash": "drive", "duration_s": "duration"}
     differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
@@ -650,7 +650,7 @@ def study_of(
     command: Any,  # noqa: ANN401
     duration: Any,  # noqa: ANN401
     *,
-    vary: Mapping[str, Any] | EnsembleDesign,
+    vary: Keyed | EnsembleDesign,
     outputs: Sequence[str | Output] | None = None,
     initial: Any = None,  # noqa: ANN401
     rtol: float = 1e-6,

@@ -24,7 +24,7 @@ from pneudrive.simulation.trajectory import meaning
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.simulation.command import CommandInput, Steps
 
     EachSteps = list[Steps]
@@ -119,7 +119,7 @@ class MemberPlans:
             ]
             yield Alike(np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own])
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Describe them as plain data. Long data are represented by their SHA-256."""
         steps = self.steps.items()
         said = {name: [*map(list, each[0])] if len(each) == 1 else _digest(each) for name, each in steps}
@@ -128,7 +128,7 @@ class MemberPlans:
         return {"command": command, "duration_s": durations[0] if len(durations) == 1 else _digest(durations)}
 
 
-def _digest(given: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
+def _digest(given: Any) -> Plain:  # noqa: ANN401 - plain data
     return {"members": len(given), "sha256": hashlib.sha256(json.dumps(given).encode()).hexdigest()}
 
 
@@ -292,9 +292,9 @@ class Reduction:
         """Name of the column in a file, which carries the unit."""
         return units.column_name(self.name, self.unit)
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Describe the output as plain data."""
-        out: dict[str, Any] = {"output": self.word, "name": self.name, "of": list(self.columns)}
+        out: Plain = {"output": self.word, "name": self.name, "of": list(self.columns)}
         if not math.isnan(self.level):
             out |= {"level": self.level, "above": self.above}
         if self.word in ("samples", "own"):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Keyed
     from pneudrive.describe import Drive, Initial
     from pneudrive.ensemble.outputs import Output
     from pneudrive.simulation import command as commands
@@ -134,7 +134,7 @@ def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Ar
     return values
 
 
-def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> xr.Dataset:
+def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Keyed) -> xr.Dataset:
     import xarray as xr
 
     upper("Pneu")  # registers `dataset.pneu`

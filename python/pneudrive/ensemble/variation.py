@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.free.parameters import DriveFamily
 
@@ -123,7 +123,7 @@ class Variation:
         """Return the start state of all members in words. Studies with the same text have the same start."""
         return {key: str(value) for key, value in self._start_table().items()}
 
-    def _start_table(self) -> dict[str, Any]:
+    def _start_table(self) -> Plain:
         return {} if self.initial is None else self.initial.to_dict()
 
     def reader(self, name: str) -> QuantityReader:
@@ -132,7 +132,7 @@ class Variation:
         gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
-    def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
+    def changes(self, row: Array) -> tuple[Plain, Plain]:
         """Return a member's changes to the description (see `Drive.replace`) and its start state, as in their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
@@ -234,7 +234,7 @@ class CircuitVariation(Variation):
         """Return the start state of all members in words, including that of the circuit file."""
         return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
 
-    def _start_table(self) -> dict[str, Any]:
+    def _start_table(self) -> Plain:
         return dict(self.initial or {})
 
     @staticmethod

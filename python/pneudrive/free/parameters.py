@@ -17,8 +17,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.kinds import STATED, component_kinds
-from pneudrive.describe.marks import Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.base import Described
     from pneudrive.describe.system import ShortNames
@@ -59,7 +58,7 @@ _KEYS = {
 CYLINDER_FRICTION = "cylinder.friction."
 
 
-def component_numbers(form: dict[str, Any]) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
     """Yield name in the drive file, path, value and the core's entry of each number of a form except friction.
 
     The entry of a number without derivatives is marked ``discrete``.
@@ -71,7 +70,7 @@ def component_numbers(form: dict[str, Any]) -> Iterator[tuple[str, str, float, d
             yield f"{_TABLES.get(own, own)}.{_KEYS.get(key, key)}", f"{own}.{key}", value, rows[key]
 
 
-def table_of(form: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
+def table_of(form: Plain, path: str) -> tuple[Plain, str]:
     """Return the table and the key of a path in a circuit's form."""
     own, _, key = path.partition(".")
     component = next((one for one in form["components"] if one["name"] == own), None)
@@ -264,7 +263,7 @@ def _leaves(table: Any, path: str) -> Iterator[tuple[str, float]]:  # noqa: ANN4
         yield path, float(table)
 
 
-def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Parameter:
+def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
     head, _, key = path.rpartition(".")
     if head == "friction.parameters":
         about = laws[key]
@@ -286,7 +285,7 @@ def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Para
     return Parameter(name, path, unit, value, 0.0, np.inf, abs(value))
 
 
-def _of_component(name: str, path: str, value: float, entry: dict[str, Any]) -> Parameter:
+def _of_component(name: str, path: str, value: float, entry: Plain) -> Parameter:
     """Return a number of a component with the unit and the bounds of its table."""
     unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit or "1"
     if name in _SIGNED or not np.isfinite(entry["lower"]):
@@ -328,7 +327,7 @@ class DriveFamily:
 
     def __init__(
         self,
-        form: dict[str, Any],
+        form: Plain,
         free: Sequence[str],
         every: Iterable[Derived] = (),
         names: ShortNames | None = None,
@@ -357,7 +356,7 @@ class DriveFamily:
         """Run segments under the command of the drive."""
         return core.shoot("command", asked, look)
 
-    def _place(self, path: str) -> tuple[dict[str, Any], str]:
+    def _place(self, path: str) -> tuple[Plain, str]:
         return table_of(self._form, path)
 
     def get(self, path: str) -> float:
@@ -489,7 +488,7 @@ def core_path(name: str) -> str:
     return f"{of}.{LAW}{key.removeprefix('friction.')}" if key.startswith("friction.") else name
 
 
-def core_numbers(form: dict[str, Any]) -> Iterator[tuple[str, float]]:
+def core_numbers(form: Plain) -> Iterator[tuple[str, float]]:
     """Yield the numbers of the core's form in which members may differ, by their paths."""
     yield from ((path, form["ambient"][path.partition(".")[2]]) for path in AMBIENT.values())
     for one in form["components"]:

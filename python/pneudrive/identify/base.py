@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Plain
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
@@ -93,7 +93,7 @@ class Intervals(dict[str, tuple[float, float]]):
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
-def recording_tables(records: Iterable[Any]) -> list[dict[str, Any]]:
+def recording_tables(records: Iterable[Any]) -> list[Plain]:
     """Return the recordings of a fit for its provenance."""
     return [{"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records]
 
@@ -181,7 +181,7 @@ class FitFile(_Table):
         return {name: entry for group in self.groups for name, entry in group.items()}
 
     @classmethod
-    def read(cls, content: dict[str, Any], title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
+    def read(cls, content: Plain, title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
         """Check keys and types of a file; all groups of values but the first may be missing.
 
         Parameters
@@ -533,17 +533,17 @@ class Fit(Viewed):
         """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         """Return the top-level entries of the file in addition to schema and kind."""
         return {"kind": self.KIND, "converged": self.converged, "notes": list(self.notes)}
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         """Return the tables at the end of the file: start values of the search."""
         return {}
 
-    def _entry(self, name: str, value: float) -> dict[str, Any]:
+    def _entry(self, name: str, value: float) -> Plain:
         """Return the table of a value; `FitEntry` reads it."""
-        entry: dict[str, Any] = {"value": value, "unit": self.units[name]}
+        entry: Plain = {"value": value, "unit": self.units[name]}
         entry["determined"] = self._is_determined(name, value)
         if name in self.intervals:
             entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
@@ -553,7 +553,7 @@ class Fit(Viewed):
 
     def toml(self, folder: Path | None = None) -> str:
         """Return the text of fit.toml. It lists the inputs of the fit only if `folder` is given."""
-        tables: dict[str, Any] = {"schema": SCHEMA, **self._first()}
+        tables: Plain = {"schema": SCHEMA, **self._first()}
         for table, values in zip(self.GROUPS, self._groups(), strict=True):
             tables |= {f"{table}.{toml.key_text(name)}": self._entry(name, value) for name, value in values.items()}
         if self.covariance.size:
@@ -612,7 +612,7 @@ class Fit(Viewed):
         return toml.read(path, FitError)[0].get("kind") == cls.KIND
 
     @classmethod
-    def _present(cls, content: dict[str, Any]) -> dict[str, Any]:
+    def _present(cls, content: Plain) -> Plain:
         """Return the tables of a file. Older ones of motions and regulators have one for each property of a value."""
         if "provenance" in content or "intervals" not in content:
             return content
@@ -628,7 +628,7 @@ class Fit(Viewed):
         return content | {"values": values, "statistics": statistics, "provenance": {"recordings": recordings}}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         """Return the fields of a fit from its file.
 
         Raises
@@ -642,7 +642,7 @@ class Fit(Viewed):
         if matrix.size and matrix.shape != (len(names), len(names)):
             raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
 
-        def stated(key: str) -> dict[str, Any]:
+        def stated(key: str) -> Plain:
             values = {name: getattr(entry, key) for name, entry in entries.items()}
             return {name: value for name, value in values.items() if value is not None}
 

@@ -15,8 +15,7 @@ from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
-from pneudrive.describe.marks import Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
@@ -28,14 +27,14 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Keyed, Plain
     from pneudrive.describe.drive import Drive
 
 
 # --- Sentences of fits, from sentences.toml.
 
 
-def sentences(topic: str) -> dict[str, Any]:
+def sentences(topic: str) -> Plain:
     """Return the sentences of a topic, by name."""
     return package_table(__file__, "sentences.toml")[topic]
 
@@ -288,7 +287,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
     return {f"friction.{k}": marks[k].show(v) for k, v in assumed_with(drive.friction, changed).items()}
 
 
-def _within_limits(found: Identified, drive: Drive, changed: Mapping[str, Any]) -> dict[str, object]:
+def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str, object]:
     """Set an unidentified force to the identified one if the two contradict each other.
 
     The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
@@ -459,7 +458,7 @@ class Dependences:
     notes: tuple[str, ...] = ()
     source: str = ""
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Plain:
         """Return the table for fit.toml; empty if nothing was measured."""
         if not self.tables and not self.notes:
             return {}
@@ -468,7 +467,7 @@ class Dependences:
         return said | {"sliding": self.sliding, "intervals": ends, "friction": self.tables}
 
     @classmethod
-    def of_table(cls, content: dict[str, Any]) -> Dependences:
+    def of_table(cls, content: Plain) -> Dependences:
         """Return the modifiers from a table of :meth:`table`."""
         ends = {name: tuple(float(end) for end in three) for name, three in content.get("intervals", {}).items()}
         return cls(

@@ -46,7 +46,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Plain
     from pneudrive.signals.layout import Layout
 
 
@@ -125,11 +125,11 @@ class VolumeFit(Fit):
             changes[name] = f"{text} abs" if unit == "Pa" else text
         return start.replace(changes)
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         return {} if self.start is None else {"tank": self.start.to_dict()}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         tank = file.content.get("tank")
         return super()._fields(file) | {"start": None if tank is None else Tank.model_validate(tank)}
 
@@ -600,14 +600,14 @@ class RegulatorFit(Fit):
         lines = [f"rms {rms:.2f} % of the range; {held:.2f} % with the stated gain held"]
         return [*lines, f"predicted runs: {predicted:.2f} % of the range"] if np.isfinite(predicted) else lines
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         return super()._first() | {"name": self.name}
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         return {"runs": self.runs}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         name = str(file.content.get("name", cls.TITLE))
         return super()._fields(file) | {"name": name, "runs": file.content["runs"]}
 

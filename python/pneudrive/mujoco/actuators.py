@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive
 
     Described = Drive | Circuit
@@ -261,7 +261,7 @@ class _Axis:
         stiffness_n_m: float | None,
     ) -> None:
         self.name, self.described, self.setup = name, described, setup
-        self.form: dict[str, Any] = json.loads(described.system.json)
+        self.form: Plain = json.loads(described.system.json)
         cylinders = [one for one in self.form["components"] if one.get("friction")]
         if len(cylinders) != 1:
             raise CommandError(f"{name}: the circuit has {len(cylinders)} cylinders", rule="one at each actuator")

@@ -17,7 +17,7 @@ from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import RigError
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
+from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import Statement, flag_table
@@ -25,6 +25,7 @@ from pneudrive.numbers import plain, with_u
 from pneudrive.report import page
 from pneudrive.report.fit import references, software
 from pneudrive.report.layout_figure import rig_diagram
+from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly, view_section
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, State, View, worst
@@ -115,12 +116,12 @@ def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
 def _headline(found: CampaignCharacteristics) -> str:
     """Return the number of cycles, their rig, and how much they leave open; recordings have no rig of their own."""
     is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
-    count = page.plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
+    count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
     if found.synthetic or not is_campaign:
         made = "on a simulated rig (synthetic)" if found.synthetic else "of recordings"
-    lost = f"; {page.plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
+    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
     missing = sum(not s.carried for s in found.statements)
-    rest = f" {page.plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
+    rest = f" {plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
     return f"{f'{found.name}: ' if is_campaign else ''}{count} {made}{lost}.{rest}"
 
 
@@ -147,10 +148,10 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
 
 def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> Iterator[ShownValue]:
     """Return friction at the slowest and the fastest speed, and the main effects."""
-    named = page.condition_names(found)
+    named = condition_names(found)
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
-            name = f"friction at {page.MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
+            name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
             yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
     first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
     for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
@@ -160,7 +161,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
 
 def summary(found: CampaignCharacteristics) -> Section:
     """Return the section with statements on the curves of recordings, and effects."""
-    return page.view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
+    return view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
@@ -172,22 +173,22 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     if not both:
         return None
     ambient = found.identity.ambient_pressure_pa
-    topic, shown = page.Topic("campaign", "curves"), page.spread_evenly(both, MOST_CURVES)
+    topic, shown = Topic("campaign", "curves"), spread_evenly(both, MOST_CURVES)
     text = topic.say()
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
     picture = topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
-    return topic.section(page.Paragraph(text), picture, topic.table(_curve_rows(found, both)))
+    return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
 def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterator[tuple]:
-    named = page.condition_names(found)
+    named = condition_names(found)
     for c in both[:MOST_CURVES]:
-        for i in page.spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
+        for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
             friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
-            speed, uncertainties = page.MM * c.speed_m_s[i], (c.stderr_n[i], c.u_systematic_n[i])
+            speed, uncertainties = MM * c.speed_m_s[i], (c.stderr_n[i], c.u_systematic_n[i])
             yield (named(c.condition), speed, friction, *uncertainties, int(c.cycles[i]))
 
 
@@ -213,9 +214,9 @@ def air(found: CampaignCharacteristics) -> Section | None:
     """Return the section on the force of the air in rising curves."""
     if not found.air:
         return None
-    topic, named = page.Topic("campaign", "air"), page.condition_names(found)
+    topic, named = Topic("campaign", "air"), condition_names(found)
     separated = [a for a in found.air if a.separated]
-    shown = page.spread_evenly(separated or list(found.air), MOST_PANELS)
+    shown = spread_evenly(separated or list(found.air), MOST_PANELS)
     text, panels = "separated" if separated else "together", []
     for a in shown:
         marks: list[Band | Line] = []
@@ -225,15 +226,14 @@ def air(found: CampaignCharacteristics) -> Section | None:
         if not a.separated:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
         panels.append(Panel(marks, named(a.condition)))
-    figure = Figure(panels, SPEED, "force / N", columns=3, row_in=2.3, share_y="all")
     return topic.section(
         topic.text(text, rises=" ".join(_rise(topic, named(a.condition), a) for a in shown)),
-        topic.figure("campaign-air", figure, parts=topic.say(f"parts_{text}")),
+        topic.figure("campaign-air", figure_of("air", panels), parts=topic.say(f"parts_{text}")),
         topic.table(row for a in shown for row in _air_rows(named(a.condition), a)),
     )
 
 
-def _rise(topic: page.Topic, where: str, a: AirShare) -> str:
+def _rise(topic: Topic, where: str, a: AirShare) -> str:
     """Return the text on the contribution of air to the rise from the least total force to the highest speed."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     rise = float(a.total_n[last] - a.total_n[least])
@@ -242,7 +242,7 @@ def _rise(topic: page.Topic, where: str, a: AirShare) -> str:
         return topic.say("level", where=where)
     reach = float(a.air_high_n[last] - a.air_low_n[last]) / 2.0
     share = f"{part:.2g} N ({100 * part / rise:.0f} %) are" if abs(part) > reach else f"at most {reach:.2g} N may be"
-    slow, fast = (page.MM * a.speed_m_s[i] for i in (least, last))
+    slow, fast = (MM * a.speed_m_s[i] for i in (least, last))
     return topic.say("rise", where=where, slow=slow, fast=fast, rise=rise, share=share)
 
 
@@ -258,22 +258,20 @@ def _air_rows(condition: str, a: AirShare) -> Iterator[tuple]:
     for i in sorted({0, a.speed_m_s.size // 2, a.speed_m_s.size - 1}):
         cells = [with_u(float(m[i]), float(high[i] - low[i]) / 2.0, "") for m, low, high in _parts(a).values()]
         rest = [] if a.separated else [None, f"at most {a.air_bound_n[i]:.2g}"]
-        yield (condition, page.MM * a.speed_m_s[i], *cells, *rest)
+        yield (condition, MM * a.speed_m_s[i], *cells, *rest)
 
 
 def pressure(found: CampaignCharacteristics) -> Section | None:
     """Return the section on effects of the chamber pressures, and their interaction."""
     if not found.pressure:
         return None
-    topic, texts = page.Topic("campaign", "pressure"), []
+    topic, texts = Topic("campaign", "pressure"), []
     for effects in found.pressure:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
         texts.append(topic.text(name=name, statement=effects.statement, pairs=pairs))
     panels = [_slopes(e) for e in found.pressure if e.slopes]
-    y, size = "friction per pressure / (N/bar)", {"columns": 3, "row_in": 2.4, "rest_in": 0.4}
-    figure = Figure(panels, SPEED, y, share_y="all", legend="panel", **size)
-    return topic.section(*texts, topic.figure("campaign-pressure", figure) if panels else None)
+    return topic.section(*texts, topic.figure("campaign-pressure", figure_of("slopes", panels)) if panels else None)
 
 
 def _slopes(e: PressureEffects) -> Panel:
@@ -293,15 +291,13 @@ def position(found: CampaignCharacteristics) -> Section | None:
     shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
     if not shown:
         return None
-    topic, named, panels = page.Topic("campaign", "position"), page.condition_names(found), []
+    topic, named, panels = Topic("campaign", "position"), condition_names(found), []
     for p in shown:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         x, middle, low, high = (v[np.isfinite(p.relative)] for v in (p.position_m, p.relative, p.low, p.high))
         marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), Line(x, middle - 1.0, look=Look("blue"), width=1.0)]
-        panels.append(Panel(marks, f"{where}\n({page.plural(p.cycles, 'cycle')})"))
-    size = {"columns": 3, "row_in": 1.9, "share_y": "all"}
-    figure = Figure(panels, "position / mm", "friction minus its mean / %", **size)
-    return topic.section(topic.text(), topic.figure("campaign-position", figure))
+        panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
+    return topic.section(topic.text(), topic.figure("campaign-position", figure_of("position", panels)))
 
 
 def drift(found: CampaignCharacteristics) -> Section | None:
@@ -309,11 +305,11 @@ def drift(found: CampaignCharacteristics) -> Section | None:
     d = found.drift
     if d is None:
         return None
-    topic = page.Topic("campaign", "drift")
+    topic = Topic("campaign", "drift")
     basis = topic.texts["told"].get(d.basis)
     is_drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
     return topic.section(
-        page.Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
+        Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
         topic.figure("campaign-drift", drift_figure(found)) if is_drawn else None,
     )
 
@@ -341,38 +337,36 @@ def loops(found: CampaignCharacteristics) -> Section | None:
     """Return the section on hysteresis around reversals."""
     if not found.loops:
         return None
-    topic, named = page.Topic("campaign", "loops"), page.condition_names(found)
-    shown = page.spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
+    topic, named = Topic("campaign", "loops"), condition_names(found)
+    shown = spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
     panels = [
         Panel(
             [Markers(loop.position_m, loop.friction_n, look=Look("blue", "-", "."), size=1.4), Rule(y=0.0)],
-            f"{page.MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
+            f"{MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
         )
         for loop in shown
     ]
-    figure = Figure(panels, "position / mm", "friction / N", columns=3, row_in=2.1, rest_in=0.4, share_y="all")
     rows = (SimpleNamespace(condition=named(loop.condition), loop=loop) for loop in shown)
-    return topic.section(topic.text(), topic.figure("campaign-loops", figure), topic.table(rows))
+    return topic.section(topic.text(), topic.figure("campaign-loops", figure_of("loops", panels)), topic.table(rows))
 
 
 def stick_slip(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stick-slip."""
     if not found.stick_slip:
         return None
-    topic = page.Topic("campaign", "stick-slip")
-    named = page.condition_names(found)
+    topic = Topic("campaign", "stick-slip")
+    named = condition_names(found)
     marks = []
-    conditions = page.spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
+    conditions = spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))
         marks.append(Markers(speed, ripple, named(condition), look(index), joined=True))
         marks.append(Markers(speed[slips > 0], ripple[slips > 0], look=look(index), filled=True))
-    figure = Figure([Panel(marks)], SPEED, Axis("ripple of speed / %", low=0.0), row_in=2.5, rest_in=0.0, entries=3)
     rows = [SimpleNamespace(condition=named(p.condition), point=p) for p in found.stick_slip if p.share > 0]
     return topic.section(
         topic.text(thresholds=" ".join(t.text for t in found.stick_slip_thresholds)),
-        topic.figure("campaign-stick-slip", figure),
+        topic.figure("campaign-stick-slip", figure_of("ripple", [Panel(marks)])),
         topic.table(rows) if rows else None,
     )
 
@@ -386,18 +380,17 @@ BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
-DURATION, INCREMENT = Axis("stop duration / s", "log"), Axis("breakaway increment / N", above=0.15)
 
 
 def stops(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stops; None without stops."""
     if not len(found.stops):
         return None
-    topic = page.Topic("campaign", "stops")
+    topic = Topic("campaign", "stops")
     series = [s for s in found.dwell if s.curve is not None]
     moved = any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m"))
     return topic.section(
-        topic.text(stops=page.plural(len(found.stops), "stop")),
+        topic.text(stops=plural(len(found.stops), "stop")),
         topic.figure("campaign-stop-traces", traces(found)),
         *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
         *(_relaxation_blocks(topic, found) if moved else ()),
@@ -409,15 +402,15 @@ def stops(found: CampaignCharacteristics) -> Section | None:
 
 def traces(found: CampaignCharacteristics) -> Figure:
     """Draw a short, a middle and a long stop, and their restarts in detail."""
-    usable, named = found.stops.filter("usable"), page.condition_names(found)
+    usable, named = found.stops.filter("usable"), condition_names(found)
     rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
-    chosen = rows[page.spread_evenly(range(len(rows)), MOST_TRACES)]
+    chosen = rows[spread_evenly(range(len(rows)), MOST_TRACES)]
     panels = []
     for row, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
         trace = {name: np.array(row[f"trace_{name}"]) for name in ("time_s", "friction_n")}
         stop = SimpleNamespace(**row | trace)
         panels += [_whole(stop, named(condition)), _restart(stop)]
-    return Figure(panels, columns=2, row_in=1.75, rest_in=0.4, widths=(3, 2))
+    return figure_of("stops", panels)
 
 
 RUNNING = Look("blue", "--")
@@ -427,7 +420,7 @@ def _whole(stop: SimpleNamespace, condition: str) -> Panel:
     time = stop.time_s
     held = "released" if stop.released else "held"
     way = "+x" if stop.direction > 0 else "−x"
-    title = f"{stop.stop_s:g} s {held}, restart {way} at {page.MM * stop.speed_m_s:.3g} mm/s, {condition}"
+    title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The start of the approach may still show the reversal.
     span = (max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s))
@@ -465,10 +458,9 @@ def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> A
 # --- breakaway against duration --------------------------------------------------------------------------------------
 
 
-def _dwell_blocks(topic: page.Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
+def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
     panels = [_increments(found, s) for s in shown]
-    figure = Figure(panels, DURATION, INCREMENT, columns=2, row_in=3.2, rest_in=0.3, legend="panel", text_scale=0.9)
-    yield topic.figure("campaign-dwell", figure)
+    yield topic.figure("campaign-dwell", figure_of("dwell", panels))
     for s in shown:
         if s.laws:
             yield topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s)
@@ -487,7 +479,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         marks.append(Band(s.duration_s, s.low_n[index], s.high_n[index], look=own))
         marks.append(Line(s.duration_s, s.increment_n[index], look=own))
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
-        label = page.condition_names(found)(condition)
+        label = condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
     for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
         if law is not None:
@@ -514,7 +506,7 @@ def _shape(law: DwellLawFit, name: str, unit: str) -> str:
 # --- relaxation and way back -----------------------------------------------------------------------------------------
 
 
-def _relaxation_blocks(topic: page.Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     yield topic.figure("campaign-stop-relaxation", relaxation(found))
     groups = found.stops.group_by("speed_m_s", "released", "stop_s", maintain_order=True)
     yield topic.table((_medians(key, group) for key, group in sorted(groups, key=lambda pair: pair[0])), "medians")
@@ -530,7 +522,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
     left: list[Markers] = []
     right: list[Markers] = []
     for index, condition in enumerate(sorted(set(conditions_of(found.stops)))[:MOST_SHOWN]):
-        own, label = look(index), page.condition_names(found)(condition)
+        own, label = look(index), condition_names(found)(condition)
         stops = found.stops.filter(**vars(condition)).with_columns(shown_s=pl.col("dwell_s") * (1.0 + 0.05 * index))
         back = _known(stops, "recovery_m")
         whole, cut = back.filter("recovery_complete"), back.filter(~pl.col("recovery_complete"))
@@ -543,7 +535,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
             right.append(Markers(cut["shown_s"].to_numpy(), seen, look=own._replace(marker="^"), filled=True))
     panels = [Panel(left, y="fall of the force / N") if left else None]
     panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if right else None)
-    return Figure(panels, DURATION, columns=2, row_in=2.7, rest_in=0.0, entries=3)
+    return figure_of("relaxation", panels)
 
 
 def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
@@ -562,14 +554,14 @@ def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
     distance = median("recovery_m", whole)
     cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
     return (
-        f"{duration_s:g} s, {'released' if released else 'held'}, {page.MM * speed_m_s:.3g} mm/s",
+        f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
         len(group),
         median("relaxation_n"),
         forms[0] if len(forms) else None,
         median("relaxation_n_per_decade", group.filter(decade[2] - decade[1] < 2.0 * decade[0].abs())),
         median("increment_n"),
         median("loading_rate_n_s"),
-        f"{'–' if distance is None else format(page.MM * distance, '.3g')}{cut}",
+        f"{'–' if distance is None else format(MM * distance, '.3g')}{cut}",
         median("recovery_s", whole),
     )
 
@@ -579,9 +571,9 @@ def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
 
 def run(found: CampaignCharacteristics) -> Section:
     """Return the section on protocol, rig, operator and numbers of cycles."""
-    topic, about, rig = page.Topic("campaign", "run"), about_of(found), found.identity
+    topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
     kinds = Counter(found.cycles["kind"]) + Counter({"stop": len(found.stops)})
-    counts = ", ".join(f"{page.plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
+    counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     envelope = None
     with suppress(RigError):
         envelope = envelope_of(about.get("envelope"), "")
@@ -609,7 +601,7 @@ def run(found: CampaignCharacteristics) -> Section:
     )
 
 
-def _sensors(topic: page.Topic, found: CampaignCharacteristics) -> ShownTable:
+def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
     rig = found.identity
     unstated = "not stated: assumed"
     rows = [
@@ -626,7 +618,7 @@ def _sensors(topic: page.Topic, found: CampaignCharacteristics) -> ShownTable:
 
 def flags(found: CampaignCharacteristics) -> Section:
     """Return the section on flags of cycles and stops, and on skipped cycles."""
-    topic = page.Topic("campaign", "flags")
+    topic = Topic("campaign", "flags")
     raised = found.stops["flags"].to_list() if len(found.stops) else []
     counts = Counter(found.flags) + Counter(flag for flags in raised for flag in flags)
     texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
@@ -644,7 +636,7 @@ def budget(found: CampaignCharacteristics) -> Section | None:
     """Return the section on the sources of uncertainty of the curves."""
     if not found.sources:
         return None
-    topic = page.Topic("campaign", "budget")
+    topic = Topic("campaign", "budget")
     rows = ((s.name, s.kind, s.basis, s.note, s.standard_uncertainty_n) for s in found.sources)
     return topic.section(topic.text(), topic.table(rows))
 
@@ -657,7 +649,7 @@ def sources(found: CampaignCharacteristics) -> Section:
         *software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
-    topic = page.Topic("campaign", "provenance")
+    topic = Topic("campaign", "provenance")
     return topic.section(
         topic.table(rows, "software"),
         *_protocol(topic, found),
@@ -665,10 +657,10 @@ def sources(found: CampaignCharacteristics) -> Section:
     )
 
 
-def _protocol(topic: page.Topic, found: CampaignCharacteristics) -> Iterator[Block]:
+def _protocol(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     protocol = found.folder / "campaign.toml"
     if protocol.is_file():
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
         yield topic.text("protocol")
-        yield page.Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
+        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")

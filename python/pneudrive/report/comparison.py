@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
+from pneudrive.figures import Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
 from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
-from pneudrive.report.page import MM, Section, Topic, cell, chance, plural, sentence, spread_evenly, view_report
+from pneudrive.report.page import Section, Topic, cell, chance, figure_of, plural, sentence, spread_evenly, view_report
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _curves(c: Comparison, curves: CurveComparison) -> Section:
     rows = (
         (
             Condition(point["gauge_a_pa"], point["gauge_b_pa"], point["title"]).label(0.0),
-            MM * point["speed_m_s"],
+            1e3 * point["speed_m_s"],
             point["first_n"],
             point["second_n"],
             with_interval(curves.difference[i], _mean(curves, i), "N"),
@@ -146,8 +146,7 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
         chosen = sorted(groups[at], key=lambda i: speed[i])
         above.append(Panel(_both(c, curves, chosen), Condition(at[0][0], at[0][1], at[1]).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
-    shared = {"share_x": "col", "share_y": "row", "heights": (3, 2)}
-    return Figure([*above, *below], SPEED, columns=len(above), row_in=2.2, rest_in=0.0, **shared)
+    return figure_of("both-curves", [*above, *below], columns=len(above))
 
 
 def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
@@ -188,9 +187,7 @@ def _dwell(c: Comparison) -> Section:
         Panel([m for k, s in enumerate(pair) for m in _series(s, k, f"{names[k]} ({NAMES[k]})")], pair[0].name)
         for pair in list(c.dwell)[:MOST_PANELS]
     ]
-    duration = Axis("stop duration / s", "log")
-    figure = Figure(panels, duration, "breakaway increment / N", columns=2, row_in=2.8, rest_in=0.3)
-    picture = topic.figure("compare-dwell", figure, first=names[0], second=names[1])
+    picture = topic.figure("compare-dwell", figure_of("both-dwell", panels), first=names[0], second=names[1])
     return topic.section(picture, topic.table(rows))
 
 

@@ -18,7 +18,7 @@ from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Marke
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
-from pneudrive.report.page import Items, Report, Section, Topic, view_section, write_pdf
+from pneudrive.report.page import Items, Report, Section, Topic, figure_of, view_section, write_pdf
 from pneudrive.report.render import draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
@@ -35,14 +35,12 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
 
 SUFFIXES = (".html", ".pdf")
-HEIGHT_IN, WIDTH_IN = 2.6, 4.6
 MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
 CURVES = (
     *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
     *("bode", "flow", "exergy"),
 )
-COLUMNS, ROW_IN = 3, 1.5
 #: Makes the drawing of the circuit, the first picture, smaller than the page.
 SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
@@ -68,9 +66,8 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> ma
     """
     kind = characteristics()[found.attrs["characteristic"]]
     if not kind.x:
-        raise CommandError(
-            f"{kind.name} has no curve", remedy="This result is not drawn; its numbers are in the data set."
-        )
+        remedy = "This result is not drawn; its numbers are in the data set."
+        raise CommandError(f"{kind.name} has no curve", remedy=remedy)
     (shown,) = characteristic_view(found).figures
     return draw_figure(shown.figure, path, synthetic=True)
 
@@ -97,13 +94,12 @@ def characteristic_view(found: xr.Dataset) -> View:
         if not one.ndim
     )
     panels = [characteristic_panel(found, name) for name in kind.y.split()] if kind.x else []
-    figure = Figure(panels, row_in=HEIGHT_IN, rest_in=0.0, width_in=WIDTH_IN, legend="inside", text_scale=0.87)
     return View(
         found.attrs["title"],
         leading=tuple(map(LeadingValue, islice(values, MOST_LEADING))),
         notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
         tables=(ShownTable("", ("result", "at", "value", "meaning"), tuple(rows)),),
-        figures=(ShownFigure(kind.name, f"{kind.title}.", figure),) if panels else (),
+        figures=(ShownFigure(kind.name, f"{kind.title}.", figure_of("characteristic", panels)),) if panels else (),
     )
 
 
@@ -293,7 +289,7 @@ def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
 def _curve_figure(found: Datasheet) -> Figure:
     results = {name: found.results[name] for name in CURVES if name in found.results}
     panels = [characteristic_panel(result, title=name.replace("-", " ")) for name, result in results.items()]
-    return Figure(panels, columns=COLUMNS, row_in=ROW_IN, rest_in=0.0, legend="inside", text_scale=0.8)
+    return figure_of("sheet", panels)
 
 
 def _measured_row(number: ComparedNumber) -> tuple[str, ...]:
@@ -311,7 +307,7 @@ def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
         line = Line(response.frequency_hz, response.simulated_m_s, "simulated", MODEL)
         title = f"coherence above {response.coherence.min():.2f}"
         x, y = Axis("frequency / Hz", "log"), "velocity over command / (m/s)"
-        yield "response", Figure([Panel([points, line], title, x, y)], row_in=HEIGHT_IN, legend="panel")
+        yield "response", Figure([Panel([points, line], title, x, y)], row_in=2.6, legend="panel")
     if measured.friction is not None:
         yield "friction", friction_figure(list(measured.friction.curves)[:MOST_SHOWN])
 

@@ -16,14 +16,13 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.files.toml import tomllib
-from pneudrive.errors import CommandError, is_severe, shown
-from pneudrive.figures import WIDTH_IN, Figure
+from pneudrive.errors import CommandError, is_severe, package_table, shown
+from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
 from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
-from pneudrive.report import style
-from pneudrive.report.render import render
+from pneudrive.report.render import PNG_DPI, applied, finish, lay_out, load_matplotlib, render
 from pneudrive.simulation.trajectory import whole, write_whole
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
@@ -74,10 +73,10 @@ class Picture(ShownFigure):
     synthetic: bool = False
 
     def drawn(self) -> matplotlib.figure.Figure:
-        """Draw the figure, within `style.applied`, with letters, mark and fixed places of its panels."""
+        """Draw the figure, within `applied`, with letters, mark and fixed places of its panels."""
         figure = render(self.figure) if isinstance(self.figure, Figure) else self.figure
-        style.finish(figure, synthetic=self.synthetic)
-        style.lay_out(figure)
+        finish(figure, synthetic=self.synthetic)
+        lay_out(figure)
         return figure
 
 
@@ -122,7 +121,7 @@ def view_report(view: View, *sections: Section | None, synthetic: bool = False) 
     return Report(view.title, [*bad, *leading], [view_section("result", rest), *sections], synthetic)
 
 
-@style.applied()
+@applied()
 def figure_svg(shown: ShownFigure) -> str:
     """Return a figure as an SVG element, for a notebook."""
     return inline(svg_text(Picture(shown.name, shown.caption, shown.figure).drawn()), shown.name, shown.caption)
@@ -168,7 +167,7 @@ class Report:
         lines = (Finding(v, "bad" if is_severe(v) else "good") if isinstance(v, str) else v for v in self.verdict)
         return sorted(lines, key=lambda line: line.state != "bad")
 
-    @style.applied()
+    @applied()
     def write(self, folder: str | Path) -> Path:
         """Write report.html and figures/*.png, *.svg into an existing folder.
 
@@ -188,7 +187,7 @@ class Report:
         blocks = (block for part in self.sections if part is not None for block in part.blocks)
         return (block for block in blocks if isinstance(block, Picture))
 
-    @style.applied()
+    @applied()
     def plain_svg(self) -> dict[str, str]:
         """Return the pictures that are not yet part of the page as SVG, by name."""
         out = {}
@@ -240,7 +239,7 @@ def _words(text: str) -> object:
 def write_picture(picture: Picture, folder: Path) -> str:
     """Write PNG and SVG; return the SVG for use inside a page."""
     figure, png = picture.drawn(), BytesIO()
-    figure.savefig(png, format="png", dpi=style.PNG_DPI)
+    figure.savefig(png, format="png", dpi=PNG_DPI)
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
     svg = svg_text(figure)
@@ -413,6 +412,12 @@ def texts_of(file: Path) -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
+def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figure:  # noqa: ANN401 - fields of the figure
+    """Return a figure of panels in a layout of ``figures.toml``."""
+    own = package_table(__file__, "figures.toml")[layout] | more
+    return Figure(panels, **own | {name: Axis(**own[name]) for name in "xy" if isinstance(own.get(name), dict)})
+
+
 class Topic:
     """A section of a page.
 
@@ -513,7 +518,7 @@ def write_pdf(report: Report, target: Path) -> Path:
         for name, svg in report.pictures.items():
             (root / f"{name}.svg").write_text(svg, encoding="utf-8")
         (root / "page.typ").write_text(typst_of(report), encoding="utf-8")
-        fonts = Path(style.load_matplotlib().get_data_path()) / "fonts" / "ttf"
+        fonts = Path(load_matplotlib().get_data_path()) / "fonts" / "ttf"
         with whole(target) as temporary:
             temporary.write_bytes(typst.compile(root / "page.typ", root=root, font_paths=[fonts]))  # type: ignore[arg-type]
     return target

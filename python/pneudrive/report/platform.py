@@ -13,10 +13,9 @@ import numpy as np
 from pneudrive.errors import CommandError
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
-from pneudrive.report import style
 from pneudrive.report.layout_figure import SKETCHES
-from pneudrive.report.page import texts_of, view_report
-from pneudrive.report.render import draw_figure, film
+from pneudrive.report.page import Topic, figure_of, texts_of, view_report
+from pneudrive.report.render import applied, draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
@@ -207,17 +206,10 @@ COLOURS = 64
 FRAMES_S = {".mp4": 30, ".gif": 25}
 #: Shortest and longest animation, s. Other runs are shown slower or faster.
 SHORTEST_S, LONGEST_S = 2.0, 20.0
-ROW_IN = 1.35  # height of a row of panels
 MOST_POSES = 400  # of a path
 MOST_SAMPLES = 4000  # of a curve
 #: Panels of legs: label, and the form of its columns.
-LEG_PANELS = (
-    ("position / mm", "{leg}.position_m"),
-    ("pressure a / bar abs", "{leg}.a.pressure_pa"),
-    ("pressure b / bar abs", "{leg}.b.pressure_pa"),
-    ("leg force / N", "{platform}.leg_{i}_force_n"),
-    ("side force / N", "{platform}.leg_{i}_side_force_n"),
-)
+LEG_PANELS = Topic("trajectory", "legs").texts["panels"]
 
 
 def draw_platform(
@@ -295,7 +287,7 @@ def animate_platform(
     from PIL.Image import Dither
 
     pictures = (_paper(scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
-    with style.applied(dark=dark), whole(target) as temporary:
+    with applied(dark=dark), whole(target) as temporary:
         frames = film(pictures, FILM_DPI, dark=dark)
         if program is not None and suffix == ".mp4":
             _write_film(program, frames, temporary)
@@ -522,5 +514,4 @@ def run_figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
     scene = platform_scene(platform, pose[np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))])
     keys = [Line([], [], label, line.look) for label, line in of_legs.items()]
     drawing = Panel([scene_drawing(scene, scale=0.6), *keys], legend="under")
-    shared = {"tall": drawing, "tall_first": True, "widths": (1.15, 1.0, 1.0), "share_x": "all", "entries": 3}
-    return Figure(panels, "time / s", columns=2, row_in=ROW_IN, rest_in=0.0, **shared)
+    return figure_of("platform", panels, tall=drawing)

@@ -11,42 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.figures import (
-    MEASURED,
-    THIN,
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Line,
-    Look,
-    Markers,
-    Panel,
-    Rule,
-    look,
-)
+from pneudrive.figures import MEASURED, THIN, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, ClosureFit, LevelPoint, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
-from pneudrive.report import campaign, strokes
+from pneudrive.report import campaign, page, strokes
 from pneudrive.report.fit import Study, provenance_section
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
-from pneudrive.report.page import (
-    MOST_SHOWN,
-    Report,
-    Topic,
-    broken,
-    by_seal,
-    gauge_bar,
-    plural,
-    seal_of,
-    sentence,
-    speed_mm_s,
-    spread_evenly,
-    view_report,
-    with_pictures,
-)
+from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.report.render import draw_figure
 from pneudrive.report.strokes import map_view, recovered_section
 from pneudrive.signals.motion import find_strokes
@@ -147,7 +120,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         figures.append(topic.figure("closure", closures(shown), said=text))
         tables.append(topic.shown(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
-    single = (sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
+    single = (page.sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
     return replace(
         base,
         title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
@@ -197,13 +170,12 @@ def _effects(found: Characterisation) -> Iterator[LeadingValue]:
 
 def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
     """Yield the force balance over position: a figure for each seal, a panel for each level."""
-    groups, shared = by_seal(found), {"share_x": "all", "share_y": "all", "text_scale": 0.9}
+    groups = by_seal(found)
     for seal, results in groups.items():
         levels = [level for result in results for level in result.levels]
         shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
         some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
-        panels, y = list(map(_loop, shown)), "balance, friction, offset / N"
-        figure = Figure(panels, "position / mm", y, columns=COLUMNS, row_in=1.75, rest_in=0.7, **shared)
+        figure = figure_of("friction-loops", list(map(_loop, shown)))
         name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
         yield replace(topic.figure("loops", figure, seal=seal, some=some), name=f"loops-{name}")
 
@@ -220,7 +192,8 @@ def _loop(level: Level) -> Panel:
         ("offset (half sum)", p.offset_n, Look("orange", ":"), 1.8),
     )
     lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
-    title = f"{broken(level.recording, NAME_LETTERS)}\n{fixed(gauge_bar(level), 1)} bar, {speed_mm_s(level):.3g} mm/s"
+    pressure, speed = fixed(gauge_bar(level), 1), page.speed_mm_s(level)
+    title = f"{page.broken(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"
     return Panel([Rule(level.window_m), *every, Rule(y=0.0), *lines], title)
 
 
@@ -317,8 +290,7 @@ def over_pressure(found: Characterisation) -> Figure:
     y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
     runs = sorted({p.run for _, (points, _) in shown for p in points})  # a run keeps its marker in all panels
     panels = [pressure_panel(points, line, runs, title) for title, (points, line) in shown]
-    size: dict[str, Any] = {"row_in": 2.0, "rest_in": 0.8, "width_in": 7.1 if len(shown) > 1 else 4.5}
-    return Figure(panels, PRESSURE, y, columns=3, share_x="all", share_y="all", **size)
+    return figure_of("pressure", panels, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
 
 
 def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
@@ -358,7 +330,7 @@ def recordings_report(
     parts += [] if curves is None else [part(curves) for part in CURVES]
     joined: dict[str, Section] = {}
     is_synthetic = found is not None and found.synthetic
-    for part in (with_pictures(one, is_synthetic) for one in parts if one is not None):
+    for part in (page.with_pictures(one, is_synthetic) for one in parts if one is not None):
         before = joined.pop(part.key, None)
         joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
     last = provenance_section(found, addition)
@@ -368,7 +340,7 @@ def recordings_report(
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
     title += ", with a simulated rig" if addition is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)
-    report = view_report(view, *joined.values(), last, synthetic=found.synthetic)
+    report = page.view_report(view, *joined.values(), last, synthetic=found.synthetic)
     report.verdict = [*report.verdict, *(() if addition is None else addition.verdict)]
     return report
 
@@ -408,15 +380,6 @@ def write_report(
     return recordings_report(found, fits, reproduction, curves).write(folder)
 
 
-# Channel -> (words, factor from SI, unit)
-CHANNELS = {
-    "position_m": ("position", 1e3, "mm"),
-    "force_n": ("force", 1.0, "N"),
-    "pressure_a_pa": ("pressure a", 1e-5, "bar gauge"),
-    "pressure_b_pa": ("pressure b", 1e-5, "bar gauge"),
-}
-
-
 def measured(found: Characterisation) -> Section:
     """Return the section on rig, sensors and files."""
     topic, first = Topic("recordings", "measured"), found.recordings[0]
@@ -435,7 +398,7 @@ def measured(found: Characterisation) -> Section:
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
     """Return range of each channel over all recordings, and its stated accuracy."""
-    for channel, (name, factor, unit) in CHANNELS.items():
+    for channel, (name, factor, unit) in Topic("recordings", "recording").texts["channels"].items():
         values = [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
             if all(is_open(r, channel[9]) for r in recordings):
@@ -459,7 +422,7 @@ def _files(found: Characterisation) -> Iterator[tuple]:
         r = result.recording
         where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
         diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
-        labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        labels = (page.seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
         use = found.stroke_uses[r.name]
         yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
 

@@ -1,23 +1,177 @@
-"""Drawing of figures with matplotlib: the one place, besides the symbols of circuits, that calls its axes."""
+"""Drawing of figures with matplotlib: the one place, besides the symbols of circuits, that calls its axes.
+
+The style of all figures (fonts, sizes and colours) is readable in print and in grey, on light and on dark paper.
+"""
 
 from __future__ import annotations
 
+import os
+import sys
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from pneudrive import figures
-from pneudrive.figures import Bars, Drawing, Heat, Line, Look, Markers, PenStroke, Rule
-from pneudrive.report import style
+from pneudrive.errors import package_table
+from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Heat, Line, Look, Markers, Panel, PenStroke, Rule
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
+    from types import ModuleType
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from PIL import Image
+
+    from pneudrive.arrays import Plain
+
+PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
+_STYLE = package_table(__file__, "style.toml")
+#: Settings of matplotlib, and colours by name on light and on dark paper.
+_SETTINGS, INKS = _STYLE["settings"], _STYLE["inks"]
+FONT, LABEL_PT, TITLE_PT = (_SETTINGS[key] for key in ("font.family", "axes.labelsize", "axes.titlesize"))
+TICK_PT, LEGEND_PT = _SETTINGS["xtick.labelsize"], _SETTINGS["legend.fontsize"]
+TINTS = ("band", "shade", "shade two")
+#: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
+RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
+
+_INKED = {
+    "black": ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"),
+    "paper": ("figure.facecolor", "axes.facecolor"),
+    "grid": ("grid.color",),
+}
+#: Settings of matplotlib that concern windows: they do not change a picture, and to look at the first one is slow.
+_OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
+
+
+def ink(color: str | float, *, dark: bool = False) -> Any:  # noqa: ANN401 - a colour of matplotlib
+    """Return a colour by its name, or by its position on the ramp."""
+    if isinstance(color, str):
+        return INKS[color][dark] if color in INKS else color
+    light, deep = reversed(RAMP) if dark else RAMP
+    return tuple(a + color * (b - a) + (0.2 if dark else 0.0) * (1.0 - color) for a, b in zip(light, deep, strict=True))
+
+
+def load_matplotlib() -> ModuleType:
+    """Return matplotlib, imported without the settings of the current folder.
+
+    Its import reads ``matplotlibrc`` of the current folder, which may start a foreign LaTeX or be damaged.
+    """
+    if "matplotlib" not in sys.modules and Path("matplotlibrc").exists():
+        here = Path.cwd()
+        os.chdir(Path(__file__).parents[1] / "data")  # no module lies there
+        try:
+            return import_module("matplotlib")
+        finally:
+            os.chdir(here)
+    return import_module("matplotlib")
+
+
+@contextmanager
+def applied(*, dark: bool = False) -> Iterator[None]:
+    """Draw in this style inside the block, independent of the settings of the user or of the current folder."""
+    mpl = load_matplotlib()
+    usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
+    changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
+    inked = {key: ink(name, dark=dark) for name, keys in _INKED.items() for key in keys}
+    with mpl.rc_context({**changed, **_SETTINGS, **inked}):
+        yield
+
+
+@lru_cache(maxsize=1)
+def _figure_class() -> type[Figure]:
+    """Return a class of figures that a notebook shows without pyplot."""
+    load_matplotlib()
+    from matplotlib.figure import Figure
+
+    class Drawn(Figure):
+        """A figure in the report's style."""
+
+        def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
+            """Draw it. Labels of ticks are made here, also for a user who saves the figure later."""
+            with applied():
+                no_formulas(self)
+                super().draw(renderer)
+
+        def _repr_png_(self) -> bytes:
+            """Draw it for a notebook."""
+            with applied(), BytesIO() as memory:
+                self.savefig(memory, format="png", dpi=PNG_DPI)
+                return memory.getvalue()
+
+    return Drawn
+
+
+def no_formulas(figure: Figure) -> None:
+    """Read no text of a figure as a formula, also where it was made outside this style."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # pyright: ignore[reportAttributeAccessIssue] - found by its class
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """Return an empty figure with the width of a report, for a notebook."""
+    return _figure_class()(figsize=(width_in, height_in), layout="constrained")
+
+
+#: Height of the line above the panels that marks a figure as synthetic, inch, and size of its letters.
+STAMP_IN, STAMP_PT = 0.17, 7
+
+
+def finish(figure: Figure, *, synthetic: bool) -> None:
+    """Add letters to the panels, and mark simulated data inside the picture, because pictures are used separately."""
+    panels_shown = [
+        axis for axis in figure.axes if axis.get_visible() and axis.axison and axis.get_label() != "<colorbar>"
+    ]
+    if len(panels_shown) > 1:
+        for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
+            axis.set_title(f"{letter}   {axis.get_title('left')}".rstrip(), loc="left")
+    if synthetic:
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + STAMP_IN)
+        share = STAMP_IN / (height + STAMP_IN)
+        layout = figure.get_layout_engine()
+        for legend in figure.legends:  # it begins at the top of the picture: an empty line leaves room for the mark
+            legend.set_title(" ")
+            legend.get_title().set_fontsize(STAMP_PT)
+        if layout is not None and not figure.legends:
+            layout.set(rect=(0.0, 0.0, 1.0, 1.0 - share))  # pyright: ignore[reportCallIssue] - constrained layout
+        place: Plain = {"ha": "right", "va": "top", "fontsize": STAMP_PT, "color": ink("stamp")}
+        figure.text(0.995, 1.0 - 0.2 * share, "synthetic: simulated data", **place)
+
+
+def lay_out(figure: Figure) -> None:
+    """Fix the places of the panels.
+
+    While a figure has a layout engine, matplotlib draws it twice for each file.
+    """
+    layout, dpi = figure.get_layout_engine(), figure.dpi
+    if layout is not None:
+        figure.dpi = PNG_DPI
+        no_formulas(figure)
+        layout.execute(figure)
+        figure.dpi = dpi
+    figure.set_layout_engine(None)
+
+
+def logarithmic(axis: Axes, side: str = "x") -> None:
+    """Give an axis a logarithmic scale with plain numbers."""
+    from matplotlib.ticker import LogFormatter
+
+    getattr(axis, f"set_{side}scale")("log")
+    own = getattr(axis, f"{side}axis")
+    own.set_major_formatter(lambda value, _: f"{value:g}")
+    own.set_minor_formatter(LogFormatter())  # the usual one writes formulas
+
+
+# --- Figures of data, drawn.
 
 Handle: TypeAlias = Any  # of matplotlib, for a legend; None for a mark without one
 #: Suffixes of a picture's file.
@@ -52,14 +206,14 @@ def draw_figure(
     def draw() -> Figure:
         made = render(figure, dark=dark)
         if synthetic is not None:
-            style.finish(made, synthetic=synthetic)
+            finish(made, synthetic=synthetic)
         return made
 
     return drawn(draw, path, dark=dark)
 
 
 def write_picture(figure: Figure, target: Path) -> None:
-    """Write a figure, within `style.applied`, to a file that `check_target` accepted.
+    """Write a figure, within `applied`, to a file that `check_target` accepted.
 
     Raises
     ------
@@ -67,9 +221,9 @@ def write_picture(figure: Figure, target: Path) -> None:
         If the file cannot be written.
     """
     form = target.suffix.lower()[1:]
-    options: dict[str, Any] = {"metadata": {"Date": None}} if form == "svg" else {}
+    options: Plain = {"metadata": {"Date": None}} if form == "svg" else {}
     with whole(target) as temporary:
-        figure.savefig(temporary, format=form, dpi=style.PNG_DPI, **options)
+        figure.savefig(temporary, format=form, dpi=PNG_DPI, **options)
 
 
 def drawn(
@@ -88,7 +242,7 @@ def drawn(
         Unknown suffix, or the file cannot be written.
     """
     target = None if path is None else check_target(path, suffixes)
-    with style.applied(dark=dark):
+    with applied(dark=dark):
         figure = draw()
         if target is not None:
             write(figure, target)
@@ -96,9 +250,9 @@ def drawn(
 
 
 def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
-    """Return a figure of matplotlib, within `style.applied`."""
+    """Return a figure of matplotlib, within `applied`."""
     rows, columns = figure.grid
-    made = style.new_figure(figure.row_in * rows + figure.rest_in, figure.width_in)
+    made = new_figure(figure.row_in * rows + figure.rest_in, figure.width_in)
     first = int(figure.tall is not None and figure.tall_first)
     layout = made.add_gridspec(
         rows,
@@ -130,7 +284,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
             _limit(axis, side, own, is_first=not group & done)
             done |= group
         _spread_names(axis, panel, figure.row_in)
-    handles: dict[str, Any] = {}
+    handles: Plain = {}
     for (axis, panel), own in zip(drawn_panels, labels, strict=True):
         handles |= _legend(axis, own, figure, figure.legend if panel.legend is None else panel.legend)
     _outer(made, figure, axes)
@@ -145,7 +299,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
 
 
 def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Iterator[Image.Image]:
-    """Yield an image of each figure: of equal size, with one drawing without margins, within `style.applied`."""
+    """Yield an image of each figure: of equal size, with one drawing without margins, within `applied`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -187,9 +341,9 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
             axis.set_ylabel("")
     x, y = (figures.axis(own).label for own in (figure.x, figure.y))
     if figure.share_x == "all" and columns > 1 and x:
-        made.supxlabel(x, fontsize=style.LABEL_PT)
+        made.supxlabel(x, fontsize=LABEL_PT)
     if figure.share_y == "all" and rows > 1 and y:
-        made.supylabel(y, fontsize=style.LABEL_PT)
+        made.supylabel(y, fontsize=LABEL_PT)
     for axis in axes.values():
         if figure.share_x == "all" and columns > 1 and axis.get_xlabel() == x:
             axis.set_xlabel("")
@@ -197,12 +351,12 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
             axis.set_ylabel("")
 
 
-def _panel(axis: Axes, panel: figures.Panel, figure: figures.Figure, *, dark: bool) -> dict[str, Any]:
+def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> Plain:
     """Draw one panel and return the handles of its labels."""
     x, y = figure.axes_of(panel)
     if panel.title:
-        axis.set_title(panel.title, fontsize=style.TITLE_PT * figure.text_scale)
-    if all(isinstance(mark, Line | figures.Band | Rule) for mark in panel.marks):
+        axis.set_title(panel.title, fontsize=TITLE_PT * figure.text_scale)
+    if all(isinstance(mark, Line | Band | Rule) for mark in panel.marks):
         axis.margins(x=0)
     handles = _marks(axis, panel.marks, x, y, dark=dark)
     _scale(axis, "x", x, panel.marks)
@@ -211,18 +365,18 @@ def _panel(axis: Axes, panel: figures.Panel, figure: figures.Figure, *, dark: bo
         right, own = axis.twinx(), figures.axis(panel.right_y)
         _marks(right, panel.right, x, own, dark=dark)
         look = getattr(panel.right[0], "look", None) or figures.MEASURED
-        right.set_ylabel(own.label, color=style.ink(look.color, dark=dark), fontsize=style.LABEL_PT * figure.text_scale)
-        right.tick_params(labelsize=style.TICK_PT * figure.text_scale)
+        right.set_ylabel(own.label, color=ink(look.color, dark=dark), fontsize=LABEL_PT * figure.text_scale)
+        right.tick_params(labelsize=TICK_PT * figure.text_scale)
     if figure.text_scale != 1.0:
-        axis.tick_params(labelsize=style.TICK_PT * figure.text_scale)
+        axis.tick_params(labelsize=TICK_PT * figure.text_scale)
         for label in (axis.xaxis.label, axis.yaxis.label):
-            label.set_fontsize(style.LABEL_PT * figure.text_scale)
+            label.set_fontsize(LABEL_PT * figure.text_scale)
     return handles
 
 
-def _marks(axis: Axes, marks: Sequence[Any], x: figures.Axis, y: figures.Axis, *, dark: bool) -> dict[str, Any]:
+def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis, *, dark: bool) -> Plain:
     """Draw marks; return the handle of each label."""
-    handles: dict[str, Any] = {}
+    handles: Plain = {}
     for mark in marks:
         handle = DRAWN[type(mark)](mark, axis, x, y, dark=dark)
         label = getattr(mark, "label", "")
@@ -231,10 +385,10 @@ def _marks(axis: Axes, marks: Sequence[Any], x: figures.Axis, y: figures.Axis, *
     return handles
 
 
-def _legend(axis: Axes, handles: dict[str, Any], figure: figures.Figure, how: str) -> dict[str, Any]:
+def _legend(axis: Axes, handles: Plain, figure: figures.Figure, how: str) -> Plain:
     """Put the legend of a panel into it; return the handles if it belongs above all panels."""
     entries = min(len(handles), figure.entries)
-    size: dict[str, Any] = {"fontsize": style.LEGEND_PT * figure.text_scale}
+    size: Plain = {"fontsize": LEGEND_PT * figure.text_scale}
     if how == "panel" and handles:
         axis.legend(list(handles.values()), list(handles), **size)
     elif how == "inside" and handles:  # above the data, within the panel
@@ -245,14 +399,14 @@ def _legend(axis: Axes, handles: dict[str, Any], figure: figures.Figure, how: st
             **{"loc": "upper left", "ncols": 2, "borderaxespad": 0.1, "handlelength": 2.0, "labelspacing": 0.3, **size},
         )
     elif how == "over" and handles:
-        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderaxespad": 0.0}
+        place: Plain = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderaxespad": 0.0}
         axis.legend(list(handles.values()), list(handles), ncols=entries, **place, **size)
     elif how == "under" and handles:  # below a drawing
         axis.legend(list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=entries)
     return handles if how == "above" else {}
 
 
-def _spread_names(axis: Axes, panel: figures.Panel, row_in: float) -> None:
+def _spread_names(axis: Axes, panel: Panel, row_in: float) -> None:
     """Move the names of points upwards so that they do not touch each other."""
     is_named = any(isinstance(mark, Markers) and mark.names for mark in panel.marks)
     names: list[Any] = [text for text in axis.texts if is_named and text.get_text()]
@@ -264,12 +418,12 @@ def _spread_names(axis: Axes, panel: figures.Panel, row_in: float) -> None:
         name.set_position((NAME_PT[0], NAME_PT[1] + 72.0 * row_in * (lowest - height)))
 
 
-def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> None:
+def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
     """Give an axis its label, scale and ends."""
     values = [np.abs(own.shown(getattr(mark, side))).ravel() for mark in marks if isinstance(mark, Line | Markers)]
     every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if own.scale == "log" or (own.scale == "wide" and every.size and every.max() > WIDE * every.min()):
-        style.logarithmic(axis, side)
+        logarithmic(axis, side)
     largest = [float(v.max()) for v in values if v.size] if own.scale == "far" else []
     if largest and max(largest) > FAR_APART * min(largest) > 0.0:
         getattr(axis, f"set_{side}scale")("symlog", linthresh=10.0 ** np.floor(np.log10(min(largest))))
@@ -280,7 +434,7 @@ def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> No
     getattr(axis, f"set_{side}label")(own.label if own.is_named else "")
 
 
-def _limit(axis: Axes, side: str, own: figures.Axis, *, is_first: bool) -> None:
+def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
     """Give an axis its ends, after all marks; the first one of several with equal ends has the room around the data."""
     limit = getattr(axis, f"set_{side}lim")
     if is_first and (own.below or own.above):
@@ -291,10 +445,10 @@ def _limit(axis: Axes, side: str, own: figures.Axis, *, is_first: bool) -> None:
         limit(low, high)
 
 
-def _line(mark: Line, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+def _line(mark: Line, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
     return axis.plot(
         *(x.shown(mark.x), y.shown(mark.y)),
-        color=style.ink(mark.look.color, dark=dark),
+        color=ink(mark.look.color, dark=dark),
         linestyle=mark.look.dash,
         linewidth=mark.width,
         drawstyle="steps-post" if mark.steps else "default",
@@ -302,18 +456,18 @@ def _line(mark: Line, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: boo
     )[0]
 
 
-def _band(mark: figures.Band, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
-    tint: dict[str, Any] = {"color": style.ink("band", dark=dark)}
+def _band(mark: Band, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+    tint: Plain = {"color": ink("band", dark=dark)}
     if mark.look is not None:
-        tint = {"color": style.ink(mark.look.color, dark=dark), "alpha": TINT}
+        tint = {"color": ink(mark.look.color, dark=dark), "alpha": TINT}
     return axis.fill_between(x.shown(mark.x), y.shown(mark.low), y.shown(mark.high), lw=0, **tint)
 
 
-def _points(mark: Markers, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
-    color = style.ink(mark.look.color, dark=dark)
-    shown: dict[str, Any] = {"color": color, "ms": mark.size, "marker": mark.look.marker}
+def _points(mark: Markers, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+    color = ink(mark.look.color, dark=dark)
+    shown: Plain = {"color": color, "ms": mark.size, "marker": mark.look.marker}
     shown |= {"ls": mark.look.dash if mark.joined else "none", "lw": 0.9}
-    shown["mfc"] = color if mark.filled else style.ink("paper", dark=dark)
+    shown["mfc"] = color if mark.filled else ink("paper", dark=dark)
     at, values = x.shown(mark.x), y.shown(mark.y)
     for where, name in zip(zip(at, values, strict=True), mark.names, strict=False):
         axis.annotate(name, where, NAME_PT, textcoords="offset points", fontsize=5.5)
@@ -323,34 +477,34 @@ def _points(mark: Markers, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark
     return axis.errorbar(at, values, yerr=reach, elinewidth=0.8, capsize=min(mark.size / 2.0, 2.0), **shown)
 
 
-def _rule(mark: Rule, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+def _rule(mark: Rule, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
     handle = None
     for own, value, line, span in ((x, mark.x, axis.axvline, axis.axvspan), (y, mark.y, axis.axhline, axis.axhspan)):
         if isinstance(value, tuple):
-            color = style.ink(mark.look.color if mark.look.color in style.TINTS else "shade", dark=dark)
+            color = ink(mark.look.color if mark.look.color in TINTS else "shade", dark=dark)
             handle = span(*own.shown(value), color=color, lw=0, zorder=0)
         elif value is not None:
-            color = style.ink(mark.look.color, dark=dark)
+            color = ink(mark.look.color, dark=dark)
             handle = line(float(own.shown(value)), color=color, ls=mark.look.dash, lw=mark.width)
     return handle
 
 
-def _bars(mark: Bars, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
-    face: dict[str, Any] = {"color": style.ink(mark.look.color, dark=dark)}
+def _bars(mark: Bars, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+    face: Plain = {"color": ink(mark.look.color, dark=dark)}
     if mark.hatched:
-        face = {"color": style.ink("paper", dark=dark), "hatch": "////"}
-    face |= {"edgecolor": style.ink("black", dark=dark), "linewidth": 0.6}
+        face = {"color": ink("paper", dark=dark), "hatch": "////"}
+    face |= {"edgecolor": ink("black", dark=dark), "linewidth": 0.6}
     if mark.across:
         return axis.barh(y.shown(mark.at), x.shown(mark.values), mark.thickness / y.size, **face)
     return axis.bar(x.shown(mark.at), y.shown(mark.values), mark.thickness / x.size, **face)
 
 
-def _heat(mark: Heat, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+def _heat(mark: Heat, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
     values = axis.pcolormesh(x.shown(mark.x), y.shown(mark.y), mark.z, shading="nearest", cmap="cividis")
     axis.figure.colorbar(values, ax=axis, label=mark.label)
 
 
-def _drawing(mark: Drawing, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
     axis.set_axis_off()
     axis.grid(visible=False)
     for stroke in mark.strokes:
@@ -362,19 +516,19 @@ def _drawing(mark: Drawing, axis: Axes, x: figures.Axis, y: figures.Axis, *, dar
 
 def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
     """Draw an arrow, a text, or a line with its area."""
-    color, points = style.ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
+    color, points = ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
     if stroke.head:
         look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
         begin, end = points
         axis.annotate(stroke.text, end, begin, arrowprops=look, va="center")
     elif stroke.text:
         across, _, up = stroke.align.partition(" ")
-        place: dict[str, Any] = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
+        place: Plain = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
         x, y = points.reshape(-1, 2)[0]
         axis.text(x, y, stroke.text, fontsize=stroke.size, color=color, **place)
     else:
         if stroke.fill:
-            face = {"facecolor": style.ink(stroke.fill, dark=dark), "alpha": stroke.tint}
+            face = {"facecolor": ink(stroke.fill, dark=dark), "alpha": stroke.tint}
             axis.fill(*points.T, edgecolor=color, lw=0.0 if stroke.tint < 1.0 else stroke.width, **face)
         if stroke.fill and stroke.tint == 1.0:  # the outline is hidden by what is drawn later, as the area is
             return
@@ -386,7 +540,7 @@ def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
 #: Each draws a mark and returns its handle for a legend.
 DRAWN: dict[type, Callable[..., Any]] = {
     Line: _line,
-    figures.Band: _band,
+    Band: _band,
     Markers: _points,
     Rule: _rule,
     Bars: _bars,

@@ -18,7 +18,7 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
 from pneudrive.report.layout_figure import sketch
-from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, view_section
+from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, view_section
 from pneudrive.report.render import draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.choices import WITHOUT
@@ -151,7 +151,7 @@ def candidate_figure(result: SizingResult) -> Figure:
     for way, limit in (("out", task.outward_s), ("back", task.back_s)):
         longest = Rule(y=limit * (1.0 - task.margin), label="longest time", look=Look("black", "--"), width=1.1)
         panels.append(Panel([*_points(result, way), longest], f"stroke {way}", y=f"time {way}, worst 1 % / s"))
-    return Figure(panels, "air of a cycle / l ANR", columns=2, row_in=3.1, rest_in=0.0, share_x="all")
+    return figure_of("candidates", panels)
 
 
 def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:

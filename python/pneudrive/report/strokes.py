@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from pneudrive.figures import SPEED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
+from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup, bar, groups_of
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, ReversalPeak, StickSlip, offset_line
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import fixed, with_u
-from pneudrive.report.page import Paragraph, Section, Topic, by_seal, gauge_bar, plural, spread_evenly
+from pneudrive.report.page import Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownTable, ShownValue, View, worst
@@ -144,9 +144,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
             marks += _law(group, curve, fits.get(assembly) or fits.get(ALL_RECORDINGS), own)
         drawn.append(Panel(marks, "" if is_single else assembly))
     y = Axis("friction / N", low=0.0) if all((c.y >= 0.0).all() for _, own in groups for c in own) else "friction / N"
-    if is_single:
-        return Figure(drawn, SPEED, y, row_in=3.6, rest_in=0.0, entries=3)
-    return Figure(drawn, SPEED, y, columns=3, row_in=2.0, rest_in=0.4, share_x="all", share_y="all")
+    return figure_of("curves-of-one" if is_single else "curves", drawn, y=y)
 
 
 def _law(group: MapGroup, curve: ShownCurve, by_law: Mapping[str, FrictionFit] | None, own: Look) -> list[Band | Line]:
@@ -239,7 +237,7 @@ def errors(pairs: pl.DataFrame) -> Figure:
         right.append(Markers(speed, error, look=own, size=3.2))
     ends = Axis("error / standard error", low=-SHOWN_ERRORS, high=SHOWN_ERRORS)
     panels = [Panel(left, y="friction / N"), Panel([*right, Rule(y=0.0, look=Look("black"), width=0.8)], y=ends)]
-    return Figure(panels, Axis("speed / (mm/s)", "log"), columns=2, row_in=3.0, rest_in=0.0)
+    return figure_of("errors", panels)
 
 
 # --- Changes of recordings from stroke to stroke: drift, the peaks after reversals, and stick-slip.
@@ -294,9 +292,7 @@ def courses(found: Characterisation) -> Figure:
             label = f"{fixed(gauge_bar(level), 1)} bar" + (f", run {run}" if run else "")
             marks.append(Markers(_numbers(course), course, label, Look("blue", "--", "s"), size=2.5, joined=True))
         panels.append(Panel([*marks, Rule(y=0.0)], seal))
-    y = Axis("friction against the mean / %", below=0.15)
-    shared = {"share_x": "all", "share_y": "all", "legend": "panel", "row_in": 2.0}
-    return Figure(panels, "stroke in its direction", y, columns=3, **shared)
+    return figure_of("courses", panels)
 
 
 def _numbers(course: np.ndarray) -> np.ndarray:
@@ -359,7 +355,7 @@ def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figur
     title, x_axis = f"{r.name}, stroke {peak.stroke}", Axis("samples on the rise", low=0.0)
     left = Panel(detail, title, "time from the peak / s", "friction / N")
     right = Panel([*over, needed], "", x_axis, "peak over sliding friction / N")
-    return Figure([left, right], columns=2, row_in=2.8, rest_in=0.0, legend="panel", text_scale=0.93)
+    return figure_of("reversals", [left, right])
 
 
 # --- stick-slip ------------------------------------------------------------------------------------------------------
@@ -425,8 +421,7 @@ def in_time(motions: Sequence[DrawnMotion]) -> Figure:
         mean = Rule(y=m.mean_speed_m_s, label=f"mean {1e3 * m.mean_speed_m_s:.2f} mm/s", look=MEAN, width=1.0)
         above.append(Panel([Line(m.time_s[part], m.velocity_m_s[part], width=0.8), mean], m.title, y=FASTER))
         below.append(Panel([Line(m.time_s[part], m.position_m[part], width=1.0)], y="position / mm"))
-    shared = {"share_x": "col", "share_y": "row", "legend": "panel", "text_scale": 0.9}
-    return Figure([*above, *below], "time / s", columns=len(motions), row_in=1.7, rest_in=0.0, **shared)
+    return figure_of("motions", [*above, *below], columns=len(motions))
 
 
 FASTER = Axis("speed / (mm/s)", above=0.2)
@@ -439,5 +434,4 @@ def phase_plane(motions: Sequence[DrawnMotion]) -> Figure:
         trend = np.polynomial.Polynomial.fit(m.time_s, m.position_m, 1)(m.time_s)
         mean = Rule(y=m.mean_speed_m_s, look=MEAN, width=1.0)
         panels.append(Panel([Line(m.position_m - trend, m.velocity_m_s, width=0.5), mean], m.title))
-    shared = {"columns": len(motions), "share_y": "all", "row_in": 2.6, "rest_in": 0.0, "text_scale": 0.9}
-    return Figure(panels, "position − mean motion / mm", "speed / (mm/s)", **shared)
+    return figure_of("phase-planes", panels, columns=len(motions))

@@ -10,29 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive import figures
 from pneudrive.errors import CommandError
-from pneudrive.figures import (
-    LOOKS,
-    MEASURED,
-    MODEL,
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Line,
-    Look,
-    Markers,
-    Panel,
-    Rule,
-    ramp,
-    stack,
-    thin,
-)
+from pneudrive.figures import LOOKS, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, ramp, stack, thin
 from pneudrive.identify.follow.fit import FollowFit, fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.fit import write_fit_report
-from pneudrive.report.page import Section, Topic, inline, plural, svg_text, view_report, view_section
+from pneudrive.report.page import Section, Topic, figure_of, inline, plural, svg_text, view_report, view_section
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns, write_whole
@@ -130,7 +115,7 @@ def _panels(run: xr.Dataset) -> Iterator[tuple[str, list[tuple[str, Look, str]]]
         of_kind = (str(name) for name, variable in run.data_vars.items() if variable.attrs.get("units") == unit)
         names = [name for name in of_kind if wanted.fullmatch(name)][: len(LOOKS)]
         is_drive = not any("." in name for name in names)
-        looks = (MEASURED, MODEL) if is_drive else LOOKS  # of a drive with its two chambers
+        looks = (figures.MEASURED, figures.MODEL) if is_drive else LOOKS  # of a drive with its two chambers
         # End stops only if one was touched.
         if any(not name.endswith("end_stop_force") or bool((run[name] != 0.0).any()) for name in names):
             yield label, [(name, own, _words(name, last)) for name, own in zip(names, looks, strict=False)]
@@ -203,7 +188,7 @@ def tubes_figure(study: xr.Dataset) -> Figure:
         ]  # fmt: skip
         without = Rule(y=study.attrs["without_tubes"][name], label="without tubes", look=WITHOUT, width=1.1)
         panels.append(Panel([*curves, without], y=Axis(label, low=0.0)))
-    return Figure(panels, Axis("length of each tube / m", low=0.0), columns=2, row_in=2.9, rest_in=0.0)
+    return figure_of("tubes", panels)
 
 
 def view_of_tubes(study: xr.Dataset) -> View:
@@ -267,7 +252,7 @@ def closure_figure(closures: tuple[Closure, ...]) -> Figure:
     """Draw the residual of each force balance over time."""
     dots = Look("blue", "-", ".")
     panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
-    return Figure(panels, "time / s", "residual / %", row_in=1.3, rest_in=1.2)
+    return figure_of("closure", panels)
 
 
 def _force_row(c: Closure) -> tuple[object, ...]:
@@ -304,7 +289,7 @@ def volume_figure(solution: FollowSolution, at: int) -> Figure:
         left.append(Line(volumes[side], measured - rest[index], look=Look("black", "--"), width=0.7))
         right.append(Line(record.positions_m, rest[index] / record.ranges_pa[index], look=own, width=0.5))
     panels = [Panel(left, "", "volume / l", "pressure / bar"), Panel(right, "", "position / m", "residual / %")]
-    return Figure(panels, columns=2, row_in=3.4, rest_in=0.0)
+    return figure_of("volumes", panels)
 
 
 # --- Views of an ensemble (spread of each output, fans over time) and of sensitivities (bars of each number).
@@ -353,9 +338,7 @@ def ensemble_view(found: xr.Dataset) -> View:
         state="bad" if failed.size else "open" if missing else "good",
         findings=(*reasons, *missing),
         figures=tuple(
-            ShownFigure(key, captions[key], Figure(each, columns=2, row_in=1.9, rest_in=0.5))
-            for key, each in panels.items()
-            if each
+            ShownFigure(key, captions[key], figure_of("ensemble", each)) for key, each in panels.items() if each
         ),
     )
 
@@ -385,7 +368,7 @@ def sensitivity_view(found: xr.Dataset) -> View:
         panels.append(Panel(marks, output, Axis("fraction of the variance", is_si=False), Axis(names=numbers)))
     points = zip(found["output"].values, found["used"].values, strict=True)
     used = ", ".join(f"{int(count)} for {name}" for name, count in points)
-    figure = Figure(panels[:MOST_PANELS], columns=2, row_in=0.7 + 0.3 * len(numbers), rest_in=0.5)
+    figure = figure_of("ensemble", panels[:MOST_PANELS], row_in=0.7 + 0.3 * len(numbers))
     count = f"{plural(len(numbers), 'number')}, {plural(found.sizes['output'], 'output')}"
     return View(
         f"{found.attrs.get('title', 'Sensitivities')}: {count}",

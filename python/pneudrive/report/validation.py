@@ -10,6 +10,7 @@ import numpy as np
 from pneudrive import figures as drawing
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look, stack, thin
 from pneudrive.report.page import MOST_SHOWN, Paragraph, Section, Topic, plural, quantity, spread_evenly, view_report
 from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
@@ -25,12 +26,6 @@ if TYPE_CHECKING:
 MOST_RECORDS, MOST_STOPS = 6, 60
 SHOWN_ALONE = 12
 DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
-#: Verdict -> words, and factor to percent.
-VERDICTS = {
-    "position": ("position in the free run: fit", 1.0),
-    "pressure": ("pressures in the free run: NRMSE in the worse chamber", 100.0),
-    "breakaway": ("breakaway after stops: mean error", 100.0),
-}
 #: State of a target: missed, met, or not tested.
 MET: dict[bool | None, State] = {False: "bad", True: "good", None: "open"}
 
@@ -73,7 +68,7 @@ def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str
 
 
 def _leading(verdict: Mapping[str, Any]) -> LeadingValue:
-    (words, factor), met = VERDICTS[verdict["what"]], verdict.get("met")
+    (words, factor), met = Topic("validation", "verdicts").texts[verdict["what"]], verdict.get("met")
     if met is None:
         return LeadingValue(ShownValue(verdict["what"], "", "", verdict["text"]), None, "open")
     value = ShownValue(verdict["what"], "", words, factor * verdict["value"], "%")
@@ -121,21 +116,21 @@ def _tables(content: Mapping[str, Any]) -> Iterator[ShownTable]:
     )  # fmt: skip
 
 
-def channel_figure(columns: Mapping[str, Any]) -> drawing.Figure:
+def channel_figure(columns: Mapping[str, Any]) -> Figure:
     """Draw measured and modelled channels, each over its residual."""
-    panels, part = [], drawing.thin(columns["time_s"])
+    panels, part = [], thin(columns["time_s"])
     t = columns["time_s"][part]
     for column in CHANNELS:
         measured, free, again = (columns[name][part] for name in (column, f"free.{column}", f"restarted.{column}"))
         unit = quantity(column)[1]
-        lines = [drawing.Line(t, measured, "measured"), drawing.Line(t, free, "free run", drawing.MODEL)]
-        panels.append(drawing.Panel(lines, y=f"{CHANNELS[column]} / {unit}"))
+        lines = [Line(t, measured, "measured"), Line(t, free, "free run", MODEL)]
+        panels.append(Panel(lines, y=f"{CHANNELS[column]} / {unit}"))
         rests = [
-            drawing.Line(t, measured - again, "from measured states", drawing.RESIDUAL, 0.7),
-            drawing.Line(t, measured - free, look=drawing.MODEL),
+            Line(t, measured - again, "from measured states", drawing.RESIDUAL, 0.7),
+            Line(t, measured - free, look=MODEL),
         ]
-        panels.append(drawing.Panel(rests, y=f"residual / {unit}"))
-    return drawing.stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
+        panels.append(Panel(rests, y=f"residual / {unit}"))
+    return stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
 
 
 def write_validation_report(found: Validation, folder: str | Path) -> Path:
@@ -182,40 +177,38 @@ def _noise(found: Validation) -> Section:
     return topic.section(topic.text(), topic.table(rows), *pictures)
 
 
-def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> drawing.Figure:
+def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
     """Draw terms of the force balance, and residuals of all three balances."""
-    part, terms = drawing.thin(signals.time_s), scene.terms
+    part, terms = thin(signals.time_s), scene.terms
     lines = (
-        ("forces but friction", terms.force_n, drawing.Look()),
-        ("m a", moving_mass(drive) * signals.acceleration_m_s2, drawing.Look("blue", "--")),
-        ("friction of the model", np.where(signals.moving, terms.friction_n, np.nan), drawing.Look("orange", "-.")),
+        ("forces but friction", terms.force_n, Look()),
+        ("m a", moving_mass(drive) * signals.acceleration_m_s2, Look("blue", "--")),
+        ("friction of the model", np.where(signals.moving, terms.friction_n, np.nan), Look("orange", "-.")),
     )
-    marks = [drawing.Line(signals.time_s[part], values[part], label, own, 0.9) for label, values, own in lines]
-    panels, some = [drawing.Panel(marks, y="force / N")], drawing.thin(scene.time_s)
+    marks = [Line(signals.time_s[part], values[part], label, own, 0.9) for label, values, own in lines]
+    panels, some = [Panel(marks, y="force / N")], thin(scene.time_s)
     each = zip(BALANCES, scene.residuals, scene.used, scene.scale, ("N", "(bar/s)", "(bar/s)"), strict=True)
     for name, residual, used, scale, unit in each:
         rest, time = np.where(used, residual, np.nan)[some], scene.time_s[some]
         size = 1e5 if "bar" in unit else 1.0
-        band = drawing.Band(time, -2.0 * scale[some] / size, 2.0 * scale[some] / size)
-        panels.append(
-            drawing.Panel([band, drawing.Line(time, rest / size, width=0.8)], y=f"residual of\n{name} /\n{unit}")
-        )
-    return drawing.stack(panels, 5.2, (2, 1, 1, 1))
+        band = Band(time, -2.0 * scale[some] / size, 2.0 * scale[some] / size)
+        panels.append(Panel([band, Line(time, rest / size, width=0.8)], y=f"residual of\n{name} /\n{unit}"))
+    return stack(panels, 5.2, (2, 1, 1, 1))
 
 
-def residual_figure(r: RecordResult, window_s: float) -> drawing.Figure:
+def residual_figure(r: RecordResult, window_s: float) -> Figure:
     """Draw the autocorrelation of the free run's residuals, and the residual of each run from a measured state."""
     above, below = [], []
     for column, channel in r.channels.items():
         values, bound = channel.whiteness.autocorrelation, channel.whiteness.bound
-        lags = drawing.Bars(np.arange(1, values.size + 1), values, look=drawing.Look(), thickness=0.2)
-        y = drawing.Axis("autocorrelation" if not above else "", low=-1.05, high=1.05)
-        noise = drawing.Rule(y=(-bound, bound), look=drawing.Look("band"))
-        above.append(drawing.Panel([noise, lags], CHANNELS[column], "lag / samples", y))
+        lags = Bars(np.arange(1, values.size + 1), values, look=Look(), thickness=0.2)
+        y = Axis("autocorrelation" if not above else "", low=-1.05, high=1.05)
+        noise = Rule(y=(-bound, bound), look=Look("band"))
+        above.append(Panel([noise, lags], CHANNELS[column], "lag / samples", y))
         middle = (np.arange(channel.window_rms.size) + 0.5) * window_s
-        bars = drawing.Bars(middle, channel.window_rms, thickness=0.8 * window_s)
-        below.append(drawing.Panel([bars], "", "start at / s", f"rms / {quantity(column)[1]}"))
-    return drawing.Figure([*above, *below], columns=len(above), row_in=1.8, rest_in=0.0)
+        bars = Bars(middle, channel.window_rms, thickness=0.8 * window_s)
+        below.append(Panel([bars], "", "start at / s", f"rms / {quantity(column)[1]}"))
+    return Figure([*above, *below], columns=len(above), row_in=1.8, rest_in=0.0)
 
 
 def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
@@ -281,14 +274,14 @@ def _of_curve(c: FrictionCurve) -> tuple[object, ...]:
     return c.condition, DIRECTIONS[c.direction], c.speed_m_s.size, mean, largest, *shares
 
 
-def friction_figure(curves: list[FrictionCurve]) -> drawing.Figure:
+def friction_figure(curves: list[FrictionCurve]) -> Figure:
     """Draw one panel for each condition: measured points and the law's lines."""
-    panels: dict[str, list[drawing.Markers | drawing.Line]] = {}
+    panels: dict[str, list[Markers | Line]] = {}
     for c in curves:
         marks = panels.setdefault(c.condition, [])
-        own, label = drawing.look(len(marks) // 2), f"measured, {DIRECTIONS[c.direction]}; line: law"
-        marks.append(drawing.Markers(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
-        marks.append(drawing.Line(c.speed_m_s, c.model_n, look=own))
-    x = drawing.Axis("speed / (mm/s)", "log")
-    shown = [drawing.Panel(marks, name) for name, marks in panels.items()]
-    return drawing.Figure(shown, x, "friction / N", columns=2, row_in=1.9, rest_in=0.6, legend="panel", text_scale=0.9)
+        own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[c.direction]}; line: law"
+        marks.append(Markers(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
+        marks.append(Line(c.speed_m_s, c.model_n, look=own))
+    x = Axis("speed / (mm/s)", "log")
+    shown = [Panel(marks, name) for name, marks in panels.items()]
+    return Figure(shown, x, "friction / N", columns=2, row_in=1.9, rest_in=0.6, legend="panel", text_scale=0.9)

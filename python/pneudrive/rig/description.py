@@ -18,19 +18,17 @@ from pydantic import Field, create_model
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.errors import DescriptionError, Problems, package_table
+from pneudrive.errors import DescriptionError, Problems, WrongValueError, package_table, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import Motion, MotionLimits, uniform_in_position
 from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ def _mark(unit: str, bounds: Bounds) -> Mark:
     return Difference("K", "K", bounds) if unit == "delta K" else Quantity("" if unit == "1" else unit, bounds=bounds)
 
 
-def _key(key: str, row: dict[str, Any]) -> tuple[Any, Any]:
+def _key(key: str, row: Plain) -> tuple[Any, Any]:
     """Return type and field of a key from its row in ``keys.toml``; a required key has the default ``...``."""
     default, meaning = None if row.get("optional") else row.get("default", ...), row.get("meaning")
     if "words" in row:
@@ -206,14 +204,14 @@ def _key(key: str, row: dict[str, Any]) -> tuple[Any, Any]:
 
 
 BOUNDS = {"positive": Bounds(above=0.0), "not_negative": Bounds(at_least=0.0), "any_sign": Bounds()}
-_TABLES: dict[str, Any] = package_table(__file__, "keys.toml")
+_TABLES: Plain = package_table(__file__, "keys.toml")
 #: table -> its title
 TABLES: dict[str, str] = {name: table["title"] for name, table in _TABLES.items() if "title" in table}
-KEYS: dict[str, dict[str, Any]] = {
+KEYS: dict[str, Plain] = {
     name: {key: _key(key, row) for key, row in _TABLES[name].items() if key != "title"} for name in TABLES
 }
 #: Keys of a table [mounting.NAME]: a mounting other than `RIGID`.
-MOUNTING: dict[str, Any] = {key: _key(key, row) for key, row in _TABLES["mounting"].items()}
+MOUNTING: Plain = {key: _key(key, row) for key, row in _TABLES["mounting"].items()}
 #: Mounting of every rig, without side load.
 RIGID = "rigid"
 
@@ -265,16 +263,16 @@ def _rig_class() -> type[Described]:
     classes = {n: create_model(f"Rig{n.title()}", __base__=Described, **keys) for n, keys in KEYS.items()}
     mounting = create_model("RigMounting", __base__=Described, **MOUNTING)
     tables = {name: (cls, ...) for name, cls in classes.items()}
-    fields: dict[str, Any] = {"mounting": (dict[str, mounting], Field(default_factory=dict))}  # type: ignore[valid-type]
+    fields: Plain = {"mounting": (dict[str, mounting], Field(default_factory=dict))}  # type: ignore[valid-type]
     return create_model("RigTables", __base__=Described, **tables, **fields)
 
 
-def rig_schema() -> dict[str, Any]:
+def rig_schema() -> Plain:
     """Return the JSON schema of a rig file: of a simulated rig, or identity and limits of any other."""
     written = {"type": ["string", "number", "boolean"]}
     parts = dict.fromkeys(("value", "source", "reason"), written)
     sourced = {"anyOf": [written, {"type": "object", "properties": parts, "required": ["value", "source"]}]}
-    schema: dict[str, Any] = RigFile.model_json_schema(by_alias=True)
+    schema: Plain = RigFile.model_json_schema(by_alias=True)
     schema["additionalProperties"] = True  # keys of further kinds
     schema["properties"] |= {"extends": {"type": "string"}, "name": {"type": "string"}}
     for name, keys in KEYS.items():
@@ -312,7 +310,7 @@ def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
     return str(content.get("name", path.stem)), tables, friction, sources
 
 
-def _friction(given: dict[str, Any], path: Path) -> Friction:
+def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
     law = given.get("law")
     if not isinstance(law, str):
@@ -320,7 +318,7 @@ def _friction(given: dict[str, Any], path: Path) -> Friction:
     return Friction.model_validate(given | {"law": law_of(law, path.parent) or law})
 
 
-def open_file(path: str | Path) -> dict[str, Any]:
+def open_file(path: str | Path) -> Plain:
     """Read the tables of a rig file, merged over those of the file that it extends.
 
     Raises
@@ -331,7 +329,7 @@ def open_file(path: str | Path) -> dict[str, Any]:
     return _open(Path(path), ())
 
 
-def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+def _open(path: Path, above: tuple[Path, ...]) -> Plain:
     where = str(path)
     if path in above:
         raise DescriptionError("the rig file extends itself", where=where)
@@ -351,7 +349,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     return toml.merge(below, content, toml.is_table)
 
 
-def _table(content: dict[str, Any], name: str) -> dict[str, Any]:
+def _table(content: Plain, name: str) -> Plain:
     table = content.get(name)
     return table if isinstance(table, dict) else {}
 
@@ -388,7 +386,7 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
     }
 
 
-def _with(given: object, said: dict[str, Any]) -> dict[str, Any]:
+def _with(given: object, said: Plain) -> Plain:
     """Add the source of a list to its entry."""
     return (given if isinstance(given, dict) else {"value": given}) | said
 

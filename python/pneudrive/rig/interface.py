@@ -36,7 +36,7 @@ from pneudrive.units import LARGEST
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Plain
 
 
 T = TypeVar("T")
@@ -74,7 +74,7 @@ Texts = Annotated[
     BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
 ]
 
-WORDS: dict[str, dict[str, Any]] = package_table(__file__, "words.toml")
+WORDS: dict[str, Plain] = package_table(__file__, "words.toml")
 ONLY_KNOWN = ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
 SHARED = (

@@ -10,7 +10,7 @@ import json
 import math
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter
@@ -26,12 +26,12 @@ from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
     Numbers = float | Array
 
 
-def core_friction(d: RigDescription, mounting: str = RIGID) -> dict[str, Any]:
+def core_friction(d: RigDescription, mounting: str = RIGID) -> Plain:
     """Return the friction of the piston, including that of the guide under a side load of the mounting."""
     table = {**d.friction}
     guide = d.tables.mounting.get(mounting)
@@ -41,7 +41,7 @@ def core_friction(d: RigDescription, mounting: str = RIGID) -> dict[str, Any]:
 
 
 def steady_friction_n(
-    friction: dict[str, Any],
+    friction: Plain,
     velocity_m_s: float | Array,
     gauges_pa: tuple[float, float] = (0.0, 0.0),
     position_m: float = 0.0,
@@ -73,7 +73,7 @@ def steady_friction_n(
 def core_rig(
     d: RigDescription,
     pressures_pa: tuple[float, float],
-    friction: dict[str, Any] | None = None,
+    friction: Plain | None = None,
     temperature_k: float | None = None,
 ) -> Dragged:
     """Return the rig with its chambers or regulators at these absolute pressures, Pa.
@@ -198,12 +198,12 @@ class Past:
     levels: dict[str, str] = field(default_factory=lambda: {"mounting": RIGID})
     changes: dict[str, int] = field(default_factory=dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return plain data for JSON, exact to the bit."""
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Past:
+    def from_dict(cls, data: Plain) -> Past:
         """Return the history from the data of `to_dict`.
 
         Raises
@@ -268,7 +268,7 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     return math.exp(exponent)
 
 
-def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any]:
+def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
     """Return the friction of the present step in the core's form.
 
     Run-in and temperature act as on a drive: both on Coulomb and breakaway force, only temperature on viscous friction.
@@ -322,11 +322,11 @@ class Machine:
             return None
         return move(step.to_m - at, step.speed_m_s, self.d.limits, at)
 
-    def friction(self) -> dict[str, Any]:
+    def friction(self) -> Plain:
         """Return the present friction in the core's form."""
         return friction_in_force(self.d, self.past, self.seed)
 
-    def steady_n(self, friction: dict[str, Any], velocity_m_s: float) -> float:
+    def steady_n(self, friction: Plain, velocity_m_s: float) -> float:
         """Return the steady friction at a velocity, the set pressures and the present position, N; positive."""
         d, past = self.d, self.past
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
@@ -394,7 +394,7 @@ class Machine:
         reached = " and ".join(f"{columns[f'pressure_{side}_pa'][-1]:g}" for side in "ab")
         raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{reached} Pa")
 
-    def _stays(self, friction: dict[str, Any]) -> None:
+    def _stays(self, friction: Plain) -> None:
         """Check that pressure and weight would not move a released piston away."""
         d, past = self.d, self.past
         area_a, area_b = d.areas_m2
@@ -407,7 +407,7 @@ class Machine:
 
     def _core(
         self,
-        friction: dict[str, Any],
+        friction: Plain,
         motion: Motion,
         times: Array,
         *,

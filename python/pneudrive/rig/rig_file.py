@@ -10,22 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field, PrivateAttr, StrictBool, model_validator
 
 from pneudrive import own_code, units
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import (
-    Angle,
-    Between,
-    Bounds,
-    Mark,
-    PressureBetween,
-    Quantity,
-    Reads,
-    StatedPressure,
-    absolute,
-)
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import Problems, RigError, nearest
+from pneudrive.errors import Problems, RigError, WrongValueError, nearest, wrong
 from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, has_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
@@ -37,7 +27,6 @@ if TYPE_CHECKING:
 
 #: Channel as a user writes it -> name and SI unit of the channel of an `Identity`.
 CHANNELS: dict[str, tuple[str, str]] = WORDS["channels"]
-POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 
 
 MaybeStiffness = Annotated[float | None, Quantity("N/m", bounds=POSITIVE)]
@@ -91,11 +80,11 @@ class IdentityTable(PistonTable):
 
     table_name: ClassVar[str] = "identity"
     name: str
-    ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+    ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         Identity.ambient_pressure_pa, gauge=False
     )
     mass_beyond_sensor_kg: Mass = 0.0
-    incline_rad: Angle = 0.0
+    incline_rad: marks.Angle = 0.0
     stiffness_n_m: MaybeStiffness = None
     chambers: Literal["open", "common", "separate", "held"] = "held"
     pressure_measured_at: Literal["chamber", "regulator"] = "chamber"
@@ -107,7 +96,7 @@ class IdentityTable(PistonTable):
     bandwidth_hz: Annotated[dict[str, float], _FREQUENCIES] = Field(default_factory=dict)
     calibration: Annotated[dict[str, str], _channels(lambda _: Reads(str))] = Field(default_factory=dict)
     force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
-    labels: dict[str, Annotated[str, Reads(str)]] = Field(default_factory=dict)
+    labels: dict[str, marks.Text] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _areas_once(self) -> Self:
@@ -139,7 +128,7 @@ class LimitsTable(Described):
     pressure_pa: Annotated[tuple[units.Pressure, units.Pressure], PressureBetween()]
     separate_pressures: StrictBool = False
     temperature_k: Annotated[tuple[float, float], Between("K", "degC")]
-    supply_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+    supply_pressure: marks.MaybePressure = None
     expected_friction_n: Annotated[float, _amount("N")] = 0.0
     home_m: Annotated[float | None, Quantity("m", "mm")] = None
 

@@ -32,7 +32,7 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.rig.description import AnalogSensor, EncoderClock, TimeClock
     from pneudrive.rig.interface import Sampling
 
@@ -215,7 +215,7 @@ class SimulatedRig:
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
         accurate = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
-        shared: dict[str, Any] = {name: getattr(identity, name) for name in SHARED}
+        shared: Plain = {name: getattr(identity, name) for name in SHARED}
         shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
         shared["accuracy"] = {channel: identity.accuracy[channel] for channel in accurate}
         return Recording(
@@ -477,7 +477,7 @@ class RigSession:
             supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
             began = past if run is None or run.before is None else run.before
             clock = began.clock_s + (0.0 if run is None else run.reached_s)
-            seen: dict[str, Any] = self._at_rest(began) if run is None or run.seen is None else run.seen
+            seen: Plain = self._at_rest(began) if run is None or run.seen is None else run.seen
             return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=run is not None)
 
     def _at_rest(self, past: Past) -> dict[str, float]:

@@ -189,6 +189,7 @@ class Role:
     scaled: str = ""
 
 
+SIGNALS, SAMPLES = _TABLES["signals"], _TABLES["samples"]
 ROLES = {name: Role(**table) for name, table in _TABLES["roles"].items()}
 SECONDARY, INDEX, NUMBERING = (re.compile(_TABLES["words"][name]) for name in ("secondary", "index", "numbering"))
 #: Least number of columns that are called alike but for their number.

@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval
+    from pneudrive.arrays import Array, Bools, Interval, Plain
     from pneudrive.describe.drive import Drive
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
@@ -178,15 +178,13 @@ def drive_recording(
     for column in used if not gaps else ("time_s", "command"):
         bad = np.flatnonzero(~np.isfinite(used[column]))
         if bad.size:
-            remedy = "cut the file there, or fill short gaps"
-            raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
+            raise RecordingError.of("signals.not-finite", where=f"{where}, sample {bad[0]}", column=column)
     _refuse_fall(time, np.diff(time) <= 0.0, "time_s does not rise", where)
     _refuse_command(used["command"], -1.0, "the fraction of the valve's full opening, with sign", where)
     for column in ("pressure_a_pa", "pressure_b_pa"):
         low = float(np.fmin.reduce(used[column])) if column in used else np.inf
         if low <= 0.0:
-            rule = "pressures must be absolute, Pa"
-            raise RecordingError(f"{column} = {low:g} Pa", where=where, rule=rule, remedy="gauge or abs?")
+            raise RecordingError.of("signals.not-absolute", where=where, column=column, low=low)
     digest = digest_of(used.values())
     synthetic = set(columns) >= _SIMULATED
     used["time_s"] = time - time[0]
@@ -264,12 +262,8 @@ def _refuse_fall(time_s: Array, falls: Bools, what: str, where: str) -> None:
 def _refuse_command(command: Array, lowest: float, meaning: str, where: str) -> None:
     beyond = np.flatnonzero((command < lowest) | (command > 1.0))
     if beyond.size:
-        raise RecordingError(
-            f"command = {command[beyond[0]]:g}",
-            where=f"{where}, sample {beyond[0]}",
-            rule=f"{lowest:g} <= command <= 1: {meaning}",
-            remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
-        )
+        names = {"command": command[beyond[0]], "lowest": lowest, "meaning": meaning}
+        raise RecordingError.of("signals.command-beyond", where=f"{where}, sample {beyond[0]}", **names)
 
 
 def read_drive_recordings(
@@ -354,7 +348,7 @@ def _items(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[An
 
 def _drive_columns(
     item: Given, name: str, layout: Layout | None, needed: Sequence[str]
-) -> tuple[dict[str, Any], str, dict[str, str], Path | None]:
+) -> tuple[Plain, str, dict[str, str], Path | None]:
     """Return columns in SI, name, labels and file of a recording in any form."""
     known = (*NEEDED, *OPTIONAL, *_SIMULATED)
     if is_run(item):
@@ -372,13 +366,8 @@ def _drive_columns(
     if layout is None:
         with path.open("rb") as file:
             line = file.readline(200)  # of a text file: mostly the names of its columns
-        raise RecordingError(
-            "the file is not a recording of a drive, and there is no layout to read it",
-            where=str(path),
-            value=f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None,
-            rule=f"a recording of a drive has {', '.join(NEEDED)}",
-            remedy="name time, command, position and both pressures in a layout: --layout LAYOUT.toml",
-        )
+        begins = f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
+        raise RecordingError.of("signals.not-of-drive", where=str(path), value=begins, needed=", ".join(NEEDED))
     said = layout.for_file(path, "drive")
     return _imported_columns(path, said), stem(path), said.labels, path
 
@@ -425,10 +414,8 @@ def _check_range(recording: DriveRecording, column: str, limits: Interval, rule:
     if column in recording and np.isfinite(recording[column]).any():
         low, high = np.nanquantile(recording[column], QUANTILES)
         if low < limits[0] or high > limits[1]:
-            where = str(recording.source or recording.name)
-            raise RecordingError.of(
-                "signals.impossible-range", where=where, column=column, low=low, high=high, rule=rule, remedy=remedy
-            )
+            names = {"where": str(recording.source or recording.name), "rule": rule, "remedy": remedy}
+            raise RecordingError.of("signals.impossible-range", column=column, low=low, high=high, **names)
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
@@ -444,12 +431,8 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
     if not names or not seen or any(moves(r["position_m"]) for r in seen):
         return
     travel = max(float(np.nanmax(r["position_m"]) - np.nanmin(r["position_m"])) for r in seen)
-    raise RecordingError.of(
-        "signals.no-motion-of-drive",
-        where=", ".join(str(r.source or r.name) for r in seen),
-        names=", ".join(names),
-        travel_mm=1e3 * travel,
-    )
+    files = ", ".join(str(r.source or r.name) for r in seen)
+    raise RecordingError.of("signals.no-motion-of-drive", where=files, names=", ".join(names), travel_mm=1e3 * travel)
 
 
 def moves(position_m: Array) -> bool:

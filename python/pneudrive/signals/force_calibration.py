@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, Strict
 
 from pneudrive.describe.base import Described
-from pneudrive.describe.marks import Bounds, Percent, Quantity, Reads
+from pneudrive.describe.marks import NOT_NEGATIVE, Accuracy, Quantity, Text
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
@@ -72,8 +72,7 @@ class ForceCalibration:
         """Refuse a curve that no sensor has."""
         reference, shown = np.array(self.reference_n), np.array(self.shown_n)
         if reference.size != shown.size or reference.size == 1:
-            what = f"force calibration: {reference.size} reference forces and {shown.size} displayed forces"
-            raise DescriptionError(what, rule="two or more of each, in equal numbers")
+            raise DescriptionError.of("signals.points-unequal", size=reference.size, size2=shown.size)
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
             raise DescriptionError("force calibration: points cannot be combined with gain or zero", rule="one of both")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
@@ -81,11 +80,7 @@ class ForceCalibration:
         slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
         if not ((slopes > PLAUSIBLE_GAIN[0]) & (slopes < PLAUSIBLE_GAIN[1])).all():
             worst = float(slopes[np.argmax(np.abs(np.log(np.maximum(slopes, 1e-300))))])
-            raise DescriptionError(
-                f"force calibration: the sensor shows {worst:.3g} N per N",
-                rule=f"{PLAUSIBLE_GAIN[0]:g} to {PLAUSIBLE_GAIN[1]:g}",
-                remedy="Give both in the unit of force, after scale and offset of the column.",
-            )
+            raise DescriptionError.of("signals.implausible-gain", worst=worst, ends=PLAUSIBLE_GAIN)
         if self.creep_n > 0.0 and self.largest_n == 0.0:
             raise DescriptionError("force calibration: creep without a range", remedy='range = "100 N"')
 
@@ -155,7 +150,7 @@ class ForceCalibration:
 
 
 _Newton = Annotated[float, Quantity("N")]
-_NewtonLimit = Annotated[float, Quantity("N", bounds=Bounds(at_least=0.0))]
+_NewtonLimit = Annotated[float, Quantity("N", bounds=NOT_NEGATIVE)]
 
 
 class ForceCalibrationTable(Described):
@@ -165,14 +160,14 @@ class ForceCalibrationTable(Described):
     shown_n: tuple[_Newton, ...] = ()
     gain: Annotated[float, Quantity("")] = 1.0
     zero_n: _Newton = 0.0
-    u_gain: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0)), Field(alias="gain_uncertainty")] = 0.0
+    u_gain: Annotated[Accuracy, Field(alias="gain_uncertainty")] = 0.0
     u_zero_n: Annotated[_NewtonLimit, Field(alias="zero_uncertainty")] = 0.0
     range_n: _NewtonLimit = 0.0
     linearity_n: _NewtonLimit = 0.0
     hysteresis_n: _NewtonLimit = 0.0
     creep_n: _NewtonLimit = 0.0
     certificate: str = ""
-    date: Annotated[str, Reads(str)] = ""  # TOML has a type for dates
+    date: Text = ""  # TOML has a type for dates
 
 
 def of_quantities(table: object) -> ForceCalibration:

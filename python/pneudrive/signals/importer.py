@@ -21,6 +21,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.signals import text_table, times
 from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, header_unit, role_of, split_name, words_of
 from pneudrive.signals.layout import UNITS, FileLayout, TimeColumn
+from pneudrive.signals.text_table import FileForm, ForeignTable, read_bytes, read_text, sniff_format, sniff_text
 from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
     Columns = dict[str, Array]
 
@@ -61,7 +62,7 @@ class Imported:
     sha256: str | None = None
 
 
-def read_foreign(path: Path) -> tuple[text_table.FileForm, list[Array]]:
+def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
     """Return the form of a file and its columns of numbers; columns of texts are empty.
 
     Raises
@@ -69,11 +70,11 @@ def read_foreign(path: Path) -> tuple[text_table.FileForm, list[Array]]:
     RecordingError
         The file does not exist, is empty or of an unknown format, or has no table of numbers.
     """
-    form = text_table.sniff_format(path)
+    form = sniff_format(path)
     if form == "csv":
-        reading = text_table.sniff_text(path)
+        reading = sniff_text(path)
         wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
-        table = text_table.read_text(path, text_table.read_bytes(path), reading.form, wanted, {**reading.dates})
+        table = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates})
         none = np.full_like(table.columns[table.places[wanted[0]]], np.nan)
         return reading, [table.columns.get(table.places.get(at, ""), none) for at in range(reading.columns)]
     opened, dates = open_table(path, form), dict[str, str]()
@@ -88,7 +89,7 @@ def read_foreign(path: Path) -> tuple[text_table.FileForm, list[Array]]:
     sizes = [column.size for column in found.values()]
     usual = max(sizes, key=sizes.count, default=0)
     columns = {name: column for name, column in found.items() if column.size == usual}
-    reading = text_table.FileForm(
+    reading = FileForm(
         form,
         text_table.TextForm(),
         list(columns),
@@ -111,7 +112,7 @@ def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path:
 
 def read_binary(
     path: Path, layout: FileLayout, rows: tuple[int, int] | None = None, *, others: bool = False
-) -> text_table.ForeignTable:
+) -> ForeignTable:
     """Read the columns that a layout names from a file that is not text.
 
     Parameters
@@ -137,15 +138,14 @@ def read_binary(
     size = next(iter(columns.values())).size
     if any(column.size != size for column in columns.values()):
         sizes = ", ".join(f"{name}: {columns[name].size}" for name in names)
-        rule = "all channels must have one rate; resample others before"
-        raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
+        raise RecordingError.of("signals.columns-differ", where=str(path), value=sizes)
     part = slice(None)
     if layout.format in WITH_CLOCKS:  # channels that start later, or end earlier, than the others
         part = times.overlap(columns.values(), size)
         if part.start >= part.stop:
             raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
     columns |= {name: column for name, column in _numeric(arrays, {}, path).items() if column.size == size}
-    return text_table.ForeignTable(
+    return ForeignTable(
         {name: column[part] for name, column in columns.items()},
         places,
         {name: opened.metadata.get(UNIT_OF + name, "") for name in columns},
@@ -179,13 +179,10 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
     if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
         return times.seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
     if column.ndim != 1 or column.dtype.kind not in "iuf":
-        is_date = column.dtype.kind == "M"
-        raise RecordingError(
-            f"column '{name}' holds dates and times" if is_date else f"column '{name}' is not a row of numbers",
-            where=str(path),
-            value=f"{column.dtype}, {column.shape}",
-            remedy=f'unit = "{times.DATE_TIME}" in the layout' if is_date else "name another column in the layout",
-        )
+        parts = {"where": str(path), "value": f"{column.dtype}, {column.shape}", "name": name}
+        if column.dtype.kind == "M":
+            raise RecordingError.of("signals.dates-not-numbers", **parts)
+        raise RecordingError.of("signals.no-numbers", **parts)
     if date_form is not None:
         raise RecordingError.of("signals.numbers-not-dates", where=str(path), value=f"{column[:1].tolist()}", name=name)
     return text_table.measurable(column.astype(np.float64, copy=False))
@@ -193,7 +190,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
 
 def read_channels(
     path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
-) -> tuple[text_table.ForeignTable, Columns]:
+) -> tuple[ForeignTable, Columns]:
     """Read the columns that a layout names, of all rows, and its channels with one value for each time.
 
     Parameters
@@ -216,8 +213,8 @@ def read_channels(
         If the layout does not fit the file, many samples share a stamp, or the time restarts in a segment.
     """
     if layout.format == "csv":
-        data = data or text_table.read_bytes(path)
-        table = text_table.read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
+        data = data or read_bytes(path)
+        table = read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
     else:
         table = read_binary(path, layout, others=others)
     time, wraps = _time_of(layout.time, table, str(path))
@@ -243,7 +240,7 @@ def read_channels(
     return replace(table, columns=columns, flags=flags), {name: values[part] for name, values in channels.items()}
 
 
-def _time_of(column: TimeColumn, table: text_table.ForeignTable, where: str) -> tuple[Array, int]:
+def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array, int]:
     """Return the times in the unit of their column, and the number of wraps of a counter."""
     size = next(iter(table.columns.values())).size
     if column.column is None:
@@ -259,13 +256,8 @@ def _time_of(column: TimeColumn, table: text_table.ForeignTable, where: str) -> 
     time, wraps = (time, 0) if midnights else times.unwrapped(time, counters, forward=True)
     for number, row in enumerate(table.segments, 2):
         if 0 < row < size and time[row] < time[row - 1]:
-            raise RecordingError(
-                f"the time begins again in segment {number}",
-                where=f"{where}, row {row + 1}",
-                value=f"{time[row]:g} after {time[row - 1]:g}",
-                remedy="save each segment as a separate file; if they follow each other without a gap, "
-                'give the rate: time = { rate = "50 Hz" }',
-            )
+            back = f"{time[row]:g} after {time[row - 1]:g}"
+            raise RecordingError.of("signals.time-again", where=f"{where}, row {row + 1}", value=back, number=number)
     return time, 0 if column.wraps is not None else wraps
 
 
@@ -283,7 +275,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
     RecordingError
         If the layout does not fit the file, or no sample is left.
     """
-    data = text_table.read_bytes(path)
+    data = read_bytes(path)
     table, channels = read_channels(path, layout, data)
     for doubt in unit_doubts(layout, table):
         warn(f"{path.name}: {doubt}")
@@ -295,9 +287,8 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
         )
     raw = {channel: values[layout.skip_samples :] for channel, values in channels.items()}
     if raw["time"].size == 0:
-        raise RecordingError.of(
-            "signals.no-sample-left", where=str(path), size=channels["time"].size, skip_samples=layout.skip_samples
-        )
+        numbers = {"size": channels["time"].size, "skip_samples": layout.skip_samples}
+        raise RecordingError.of("signals.no-sample-left", where=str(path), **numbers)
     guessed = sum(column.guessed for column in layout.channels.values())
     flags = table.flags | ({"unit_guessed": guessed} if guessed else {})
     return Imported(si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest())
@@ -340,7 +331,7 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
     ]
 
 
-def si_columns(layout: FileLayout, raw: Columns) -> dict[str, Any]:
+def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
 
     A delayed channel is shifted, and the ends at which it has no values are left out.

@@ -13,24 +13,21 @@ from pydantic import Field, StrictBool, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, invalid, wrong
-from pneudrive.describe.marks import (
-    Angle,
-    Between,
-    Bounds,
-    Choice,
-    Percent,
-    PressureBetween,
-    Quantity,
-    Reads,
-    StatedPressure,
-    Whole,
-    absolute,
-)
+from pneudrive.describe.marks import POSITIVE, Between, Bounds, Percent, Quantity, Reads, Text, Whole, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import DescriptionError, LayoutError, Problems, nearest
+from pneudrive.errors import (
+    DescriptionError,
+    LayoutError,
+    Problems,
+    WrongValueError,
+    invalid,
+    nearest,
+    package_table,
+    wrong,
+)
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
@@ -43,33 +40,18 @@ from pneudrive.signals.times import DATE_TIME, ISO
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
 
 class RecordingKind(NamedTuple):
     """Kind of recording: the SI units of its channels, the needed channels, and the needs in words."""
 
     units: dict[str, str]
-    needed: tuple[str, ...]
+    needed: list[str]
     needs: str
 
 
-_RIG = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
-#: A layout with a command is one of a drive. The command of a fixed volume is the opening fraction of its line, and the
-#: inlet pressure is that between line and tube.
-KINDS = {
-    "rig": RecordingKind(_RIG, ("time", "position", "force"), "friction needs time, position and force"),
-    "drive": RecordingKind(
-        {**_RIG, "command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"},
-        ("time", "command", "position", "pressure_a", "pressure_b"),
-        "a drive needs time, command, position and both pressures",
-    ),
-    "fixed-volume": RecordingKind(
-        {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""},
-        ("time", "pressure"),
-        'kind = "fixed-volume", with the columns time and pressure',
-    ),
-}
+KINDS = {kind: RecordingKind(**table) for kind, table in package_table(__file__, "columns.toml")["kinds"].items()}
 #: Channel -> SI unit.
 UNITS = KINDS["drive"].units | KINDS["fixed-volume"].units
 RIG_TABLES = ("geometry", "chamber_a", "chamber_b", "force", "window")  # not used by other kinds of recordings
@@ -81,9 +63,11 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 def _place(given: object) -> int | str:
     """Read the number or name of a column, which may be in a table."""
     if isinstance(given, bool) or not isinstance(given, int | str):
-        remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
-        raise WrongValueError(f"{given!r} is not a column", remedy=remedy)
+        raise WrongValueError.of("signals.not-a-column", given=given)
     return given
+
+
+_Place = Annotated[int | str | None, Reads(_place)]
 
 
 def _scale(given: object) -> float:
@@ -115,8 +99,8 @@ class Column(Described):
 
     channel: ClassVar[str] = ""
     column: Annotated[int | str, Reads(_place)]
-    clock: Annotated[int | str | None, Reads(_place)] = None
-    wraps: Annotated[float | None, Quantity("", bounds=Bounds(above=0.0))] = None
+    clock: _Place = None
+    wraps: Annotated[float | None, Quantity("", bounds=POSITIVE)] = None
     guessed: StrictBool = False
     scale: Annotated[float, Reads(_scale)] = 1.0
     offset: Annotated[float, Quantity("")] = 0.0
@@ -125,7 +109,7 @@ class Column(Described):
     range: Any = None
     positive: Literal["+x", "-x"] = "+x"
     unit: Any = None
-    calibration: Annotated[str, Reads(str)] = ""
+    calibration: Text = ""
     format: str = ISO
 
     @property
@@ -150,11 +134,9 @@ class Column(Described):
         if self.channel == "command" and ("unit" in said) != ("range" in said):
             raise invalid("", "signals.unit-and-range")
         if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
-            rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
-            raise wrong("positive", f"positive = {self.positive!r}", rule=rule)
+            raise invalid("positive", "signals.not-a-direction", positive=self.positive)
         if "format" in said and not self.is_date:
-            rule = f'a format is a text, for a time with unit = "{DATE_TIME}" only'
-            raise wrong("format", f"format = {self.format!r}", rule=rule)
+            raise invalid("format", "signals.not-a-format", format=self.format, date_time=DATE_TIME)
         if "clock" in said and self.channel == "time":
             raise wrong("clock", "the time cannot have a clock", rule="clock names the column of a channel's times")
         return self
@@ -164,16 +146,15 @@ class TimeColumn(Column):
     """Keys of the time: a column, a date and a time of day in two columns, or the rate of the samples."""
 
     channel: ClassVar[str] = "time"
-    column: Annotated[int | str | None, Reads(_place)] = None  # type: ignore[assignment]
-    rate_hz: Annotated[float | None, Quantity("1/s", "Hz", Bounds(above=0.0))] = None
-    date: Annotated[int | str | None, Reads(_place)] = None
+    column: _Place = None  # type: ignore[assignment]
+    rate_hz: Annotated[float | None, Quantity("1/s", "Hz", POSITIVE)] = None
+    date: _Place = None
     date_format: str = ISO
 
     @model_validator(mode="after")
     def _once(self) -> TimeColumn:
         if (self.column is None) == (self.rate_hz is None):
-            remedy = 'time = { column = 0, unit = "s" }, or time = { rate = "50 Hz" }'
-            raise wrong("", "give the column of the time, or the rate of the samples", remedy=remedy)
+            raise invalid("", "signals.no-time-or-rate")
         if self.column is not None and self.unit is None:
             raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
         if "date_format" in self.model_fields_set and self.date is None:
@@ -184,8 +165,8 @@ class TimeColumn(Column):
 def _column_class(channel: str) -> type[Column]:
     """Return the class of the column of a channel."""
     si_unit = UNITS[channel]
-    ends = PressureBetween() if si_unit == "Pa" else Reads(str) if channel == "command" else Between(si_unit)
-    fields: dict[str, Any] = {
+    ends = marks.PressureBetween() if si_unit == "Pa" else Reads(str) if channel == "command" else Between(si_unit)
+    fields: Plain = {
         "accuracy": (Annotated[Any, Reads(partial(uncertainty, si_unit=si_unit))], None),
         "range": (Annotated[Any, ends], None),
         "unit": (
@@ -215,12 +196,11 @@ def _labels(given: object) -> dict[str, str]:
         raise WrongValueError(f"{pattern!r} is not a valid pattern", rule=rule, sub="pattern")
     for name in (*labels, *names):
         if name in COLUMNS:
-            rule = "each label becomes a column of the friction map, which already has this column"
-            raise WrongValueError(f"a label cannot be called '{name}'", rule=rule)
+            raise WrongValueError.of("signals.label-taken", name=name)
     return labels
 
 
-_COLUMNS: dict[str, Any] = {"cycle": (Annotated[int | str | None, Reads(_cycle)], None)}
+_COLUMNS: Plain = {"cycle": (Annotated[int | str | None, Reads(_cycle)], None)}
 _COLUMNS |= {name: (_column_class(name) | None, None) for name in UNITS}
 Columns = create_model("Columns", __base__=Described, **_COLUMNS)
 Columns.table_name = "columns"
@@ -241,19 +221,19 @@ class ChamberTable(Described):
     """The pressure in a chamber if it is not measured."""
 
     open_to_ambient: StrictBool = False
-    pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+    pressure: marks.MaybePressure = None
 
 
 class RigTable(Described):
     """``[rig]``: the rig of the drive."""
 
     table_name: ClassVar[str] = "rig"
-    ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+    ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    incline_rad: Angle = 0.0
-    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=Bounds(at_least=0.0))] = 0.0
-    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=Bounds(above=0.0))] = None
+    incline_rad: marks.Angle = 0.0
+    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=marks.NOT_NEGATIVE)] = 0.0
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=POSITIVE)] = None
     alignment_rad: Annotated[float | None, Reads(partial(uncertainty, si_unit="rad"))] = None
 
 
@@ -272,9 +252,9 @@ class ParallelTable(Described):
     """
 
     table_name: ClassVar[str] = "force"
-    name: Annotated[str, Reads(str)] = "parallel force"
-    area_m2: Annotated[float, Quantity("m2", "cm2", Bounds(above=0.0))]
-    area_accuracy: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = ASSUMED_PARALLEL_AREA
+    name: Text = "parallel force"
+    area_m2: Annotated[float, Quantity("m2", "cm2", POSITIVE)]
+    area_accuracy: marks.Accuracy = ASSUMED_PARALLEL_AREA
     positive: Literal["+x", "-x"] = "+x"
     pressure: _PRESSURE  # type: ignore[valid-type]
     against: _PRESSURE | None = None  # type: ignore[valid-type]
@@ -285,7 +265,7 @@ class FileLayout(Described):
 
     schema_version: Any = Field(default=1, alias="schema")
     kind: Literal["rig", "drive", "fixed-volume"] | None = None
-    format: Annotated[str, Choice(("csv", *FORMATS))] = "csv"
+    format: Annotated[str, marks.Choice(("csv", *FORMATS))] = "csv"
     delimiter: Annotated[str | None, Reads(_delimiter)] = None
     header: StrictBool = False
     quoted: StrictBool = False
@@ -308,13 +288,12 @@ class FileLayout(Described):
     @model_validator(mode="after")
     def _signs_differ(self) -> FileLayout:
         if self.delimiter == self.decimal and not self.quoted:
-            what = f"'{self.decimal}' cannot be both delimiter and decimal sign"
-            raise wrong("delimiter", what, remedy="if the numbers are in quotation marks, write quoted = true")
+            raise invalid("delimiter", "signals.comma-twice", decimal=self.decimal)
         return self
 
     def of_file(self, kind: str, labels: dict[str, str]) -> FileLayout:
         """Return the layout for a recording of a kind: a drive and a fixed volume have no tables of a rig."""
-        update: dict[str, Any] = {"kind": kind, "labels": labels}
+        update: Plain = {"kind": kind, "labels": labels}
         if kind != "rig":
             update |= {name: type(self).model_fields[name].default for name in RIG_TABLES}
             update["rig"] = RigTable().model_copy(update={"ambient_pressure": self.rig.ambient_pressure})
@@ -363,7 +342,7 @@ class FileLayout(Described):
     @property
     def text_form(self) -> TextForm:
         """Format of a text table. No comment sign: a character that no text contains."""
-        form: dict[str, Any] = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
+        form: Plain = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
         form["comment"] = self.comment or "\0"
         return TextForm(**form)
 
@@ -437,7 +416,7 @@ class FileLayout(Described):
         return {name: value for name, value in said.items() if value is not None}
 
 
-def layout_schema() -> dict[str, Any]:
+def layout_schema() -> Plain:
     """Return the JSON schema of a layout file: each ``[[for]]`` has the same keys, or dotted ones."""
     schema = FileLayout.model_json_schema(by_alias=True)
     group = {"type": "object", "properties": {"match": {"type": "string"}}, "required": ["match"]}
@@ -687,7 +666,7 @@ def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None
     return rest(0, 0)
 
 
-def _without(tree: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
+def _without(tree: Plain, rest: Plain) -> Plain:
     """Return a tree without the tables that an override replaces as a whole.
 
     These are a column given with place and unit, and the pressure of a chamber given in another

@@ -234,9 +234,8 @@ def _travel(name: str, time_s: Array, position_m: Array) -> tuple[float, float]:
     low, high = quantiles(thinned(position_m), 0.001, 0.999)
     travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
-        raise RecordingError.of(
-            "signals.no-motion", where=name, travel_mm=1e3 * travel, noise_mm=1e3 * noise, factor=NOISE_FACTOR
-        )
+        seen = {"travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}
+        raise RecordingError.of("signals.no-motion", where=name, factor=NOISE_FACTOR, **seen)
     return travel, noise
 
 

@@ -14,7 +14,7 @@ from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.content import rendered
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.signals.columns import ROLES, FileColumn, families
+from pneudrive.signals.columns import ROLES, SIGNALS, FileColumn, families
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout, stem
@@ -36,8 +36,6 @@ ABSOLUTE = re.compile(r"abs|(?:psi|bar|pa)a\b", re.IGNORECASE)
 #: Names of gauge pressures: p_rel, Druck relativ, Überdruck.
 GAUGE = re.compile(r"(?<![a-z])rel(?![a-z])|relativ|gau?ge|[uü]e?berdruck", re.IGNORECASE)
 TEMPLATE = Path(__file__).with_name("layout.toml.j2")
-#: Ranges of electrical signals that command a valve, in V or mA.
-SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
 
 @dataclass(frozen=True)
@@ -157,12 +155,8 @@ def _kind(path: Path, roles: RoleSearch) -> str:
     if raw := [header.name for header in headers if header.is_raw and header.name]:
         example = f'position = {{ column = "{raw[0]}", unit = "mm", scale = 20.0 }}'
         remedy += f"; {', '.join(raw[:MOST_NAMED])} need a role, a unit and a scale, as in {example}"
-    raise RecordingError.of(
-        "signals.not-a-recording",
-        where=str(path),
-        value="; ".join(text for text in (shown, named) if text)[:300],
-        remedy=remedy,
-    )
+    known = "; ".join(text for text in (shown, named) if text)[:300]
+    raise RecordingError.of("signals.not-a-recording", where=str(path), value=known, remedy=remedy)
 
 
 def _one_pressure(guesses: list[Guess]) -> list[Guess]:

@@ -123,20 +123,15 @@ class Recording(Viewed):
             if values.ndim == 0:
                 values = np.full(size, float(values))
             if values.shape != (size,):
-                raise RecordingError.of(
-                    "signals.lengths-differ", where=self.name, channel=channel, size=values.size, times=size
-                )
+                sizes = {"size": values.size, "times": size}
+                raise RecordingError.of("signals.lengths-differ", where=self.name, channel=channel, **sizes)
             object.__setattr__(self, channel, values)
         with np.errstate(invalid="ignore"):  # times that are not finite are counted later
             backwards = np.flatnonzero(np.diff(self.time_s) < 0)
         if backwards.size:
             at = int(backwards[0]) + 1
-            raise RecordingError.of(
-                "signals.time-backwards",
-                where=f"{self.name}, sample {at}",
-                later=self.time_s[at],
-                earlier=self.time_s[at - 1],
-            )
+            both = {"later": self.time_s[at], "earlier": self.time_s[at - 1]}
+            raise RecordingError.of("signals.time-backwards", where=f"{self.name}, sample {at}", **both)
         for area in ("area_a_m2", "area_b_m2"):
             if not (np.isfinite(getattr(self, area)) and getattr(self, area) >= 0):
                 raise RecordingError(f"{area} must not be negative", where=self.name, value=getattr(self, area))
@@ -458,13 +453,8 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
     low, high = np.quantile(thinned(pressure_pa), QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
         worst, why = (low, "lies below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
-        raise RecordingError(
-            f"{name} is {worst / 1e5:.4g} bar absolute, which {why}",
-            where=where,
-            rule=f"from 0 to {PRESSURES_PA[0] / 1e5:g} bar absolute",
-            remedy="check the column, its unit, its decimal sign, and whether it is gauge or absolute: in the "
-            "layout, or in the program that wrote the file",
-        )
+        ends = {"bar": worst / 1e5, "most": PRESSURES_PA[0] / 1e5}
+        raise RecordingError.of("signals.impossible-pressure", where=where, name=name, why=why, **ends)
 
 
 def refuse_channels(recording: Recording) -> None:
@@ -501,12 +491,8 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
 
 def _no_more(what: str, value: float, limit: float, unit: str, column: str, where: str) -> None:
     if value > limit:
-        raise RecordingError(
-            f"{what} {value:.4g} {unit}, more than any pneumatic rig",
-            where=where,
-            rule=f"at most {limit:g} {unit}",
-            remedy=f"check the unit of the {column}: in the layout, or in the program that wrote the file",
-        )
+        names = {"what": f"{what} {value:.4g} {unit}", "most": f"{limit:g} {unit}", "column": column}
+        raise RecordingError.of("signals.more-than-any", where=where, **names)
 
 
 def _all_within(values: Array, low: float, high: float) -> bool:

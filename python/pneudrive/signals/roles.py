@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.describe.files.toml import value_text
 from pneudrive.signals import columns as headers
 from pneudrive.signals import times as timing
-from pneudrive.signals.columns import NAME, SECONDARY, Candidate, FileColumn, words_of
+from pneudrive.signals.columns import NAME, PHYSICS, ROLES, SECONDARY, UNIT, Candidate, FileColumn, words_of
 from pneudrive.signals.motion import FEWEST, Directions, is_held, same_signal, unevenness
 from pneudrive.signals.times import rate_of_stamps, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
@@ -133,7 +133,7 @@ class RoleSearch:
 
     def candidates(self, role: str) -> list[Candidate]:
         """Return the columns that may have a role by name or unit, the best first."""
-        quantity, found = headers.ROLES[role].si, []
+        quantity, found = ROLES[role].si, []
         for column in self.columns:
             unit, score, evidence = column.unit, 0.0, ()
             if column.index in self.taken:
@@ -146,7 +146,7 @@ class RoleSearch:
                 is_raw = quantity is not None and column.is_raw
                 if not (fits or is_raw or (role == "command" and unit.unit == "-")):
                     continue
-                score += headers.UNIT if (fits and quantity) or (fits and score) else 0
+                score += UNIT if (fits and quantity) or (fits and score) else 0
                 evidence += ("unit",) if fits else ()
             if score:
                 found.append(Candidate(column, score, evidence))
@@ -193,7 +193,7 @@ class RoleSearch:
         close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
         held = next((one for one in signals if is_held(one.values)), None)
         if len(close) > 1 and held is not None and len(signals) > FEWEST:
-            self._accept("command", Candidate(held, headers.PHYSICS, HELD), "")
+            self._accept("command", Candidate(held, PHYSICS, HELD), "")
             rest = [one.index for one in signals if one is not held]
             why = "numbers alone do not distinguish them"
             return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
@@ -204,7 +204,7 @@ class RoleSearch:
 
     def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
         """Return the candidate among columns without names; ask the user if there are several."""
-        some = [Candidate(self.columns[index], headers.PHYSICS, (evidence,)) for index in close]
+        some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
         if len(some) > 1:
             self._ask(role, why, some)
             self.taken |= set(close)
@@ -242,7 +242,7 @@ class RoleSearch:
             return None, ""
         best = self.columns[ranked[0][1]]
         if is_held(best.values) and len(signals) >= FEWEST:
-            self._accept("command", Candidate(best, headers.PHYSICS, HELD), "")
+            self._accept("command", Candidate(best, PHYSICS, HELD), "")
             return None, ""
         close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
         most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
@@ -255,7 +255,7 @@ class RoleSearch:
             has_position = self.guess("position") is not None
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
             why = "more constant than the force" if has_position else "the only signal besides the time"
-            named = [Candidate(one, headers.PHYSICS, (why,)) for one in rest if has_position or is_alone]
+            named = [Candidate(one, PHYSICS, (why,)) for one in rest if has_position or is_alone]
         if not named:
             return
         sides: dict[str, list[Candidate]] = {"": []}
@@ -412,7 +412,7 @@ class RoleSearch:
         unit, gauge, is_named = _unit(column, role)
         keys = [] if is_named or role == "command" else ["guessed = true"]
         if not unit and role != "command":  # volts or counts
-            unit, keys = headers.ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
+            unit, keys = ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
             keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
         if (clock := self.times.clocks.get(column.index)) is not None:
             keys.append(f"clock = {value_text(self.columns[clock].place)}")
@@ -449,7 +449,7 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
         span = float(np.ptp(finite))
         size = span if kind == "position" else float(np.abs(finite).max())
         whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
-    by_size = headers.ROLES[kind].by_size if kind in headers.ROLES and not whole else ()
+    by_size = ROLES[kind].by_size if kind in ROLES and not whole else ()
     return next((name for most, name in by_size if size < most), ""), None, False
 
 
@@ -529,7 +529,7 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
         return _without_column(form, columns[0].values.size, numbered)
     best = candidates[0]
     times = _time(form, best.column, dates)
-    if best.score > headers.PHYSICS:
+    if best.score > PHYSICS:
         clocks = [one.column for one in candidates if one.score >= best.score]
         times.clocks = _clocks_of(form, columns, best.column, clocks)
     rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
@@ -555,7 +555,7 @@ def _candidates(
             dates.append(column)
             continue
         is_named, has_unit = column.role == "time", is_date or unit is not None
-        score = NAME * is_named + headers.UNIT * has_unit
+        score = NAME * is_named + UNIT * has_unit
         evidence = ("name",) * is_named + ("unit",) * has_unit
         if _rises(values, timing.clocks_of(form.dates[column.index]) if is_date else timing.COUNTERS):
             if score == 0 and (_counts(values) or headers.INDEX.match(words_of(column.name))):
@@ -563,7 +563,7 @@ def _candidates(
                 continue
             if score == 0 and not _is_even(values):
                 continue
-            score, evidence = score + headers.PHYSICS, (*evidence, "even steps")
+            score, evidence = score + PHYSICS, (*evidence, "even steps")
         elif score == 0 or not is_named:
             continue
         if column.role not in (None, "time") and not has_unit:

@@ -14,7 +14,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound, within
 from pneudrive.files.content import COMPRESSIONS, check_file, pieces
-from pneudrive.signals.columns import header_unit, role_of
+from pneudrive.signals.columns import SAMPLES, header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
 if TYPE_CHECKING:
@@ -107,8 +107,7 @@ def decode(data: bytes, path: Path) -> str:
         return data.decode("utf-16", errors="replace")
     head = data[:4096]
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        what = "the file is a workbook or an archive, not text"
-        raise RecordingError(what, where=str(path), remedy="save the sheet with the recording as CSV")
+        raise RecordingError.of("signals.workbook", where=str(path))
     control = sum(byte < 9 or 13 < byte < 32 for byte in head)
     if b"\x00" in head or control > 0.05 * len(head):
         raise RecordingError.of("signals.binary", where=str(path), value=repr(head[:16]))
@@ -218,12 +217,8 @@ def read_text(
     columns, good = _parse(_fields([lines[at] for at in rows], form, places), form, needed, forms, path)
     bad = np.flatnonzero(~good)
     if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
-        raise RecordingError(
-            f"{bad.size} of {len(rows)} rows are not numbers",
-            where=f"{path}, line {rows[bad[0]] + 1}",
-            value=lines[rows[bad[0]]].strip()[:120],
-            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
-        )
+        where, line = f"{path}, line {rows[bad[0]] + 1}", lines[rows[bad[0]]].strip()[:120]
+        raise RecordingError.of("signals.no-number-rows", where=where, value=line, count=bad.size, every=len(rows))
     return ForeignTable(
         {name: column for name, column in columns.items() if name in needed or np.isfinite(column).any()},
         {column: known[at] for column, at in use.items()},
@@ -299,20 +294,12 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
                 remedy = "write header = true, or give its number from 0"
             elif len(names) == 1 and is_text:
                 remedy = 'the header was read as one name: state what separates columns, as delimiter = "comma"'
-            raise RecordingError(
-                f"there is no column '{column}'",
-                where=str(path),
-                value=f"columns: {', '.join(names) or 'no header is read (header = false)'}",
-                remedy=remedy,
-            )
+            value = f"columns: {', '.join(names) or 'no header is read (header = false)'}"
+            raise RecordingError(f"there is no column '{column}'", where=str(path), value=value, remedy=remedy)
         places = [at for at, name in enumerate(names) if name == column]
         if len(places) > 1:
-            raise RecordingError(
-                f"{len(places)} columns are named '{column}'",
-                where=str(path),
-                rule="a name must be unique",
-                remedy=f"give its number in the layout: column = {' or '.join(map(str, places))}",
-            )
+            numbers = {"count": len(places), "column": column, "numbers": " or ".join(map(str, places))}
+            raise RecordingError.of("signals.same-names", where=str(path), **numbers)
         return places[0]
     if not 0 <= column < width:
         raise RecordingError.of("signals.no-column-number", where=str(path), column=column, width=width)
@@ -403,10 +390,6 @@ _STEP = re.compile(
     r"(\d+(?:[.,]\d+)?) *(s|ms|us|µs)\b",
     re.IGNORECASE,
 )
-
-
-#: Units of rates, Hz, and of steps, s.
-UNITS_OF_SAMPLES = {"hz": 1.0, "1/s": 1.0, "s/s": 1.0, "khz": 1e3, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
 @dataclass(frozen=True)
@@ -501,9 +484,8 @@ def sniff_text(path: Path) -> FileForm:
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
     if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
         raise RecordingError.of("signals.units-in-cells", where=str(path), value=unit[0])
-    raise RecordingError.of(
-        "signals.no-table", where=str(path), value=sample[0].strip()[:120] if sample else "no lines"
-    )
+    first = sample[0].strip()[:120] if sample else "no lines"
+    raise RecordingError.of("signals.no-table", where=str(path), value=first)
 
 
 def _sample(tail: list[str]) -> list[str]:
@@ -699,7 +681,7 @@ def read_preamble(lines: list[str], form: TextForm, width: int) -> Preamble:
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
             units = ["", *cells]
         elif match := _RATE.search(line) or _STEP.search(line):
-            value = float(match.group(1).replace(",", ".")) * UNITS_OF_SAMPLES.get(match.group(2).lower(), 1e-6)
+            value = float(match.group(1).replace(",", ".")) * SAMPLES.get(match.group(2).lower(), 1e-6)
             steps, source = (value if match.re is _STEP else 1.0 / (value or 1.0),), line.strip()
     if set(clocks) == set(starts):
         starts = {at: starts[at] + clocks[at] for at in starts}

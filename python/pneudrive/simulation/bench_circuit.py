@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from pneudrive.describe.system import short_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
 
 #: Joint of the ambient air.
 AMBIENT = "ambient"
@@ -70,7 +70,7 @@ class Dragged:
 
     def __init__(
         self,
-        friction: Mapping[str, Any],
+        friction: Keyed,
         piston: Mapping[str, float],
         sensor: Mapping[str, float],
         carriage: Mapping[str, float] | None = None,
@@ -78,7 +78,7 @@ class Dragged:
         temperature_k: float = ANR_TEMPERATURE_K,
     ) -> None:
         self.ambient = {"pressure_pa": ambient_pa, "temperature_k": temperature_k}
-        self.components: list[dict[str, Any]] = []
+        self.components: list[Plain] = []
         self.joints: dict[str, list[str]] = {name: [] for name in ("a", "b", "rod")}
         self.joints[AMBIENT] = [AMBIENT]
         self.start: dict[str, float] = {}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
-from pneudrive.describe.tables.signal import Positions, Signal
+from pneudrive.describe.marks import Positions, Signal
 from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.files.content import exists, read_text
 

@@ -16,11 +16,11 @@ from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, V
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     import numpy as np
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed
     from pneudrive.describe import Circuit, Drive
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
@@ -44,7 +44,7 @@ class GasVolume(NamedTuple):
     temperature_k: Any
 
 
-def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str]:
+def warnings(described: Drive | Circuit, columns: Keyed) -> list[str]:
     """Return one warning for each limit that a run leaves, with time, place and limit.
 
     Parameters
@@ -61,7 +61,7 @@ def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str
     return [*water_warnings(described, columns), *found, *_ice(described, columns)]
 
 
-def gas_volumes(columns: Mapping[str, Any]) -> Iterator[GasVolume]:
+def gas_volumes(columns: Keyed) -> Iterator[GasVolume]:
     """Yield the gas of each volume that has a pressure and a temperature."""
     for column, pressure in columns.items():
         temperature = columns.get(column.replace("pressure", "temperature").removesuffix("_pa") + "_k")
@@ -165,7 +165,7 @@ def _masses(described: Drive | Circuit, places: list[GasVolume], time_s: Any) ->
             )
 
 
-def _pistons(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+def _pistons(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each piston without end stops that leaves its stroke."""
     for name, component in getattr(described, "components", {}).items():
         position = columns.get(f"{name}.position_m")
@@ -184,7 +184,7 @@ def _pistons(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator
             )
 
 
-def _singular_poses(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+def _singular_poses(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each platform that passes a singular pose: the determinant of its Jacobian changes sign."""
     kinds = {name: one.kind for name, one in getattr(described, "components", {}).items()}
     if not any(kind.startswith("platform/") and kind != "platform/driven" for kind in kinds.values()):
@@ -248,7 +248,7 @@ def dew_point(vapour_pressure_pa: float) -> float:
     return ZERO_CELSIUS_K + c * log / (b - log)
 
 
-def water_warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+def water_warnings(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
     """Yield the warnings on water in a run: for each volume, at most one for the wall and one for the gas.
 
     A gas without a dew point gives no warnings. All gas counts as gas from the supply.
@@ -266,7 +266,7 @@ def water_share(drive: Drive | Circuit) -> float | None:
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 
 
-def _wall_k(described: Drive | Circuit, columns: Mapping[str, Any], place: GasVolume) -> Any:  # noqa: ANN401
+def _wall_k(described: Drive | Circuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
     """Return the temperature of the wall of a volume, K: a column for a wall that stores heat, or else a number."""
     own = place.column.partition(".")[0] if "." in place.column else "cylinder"
     wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
@@ -350,7 +350,7 @@ class ExhaustAir:
         return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
 
 
-def exhaust_air(columns: Mapping[str, Any], ambient_pa: float) -> ExhaustAir | None:
+def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
     """Return the exhaust air of a run. None if no gas leaves a cylinder.
 
     Parameters
@@ -376,7 +376,7 @@ def exhaust_air(columns: Mapping[str, Any], ambient_pa: float) -> ExhaustAir | N
     return ExhaustAir(float(heat / mass), float(coldest), exhausts) if mass > 0.0 else None
 
 
-def _ice(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+def _ice(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
     """Yield a note if ice can form in the silencer: a mean below 0 degC, and a supply that is not dry enough."""
     if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
         return
@@ -395,7 +395,7 @@ def _ice(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str
     )
 
 
-def _chambers(columns: Mapping[str, Any]) -> Iterator[tuple[Array, Array, Array]]:
+def _chambers(columns: Keyed) -> Iterator[tuple[Array, Array, Array]]:
     """Yield pressure, Pa, temperature, K, and net inflow, kg/s, of each chamber of a cylinder."""
     for place in gas_volumes(columns):
         flow = columns.get(place.column.replace("pressure", "mass_flow").removesuffix("_pa") + "_kg_s")

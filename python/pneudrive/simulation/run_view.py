@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
@@ -13,7 +13,7 @@ from pneudrive.views import Finding, LeadingValue, ShownValue, View
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed
     from pneudrive.describe import Circuit, Drive
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
@@ -22,9 +22,7 @@ LITRE = 1e-3  # m3
 MOST_STROKES = 2  # stroke times among the leading values
 
 
-def run_view(
-    columns: Mapping[str, Any], provenance: Mapping[str, Any], described: Drive | Circuit | None = None
-) -> View:
+def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | None = None) -> View:
     """Return the view of a run without its figures.
 
     Parameters
@@ -38,7 +36,7 @@ def run_view(
     """
     time, steps = columns["time_s"], (provenance.get("statistics") or {}).get("steps")
     title = f"{provenance.get('title', 'run')}: {len(time)} samples to {time[-1]:g} s"
-    impacts: list[Mapping[str, Any]] = list(provenance.get("impacts") or ())
+    impacts: list[Keyed] = list(provenance.get("impacts") or ())
     findings = [Finding(text, "bad" if is_severe(text) else "open") for text in provenance.get("warnings") or ()]
     is_hazard = any(finding.state == "bad" for finding in findings)
     flows = [values for name, values in columns.items() if _CHAMBER_FLOW.fullmatch(name)]
@@ -70,13 +68,13 @@ def run_view(
     )
 
 
-def _begun(provenance: Mapping[str, Any], impact: Mapping[str, Any]) -> float | None:
+def _begun(provenance: Keyed, impact: Keyed) -> float | None:
     """Return the time of the last step of the command before an impact, s."""
     steps = (float(at) for at, _ in provenance.get("command_steps") or ())
     return max((at for at in steps if at <= impact["time_s"]), default=None)
 
 
-def _positions(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
+def _positions(columns: Keyed) -> Iterator[ShownValue]:
     for column, x in columns.items():
         if column.rpartition(".")[2] == "position_m":
             label = meaning(column)[0]
@@ -84,7 +82,7 @@ def _positions(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
                 yield ShownValue(f"{label}.{name}", label, name, f"{1e3 * value:.3f} mm")
 
 
-def _impacts(impacts: list[Mapping[str, Any]], begun: Mapping[int, float | None]) -> Iterator[ShownValue]:
+def _impacts(impacts: list[Keyed], begun: Mapping[int, float | None]) -> Iterator[ShownValue]:
     for number, impact in enumerate(impacts):
         label = f"impact {number + 1}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
         at = begun[number]
@@ -96,7 +94,7 @@ def _impacts(impacts: list[Mapping[str, Any]], begun: Mapping[int, float | None]
             yield ShownValue(f"{label}.{name}", label, name, value, unit)
 
 
-def _peaks(columns: Mapping[str, Any]) -> Iterator[ShownValue]:
+def _peaks(columns: Keyed) -> Iterator[ShownValue]:
     for column, values in columns.items():
         name, unit, _ = meaning(column)
         if unit == "Pa":

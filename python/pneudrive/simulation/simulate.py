@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import SimulationResult
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.free.parameters import Sensitivities
 
@@ -59,9 +59,9 @@ class Run(Shown):
         found = _dataset(variables, dict(self.provenance))
         return found if self.sensitivities is None else found.assign(self._sensitivities(self.sensitivities))
 
-    def _sensitivities(self, found: Sensitivities) -> dict[str, Any]:
+    def _sensitivities(self, found: Sensitivities) -> Plain:
         """Name the derivatives and their dimensions."""
-        out: dict[str, Any] = {
+        out: Plain = {
             "parameter": ("parameter", [parameter.name for parameter in found.parameters]),
             "parameter_units": ("parameter", [parameter.unit for parameter in found.parameters]),
         }
@@ -76,7 +76,7 @@ class Run(Shown):
         return out
 
 
-def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
+def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:
     """Make a data set of columns over time.
 
     xarray's public constructor compares and aligns variables, although all have the same length and index. This takes
@@ -252,7 +252,7 @@ def _derivatives(
     drive: Drive | Circuit,
     names: Sequence[str],
     conditions: tuple[Any, Any, float],
-    columns: Mapping[str, Any],
+    columns: Keyed,
     watch: Watch,
 ) -> Sensitivities:
     """Return the derivatives of the columns of a run, made under the same command, start state and tolerance."""
@@ -270,7 +270,7 @@ def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[li
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 
 
-def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
+def _open_ledger(ledger: Plain | None, rtol: float) -> list[str]:
     """Return a warning if the energy balance does not close."""
     if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
         return []
@@ -280,7 +280,7 @@ def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
     ]
 
 
-def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> dict[str, Any]:
+def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> Plain:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
     water = () if drive.gas.dew_point_k is None else run_limits.SOURCES
     return made_from(drive, rtol) | {
@@ -296,7 +296,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
     }
 
 
-def made_from(described: Drive | Circuit, rtol: float) -> dict[str, Any]:
+def made_from(described: Drive | Circuit, rtol: float) -> Plain:
     """Return the description and the solver that a run was made with."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}

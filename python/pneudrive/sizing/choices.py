@@ -14,7 +14,7 @@ from pneudrive import units
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.catalogue import PREFIX, Entry, check, entries, part_table
 from pneudrive.describe.files.sourced import parted
-from pneudrive.describe.keys import wrong
+from pneudrive.errors import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -13,14 +13,15 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.describe import marks
 from pneudrive.describe.all_values import leaves
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.describe.keys import WrongValueError, invalid, wrong
-from pneudrive.describe.marks import Angle, Between, Bounds, Force, Length, Mass, Percent, Quantity
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Bounds, Force, Length, Mass, Percent, Quantity
 from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
+from pneudrive.errors import WrongValueError, invalid, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,9 +29,9 @@ if TYPE_CHECKING:
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
 _LONG = re.compile(r"(?<![\w.])\d*\.\d{10,}(?:[eE][-+]?\d+)?(?![\w.])")
-_POSITIVE, _NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
-Seconds = Annotated[float | None, Quantity("s", "s", _POSITIVE)]
-Speed = Annotated[float | None, Quantity("m/s", "m/s", _POSITIVE)]
+Seconds = Annotated[float | None, Quantity("s", "s", POSITIVE)]
+Speed = Annotated[float | None, Quantity("m/s", "m/s", POSITIVE)]
+_Factor = Annotated[float | None, Quantity("", bounds=POSITIVE)]
 Share = Annotated[float, Percent("%", None, Bounds(at_least=0.0, below=90.0))]
 
 
@@ -62,7 +63,7 @@ class TaskSupply(Described):
 
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, Stated()] = Field(examples=["6 bar gauge"])
-    spread_pa: Annotated[float, Quantity("Pa", "bar", _NOT_NEGATIVE)] = Field(
+    spread_pa: Annotated[float, Quantity("Pa", "bar", NOT_NEGATIVE)] = Field(
         default=0.5e5, description="largest deviation of the pressure, +-"
     )
 
@@ -106,19 +107,19 @@ class SizingTask(Described):
     time_s: Seconds = Field(default=None, description="from the command to the end, outwards")
     return_time_s: Seconds = Field(default=None, description="time of the return stroke; absent: as outwards")
     speed_m_s: Speed = Field(default=None, description="can replace time: stroke divided by time")
-    incline_rad: Angle = Field(default=0.0, description="direction of the outward stroke; 90 deg: it lifts")
+    incline_rad: marks.Angle = Field(default=0.0, description="direction of the outward stroke; 90 deg: it lifts")
     external_force_n: Force = Field(default=0.0, description="constant force against the outward stroke")
-    holding_force_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(
+    holding_force_n: Annotated[float, Quantity("N", "N", NOT_NEGATIVE)] = Field(
         default=0.0, description="force of the piston at the end of the outward stroke"
     )
     held_by: Literal["machine", "clamp"] | None = Field(
         default=None, description="what holds the load when the pressure fails; absent: only friction"
     )
-    clamp_force_n: Annotated[float | None, Quantity("N", "N", _POSITIVE)] = Field(
+    clamp_force_n: Annotated[float | None, Quantity("N", "N", POSITIVE)] = Field(
         default=None, description="holding force of the clamp, from its data sheet"
     )
     end_speed_m_s: Speed = Field(default=None, description="largest speed at the contact with an end")
-    impact_energy_j: Annotated[float | None, Quantity("J", "J", _POSITIVE)] = Field(
+    impact_energy_j: Annotated[float | None, Quantity("J", "J", POSITIVE)] = Field(
         default=None,
         alias="impact_energy",
         description="largest energy at the contact with an end; absent: that of the sheet, or 4 mJ/mm2 of piston",
@@ -128,18 +129,12 @@ class SizingTask(Described):
     )
     guide: Literal["none", "ball", "plain"] = Field(default="none", description="what carries the load")
     tube_length_m: Length = Field(default=1.0, description="of each tube between valve and cylinder")
-    cycles: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
-        default=None, description="life; compared with B10 of the catalogue"
-    )
-    cycles_per_hour: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
-        default=None, description="for air and energy of a year"
-    )
+    cycles: _Factor = Field(default=None, description="life; compared with B10 of the catalogue")
+    cycles_per_hour: _Factor = Field(default=None, description="for air and energy of a year")
     hours_per_year: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=8784.0))] = Field(
         default=2000.0, description="hours of operation in a year; the default is one shift"
     )
-    price_per_kwh: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
-        default=None, description="of electricity, in the currency"
-    )
+    price_per_kwh: _Factor = Field(default=None, description="of electricity, in the currency")
     currency: str = Field(default="EUR", description="of the price")
     servo_valves: bool = Field(default=False, description="include proportional valves")
     margin: Share = Field(default=0.0, description="reserve that each limit keeps")

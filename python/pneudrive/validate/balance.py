@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Ints, Keyed
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -317,7 +317,7 @@ class Signals:
 
 
 def corrected(
-    recording: DriveRecording, sensors: Mapping[str, Sensor | Mapping[str, Any]] | None
+    recording: DriveRecording, sensors: Mapping[str, Sensor | Keyed] | None
 ) -> tuple[DriveRecording, list[str]]:
     """Correct a recording for offsets, gains and the delay of the command; return it with a note.
 

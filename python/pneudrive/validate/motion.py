@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Plain
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.identify.volume import RegulatorFit
@@ -514,7 +514,7 @@ class MotionValidation(Viewed):
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""
-        tables: dict[str, Any] = {
+        tables: Plain = {
             "kind": "motion-validation",
             "verdicts": [{"met": met, "text": text} for met, text in self.verdicts],
             "doubts": list(self.doubts),

@@ -30,7 +30,7 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
@@ -184,7 +184,7 @@ class Validation(Viewed):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
             for value in values if len(values) > 1 else ():
                 own = replace(self, records=tuple(r for r in self.records if r.recording.labels.get(key, "-") == value))
-                row: dict[str, Any] = {"label": key, "value": value, "recordings": len(own.records)}
+                row: Plain = {"label": key, "value": value, "recordings": len(own.records)}
                 row["position_fit_percent"] = own.pooled(["position_m"]).fit_percent
                 row["pressure_nrmse"] = own.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse
                 row["restarted_fit_percent"] = own.pooled(["position_m"], restarted=True).fit_percent
@@ -463,15 +463,15 @@ def run_columns(record: RecordResult) -> dict[str, Array]:
 def save_run(found: Validation, number: int, folder: Path) -> Path:
     """Write a recording and its runs. See `Validation.write`."""
     record = found.records[number]
-    about: dict[str, Any] = {"validation of": found.drive.description_hash, "recording": record.recording.name}
+    about: Plain = {"validation of": found.drive.description_hash, "recording": record.recording.name}
     about |= {"sha256": record.recording.sha256, "version": __version__}
     about[INPUTS] = inputs_of(found.drive, [record.recording])
     return save_columns(run_columns(record), about, folder / run_name(number))
 
 
-def _record_table(record: RecordResult) -> dict[str, Any]:
+def _record_table(record: RecordResult) -> Plain:
     recording = record.recording
-    out: dict[str, Any] = {
+    out: Plain = {
         "name": recording.name,
         "source": str(recording.source or ""),
         "sha256": recording.sha256,

@@ -23,6 +23,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
+from pneudrive.arrays import Plain
 from pneudrive.errors import PneudriveError, package_table
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from starlette.websockets import WebSocket
+
+    from pneudrive.arrays import Keyed
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
@@ -110,7 +113,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     return Guard(app, port, token, frozenset(files.answers), workspace.state(OpenReports).folders)
 
 
-def _route(name: str, function: str, known: Mapping[str, Any]) -> Route:
+def _route(name: str, function: str, known: Keyed) -> Route:
     """Return the route of a line of `ANSWERS`. Its function runs in a thread, and its errors become answers."""
     method, path = name.split()
 
@@ -133,7 +136,7 @@ def _route(name: str, function: str, known: Mapping[str, Any]) -> Route:
     return Route(path, endpoint, methods=[method])
 
 
-def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Mapping[str, Any]) -> Any:  # noqa: ANN401 - plain data, or a frame
+def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
     """Call a function of `ANSWERS` with the values of a request. A text that a GET request leaves out is empty."""
     function, names, fields, models = _door(name)
     texts = [key for key, each in fields.model_fields.items() if each.is_required()]
@@ -150,7 +153,7 @@ def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], 
     parameters = signature(found, eval_str=True).parameters
     asked = {key: each for key, each in parameters.items() if key not in ("workspace", "control", "build", "given")}
     models = {key: each.annotation for key, each in asked.items() if hasattr(each.annotation, "model_fields")}
-    fields: dict[str, Any] = {
+    fields: Plain = {
         key: (each.annotation, ... if each.default is each.empty else each.default)
         for key, each in asked.items()
         if key not in models
@@ -158,7 +161,7 @@ def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], 
     return found, list(parameters), create_model(function, __base__=PageRequest, **fields), models
 
 
-def _table(body: bytes) -> dict[str, Any]:
+def _table(body: bytes) -> Plain:
     """Read a JSON body that is a table."""
     try:
         table = json.loads(body)
@@ -182,7 +185,7 @@ def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:
     return JSONResponse({"problems": problems_of(error)}, status_code=status)
 
 
-def studies(workspace: Workspace, control: bool, build: str, state: str) -> dict[str, Any]:
+def studies(workspace: Workspace, control: bool, build: str, state: str) -> Plain:
     """List the workspace and the drives of the catalogue. A folder in a known state is not listed again."""
     from pneudrive.describe.files.catalogue import PREFIX, entries
 

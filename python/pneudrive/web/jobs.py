@@ -12,10 +12,11 @@ import subprocess
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import StrictFloat
 
+from pneudrive.arrays import Plain
 from pneudrive.errors import CommandError
 from pneudrive.files import child
 from pneudrive.web.messages import bounded, words
@@ -23,6 +24,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_fol
 
 if TYPE_CHECKING:
     from pathlib import Path
+
 
 RESULTS, CAMPAIGNS = "results", "campaigns"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
@@ -70,7 +72,7 @@ def started_campaign(
     resume: str | None = None,
     protocol: object = None,
     name: object = None,
-) -> dict[str, Any]:
+) -> Plain:
     """Run a protocol on the simulated rig into a new folder, or continue in a folder.
 
     Raises
@@ -129,7 +131,7 @@ class PageJob:
             return "running"
         return "done" if status == 0 else "cancelled" if self.cancelled else "failed"
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Return the displayed data, with the last lines of the output and the last reported progress."""
         state, lines = self.state, last_lines(self.log, LAST_BYTES)
         reports = [line for line in lines if line.startswith(REPORT)]
@@ -158,7 +160,7 @@ class PageJobs:
         self._lock = threading.Lock()
         self.all: list[PageJob] = []
 
-    def start(self, request: JobRequest) -> dict[str, Any]:
+    def start(self, request: JobRequest) -> Plain:
         """Start a job and return its displayed data.
 
         Raises
@@ -192,7 +194,7 @@ class PageJobs:
             return self.all[-1].about()
 
 
-def cancelled_job(workspace: Workspace, number: object = None) -> dict[str, Any]:
+def cancelled_job(workspace: Workspace, number: object = None) -> Plain:
     """Cancel a job, like Ctrl-C. Finished parts are kept."""
     for job in workspace.state(PageJobs).all:
         if job.number == number and job.state == "running":
@@ -201,6 +203,6 @@ def cancelled_job(workspace: Workspace, number: object = None) -> dict[str, Any]
     return listed_jobs(workspace)
 
 
-def listed_jobs(workspace: Workspace) -> dict[str, Any]:
+def listed_jobs(workspace: Workspace) -> Plain:
     """Return all jobs, the newest first."""
     return {"jobs": [job.about() for job in reversed(workspace.state(PageJobs).all)]}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import TypeAdapter
 
+from pneudrive.arrays import Plain
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.benchmarks import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
@@ -44,6 +45,8 @@ from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from pneudrive.arrays import Keyed
 
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files that are read: for all results, for one result
@@ -160,7 +163,7 @@ class Lineage:
                 names += self.why_stale(edge.path, (*seen, path))
         return list(dict.fromkeys(names))
 
-    def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+    def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[Plain]:
         """Return the inputs of a file, and their inputs, as plain tables."""
         inner = [[] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)) for edge in self.edges(path)]
         edges = (edge._replace(digest=edge.digest[:12]) for edge in self.edges(path))
@@ -172,7 +175,7 @@ class Lineage:
         runs = (file for file in self.files.values() if file.kind != "recording" or file.path.endswith(".parquet"))
         return [file.path for file in runs if file.kind in ABOUT]
 
-    def again(self, path: str) -> dict[str, Any] | None:
+    def again(self, path: str) -> Plain | None:
         """Return the request that makes a result again from the present inputs, or None if this is not possible."""
         kind, edges = self.files[path].kind, self.edges(path)
         recordings = [edge.path for edge in edges if edge.kind == "recording"]
@@ -181,7 +184,7 @@ class Lineage:
         if not all([*recordings, *others]):
             return None
         folder, base = Path(path).parent, path.removesuffix(".toml")
-        request: dict[str, Any] = {"drive": drive} if drive else {}
+        request: Plain = {"drive": drive} if drive else {}
         request |= {"recordings": recordings} if recordings else {}
         if recordings and (kind == "friction map" or (kind == "validation" and drive)):
             name = self._new(f"{RESULTS}/{folder.name or Path(path).stem}")
@@ -294,7 +297,7 @@ def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tupl
     return tuple(dict.fromkeys(inputs))[:MOST_INPUTS]
 
 
-def _named(about: Mapping[str, Any]) -> Iterator[dict[str, str]]:
+def _named(about: Keyed) -> Iterator[dict[str, str]]:
     """Yield the inputs that a provenance without a list names."""
     if "map_sha256" in about:
         yield _table("friction map", "friction map", about["map_sha256"], MAP_FILE)
@@ -322,32 +325,32 @@ def _table(kind: str, name: str, digest: str = "", file: str = "") -> dict[str, 
     return {"kind": kind, "name": name, "file": file, "sha256": digest}
 
 
-def _of_toml(path: Path) -> dict[str, Any]:
+def _of_toml(path: Path) -> Plain:
     tables, _ = toml.read(path, CommandError)
     return {"recordings": tables.get("record", ()), **tables["provenance"]}
 
 
-def _of_drive(path: Path) -> dict[str, Any]:
+def _of_drive(path: Path) -> Plain:
     origins = toml.read(path, CommandError)[0].get("provenance", {}).values()
     return {
         INPUTS: [_table("fit", one["source"], one["fit"], one.get("file", "")) for one in origins if one.get("fit")]
     }
 
 
-def _of_map(path: Path) -> dict[str, Any]:
+def _of_map(path: Path) -> Plain:
     table = read_map(path)
     hashes = json.loads(open_table(path, "parquet").metadata.get(HASHES, "{}")) if path.suffix == ".parquet" else {}
     names = dict.fromkeys(table["recording"].to_numpy().tolist())
     return {INPUTS: table.attrs[INPUTS] or [_table("recording", name, hashes.get(name, "")) for name in names]}
 
 
-def _of_run(path: Path) -> dict[str, Any]:
+def _of_run(path: Path) -> Plain:
     is_run = path.suffix == ".parquet" and columns_in(path, NEEDED)
     return json.loads(open_table(path, "parquet").metadata.get("pneudrive", "{}")) if is_run else {}
 
 
 #: Kind of a file -> function that returns its provenance.
-ABOUT: dict[str, Callable[[Path], dict[str, Any]]] = {
+ABOUT: dict[str, Callable[[Path], Plain]] = {
     "drive": _of_drive,
     "fit": _of_toml,
     "validation": _of_toml,
@@ -363,7 +366,7 @@ def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
     return {edge.name: edge.path for edge in Lineage(workspace).edges(path) if edge.path}
 
 
-def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_lineage(workspace: Workspace, path: str) -> Plain:
     """Return the inputs of a file, the files made from it, and the request that makes it again.
 
     Raises
@@ -380,7 +383,7 @@ def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
     return {"path": path, "inputs": lineage.tree(path), "made": made, "again": again, "stale": lineage.why_stale(path)}
 
 
-def stale_results(workspace: Workspace) -> dict[str, Any]:
+def stale_results(workspace: Workspace) -> Plain:
     """Return the results whose inputs have changed, with their names, and the number of unchecked results."""
     lineage = Lineage(workspace)
     stale = {path: why for path in lineage.results[:MOST_CHECKED] if (why := lineage.why_stale(path))}

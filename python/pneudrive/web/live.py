@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
-from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
@@ -24,20 +24,15 @@ from pneudrive.web.messages import fault_of, pack, problems_of
 from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from starlette.websockets import WebSocket
 
+    from pneudrive.arrays import Keyed, Plain
+
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
-PANELS = (
-    ("place", "m", "Position of the platform"),
-    ("tilt", "rad", "Tilt of the platform"),
-    ("position", "m", "Position"),
-    ("velocity", "m/s", "Velocity"),
-    ("pressure", "Pa", "Pressure, absolute"),
-    ("friction_force", "N", "Friction force"),
-)
+PANELS: list[list[str]] = package_table(__file__, "panels.toml")["run"]
 ANSWERED = threading.Event()  # longest run for a page
 MOST_CURVES = 8  # curves in a panel: as many as there are line styles
 MOST_IMPACTS = 40
@@ -128,11 +123,11 @@ def shown_columns(run: Run) -> list[str]:
     return [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
 
 
-def _of_panel(run: Run, panel: tuple[str, str, str]) -> list[str]:
-    return [name for name in run.columns if _quantity(name) == panel[:2]]
+def _of_panel(run: Run, panel: list[str]) -> list[str]:
+    return [name for name in run.columns if [*_quantity(name)] == panel[:2]]
 
 
-def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]) -> bytes:
+def frame_of(run: Run, pixels: int, head: Plain, beside: Plain) -> bytes:
     """Pack the drawn data of a run: time and the columns of its panels, in SI, with notes."""
     columns, panels = {"time_s": run.columns["time_s"]}, []
     for panel in PANELS:
@@ -161,7 +156,7 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     )
 
 
-def events_of(run: Run, impacts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def events_of(run: Run, impacts: Sequence[Keyed]) -> list[Plain]:
     """Return the moments that the page marks above the curves: impacts, reversals and stops."""
     time, out = run.columns["time_s"], [(one["time_s"], f"impact, end {one['end']}") for one in impacts]
     for name in (column for column in run.columns if _quantity(column) == ("velocity", "m/s")):

@@ -13,6 +13,7 @@ from pathlib import Path
 from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.arrays import Plain
 from pneudrive.cli.main import COMMANDS
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError, package_table
@@ -33,6 +34,8 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from pneudrive.arrays import Keyed
 
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known
@@ -164,9 +167,9 @@ class CommandForm:
     python: str
     inputs: tuple[CommandInput, ...]
 
-    def job(self, kind: str, given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
+    def job(self, kind: str, given: Keyed, workspace: Workspace) -> JobRequest:
         """Return the job of a request."""
-        values: dict[str, Any] = {}
+        values: Plain = {}
         for each in self.inputs:
             applies = not each.only or values[each.only[0]] == each.only[1]
             values[each.key] = each.read(given.get(each.key), workspace) if applies else None
@@ -177,7 +180,7 @@ class CommandForm:
         named = {each.option or each.key: values[each.key] for each in self.inputs}
         named |= {"rig": RIG} if kind == "design" else {}
         names: list[str] = []
-        options: dict[str, Any] = {}
+        options: Plain = {}
         for name, parameter in parameters_of(kind).items():
             value = named.get(name)
             if parameter.kind is Parameter.KEYWORD_ONLY:
@@ -189,9 +192,9 @@ class CommandForm:
         return JobRequest(words(kind, *names, **options, out=out), out, python=lines)
 
 
-def _python(kind: str, values: Mapping[str, Any]) -> dict[str, Any]:
+def _python(kind: str, values: Keyed) -> Plain:
     """Return further names of the Python of a command, which gives the same numbers: options, without empty ones."""
-    found: dict[str, Any] = {}
+    found: Plain = {}
     match kind:
         case "fit":
             if (form := values["pressure"]) != "none":
@@ -220,7 +223,7 @@ CHOICES = {
 STARTS = {"number": None, "flag": False}
 
 
-def _inputs(command: str, given: list[Any], shared: Mapping[str, Any]) -> Iterator[CommandInput]:
+def _inputs(command: str, given: list[Any], shared: Keyed) -> Iterator[CommandInput]:
     """Yield the inputs of a command. Fields begin with its defaults."""
     for one in given:
         table = {"key": one} | shared[one] if isinstance(one, str) else one
@@ -242,11 +245,11 @@ def _read() -> Iterator[tuple[str, CommandForm]]:
 SIGNATURES = dict(_read())
 
 
-def forms(workspace: Workspace) -> dict[str, Any]:
+def forms(workspace: Workspace) -> Plain:
     """Return the form of each command. A field of recordings offers those that have the needed channels."""
     offered = {hint: [(path, path) for path in _offered(workspace, hint)] for hint in ("rig", "")}
 
-    def about(field: CommandInput) -> dict[str, Any]:
+    def about(field: CommandInput) -> Plain:
         return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
 
     return {kind: {"title": of.title, "fields": list(map(about, of.inputs))} for kind, of in SIGNATURES.items()}
@@ -267,18 +270,18 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
     return paths
 
 
-def copied_job(workspace: Workspace, given: dict[str, Any]) -> dict[str, str]:
+def copied_job(workspace: Workspace, given: Plain) -> dict[str, str]:
     """Return a job as lines of a shell and as Python."""
     job = _job(given, workspace)
     return {"command": job.command, "python": job.python}
 
 
-def started_job(workspace: Workspace, given: dict[str, Any]) -> dict[str, Any]:
+def started_job(workspace: Workspace, given: Plain) -> Plain:
     """Start a job."""
     return workspace.state(PageJobs).start(_job(given, workspace))
 
 
-def _job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
+def _job(given: Keyed, workspace: Workspace) -> JobRequest:
     """Return the job of a request. It may name a campaign, or the folder of a search that it continues.
 
     Raises

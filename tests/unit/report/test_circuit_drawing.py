@@ -11,7 +11,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.describe.components import component
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.report.circuit import blocks
+from pneudrive.report.circuit import layout as blocks
 from pneudrive.report.circuit.svg import arranged, draw_circuit
 
 DATA = Path(__file__).parents[2] / "data"

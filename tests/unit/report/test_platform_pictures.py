@@ -14,7 +14,7 @@ from PIL import Image
 
 import pneudrive as pn
 from pneudrive.cli.main import run as command
-from pneudrive.report import style
+from pneudrive.report import render as style
 from pneudrive.report.page import Picture
 from pneudrive.report.platform import (
     FRAMES_S,

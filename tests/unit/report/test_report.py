@@ -17,11 +17,11 @@ from pneudrive.figures import LOOKS, Drawing
 from pneudrive.friction.pressure import LevelPoint
 from pneudrive.friction.sentences import flag_table
 from pneudrive.identify.static.fit import fit_characterisation
-from pneudrive.report import style, write_report
-from pneudrive.report.circuit.blocks import text_width
+from pneudrive.report import render as style
+from pneudrive.report import write_report
+from pneudrive.report.circuit.layout import text_width
 from pneudrive.report.page import Picture, Report, svg_text
 from pneudrive.report.recordings import characterisation_view, closures, pressure_panel, recordings_report
-from pneudrive.report.render import render
 from pneudrive.rig import SimulatedRig, sweep
 from pneudrive.signals.load import from_run
 from pneudrive.studies.bracha.stick_slip import creep
@@ -250,7 +250,7 @@ def test_looks_differ_without_colour():
 
 def test_equal_data_give_equal_files(real):
     with style.applied():
-        once, again = (svg_text(render(closures(list(real[0].closures)))) for _ in range(2))
+        once, again = (svg_text(style.render(closures(list(real[0].closures)))) for _ in range(2))
     assert once == again
 
 

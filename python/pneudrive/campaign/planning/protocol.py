@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from pneudrive import units
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Between, Bounds, Mark, Percent, Quantity, StatedPressure, Whole
-from pneudrive.errors import DescriptionError, ProtocolError, nearest
+from pneudrive.describe.marks import POSITIVE, Bounds, Mark, MaybePressure, Percent, Quantity, StatedPressure, Whole
+from pneudrive.errors import DescriptionError, ProtocolError, WrongValueError, nearest, wrong
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
 
@@ -277,7 +277,6 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
     return out
 
 
-POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 LASTS, MAY_LAST = Bounds(above=0.0, bound="seconds"), Bounds(at_least=0.0, bound="seconds")
 SPEED = Quantity("m/s", "mm/s", POSITIVE)
 
@@ -285,13 +284,12 @@ Speed = Annotated[float, SPEED]
 Duration = Annotated[float, Quantity("s", "s", LASTS)]
 DurationOrZero = Annotated[float, Quantity("s", "s", MAY_LAST)]
 Minutes = Annotated[float, Quantity("s", "min", LASTS)]
-Rate = Annotated[float, Quantity("1/s", "Hz", NOT_NEGATIVE)]
+Rate = Annotated[float, Quantity("1/s", "Hz", marks.NOT_NEGATIVE)]
 Count = Annotated[int, Whole()]
 CountOrNone = Annotated[int, Whole(at_least=0)]
 MaybeSpeed = Annotated[float | None, SPEED]
 MaybeDuration = Annotated[float | None, Quantity("s", "s", LASTS)]
 MaybeDistance = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
-MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
 MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
 
 
@@ -569,7 +567,7 @@ class Conditions(ProtocolTable):
     table_name: ClassVar[str] = "conditions"
     supply_pressure: MaybePressure = None
     """least supply pressure"""
-    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
+    temperature_k: Annotated[tuple[float, float] | None, marks.Between("K", "degC")] = Field(
         default=None, description='range, "15 degC .. 30 degC"'
     )
     force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = 0.9
@@ -600,7 +598,7 @@ class Range(ProtocolTable):
         None,
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',
     )
-    margin_m: Annotated[float, Quantity("m", "mm", NOT_NEGATIVE)] = 1e-3
+    margin_m: Annotated[float, Quantity("m", "mm", marks.NOT_NEGATIVE)] = 1e-3
     """distance from the ends of the rig's range if `range` is absent"""
 
 

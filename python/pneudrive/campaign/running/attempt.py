@@ -27,7 +27,7 @@ from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stu
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints
+    from pneudrive.arrays import Array, Bools, Interval, Ints, Plain
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples, Sampling
 
@@ -79,7 +79,7 @@ class Attempts:
         self._thread = JobThread("pneudrive-rig")
         self._last: Future[Any] = self._thread.start(lambda: None)
         self._begun: dict[str, int] = {}
-        self._memory: dict[str, Any] = {}  # snapshot after the last finished cycle, or before the first one
+        self._memory: Plain = {}  # snapshot after the last finished cycle, or before the first one
         self._pressures_after: tuple[float, float] | None = None  # after the last finished cycle
         self._pressures: tuple[float, float] | None = None  # in the chambers now, if known
         self._homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
@@ -200,7 +200,7 @@ class Attempts:
         self._homed = False
 
 
-def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
+def as_plain(memory: Plain) -> Plain:
     """Return the snapshot after a conversion to JSON and back, so that a resumed campaign equals an uninterrupted one.
 
     Raises

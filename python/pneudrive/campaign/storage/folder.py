@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Ints, Plain
     from pneudrive.campaign.planning.planned import Plan
 
 
@@ -507,7 +507,7 @@ def _one_line(error: CampaignError) -> str:
     return "; ".join(parts)
 
 
-def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any]) -> Campaign:
+def create(folder: Path, protocol: str, identity: Identity, about: Plain) -> Campaign:
     """Create a campaign folder; ``campaign.json`` is written last, so a folder that has it is complete.
 
     Raises

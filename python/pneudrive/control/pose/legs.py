@@ -7,7 +7,7 @@ import warnings
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from math import comb
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.platforms import Platform
 
 
@@ -178,7 +178,7 @@ def _forces(platform: Platform, leg: int, tuning: Tuning) -> tuple[float, float]
     return -gauge * area_b, gauge * area_a
 
 
-def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, dict[str, Any]]:
+def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
     """Return the reference of a leg, polynomials of order 7 between its knots, and its preview in the core's form."""
     h = float(needs.times_s[1] - needs.times_s[0])
     ends = np.stack([needs.positions_m, needs.velocities_m_s, needs.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
@@ -234,7 +234,7 @@ def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, 
     own = circuit.components[names[leg]]
     described = float(vars(own)["moving_mass_kg"])
     load = {"kind": "load", "mass": f"{max(mass_kg - described, 0.0)!r} kg", "force": f"{load_n!r} N"}
-    components: dict[str, Any] = {name: one for name, one in circuit.components.items() if name in kept}
+    components: Plain = {name: one for name, one in circuit.components.items() if name in kept}
     components[f"{names[leg]}_load"] = load
     chains = [chain for chain in circuit.connections if _named(chain) <= kept | {"ambient"}]
     rod = f"{names[leg]}.rod -> {names[leg]}_load"
@@ -273,7 +273,7 @@ def leg_tunings(
         A leg has no cylinder or no valves that a controller can command.
     """
     out: list[Tuning] = []
-    told: Mapping[str, Any] = {"setup": setup, "controller": controller}
+    told: Keyed = {"setup": setup, "controller": controller}
     for i, leg in enumerate(platform.legs):
         own = leg_circuit(circuit, platform, i, float(needs.masses_kg[0, i]), float(needs.loads_n[0, i]))
         tuning = tune(own, law, believes=own, **told)
@@ -401,7 +401,7 @@ class _Legs:
 
     def run(
         self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, rtol: float, watch: Watch
-    ) -> tuple[dict[str, Array], float, list[dict[str, Any]]]:
+    ) -> tuple[dict[str, Array], float, list[Plain]]:
         """Return columns, mass of the drawn air, kg, and events of one run with a payload."""
         core_json = self._loaded(payload)
         ambient_pa, axes = self.circuit.ambient.pressure_pa, []

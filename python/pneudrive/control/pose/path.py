@@ -7,7 +7,7 @@ import re
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,15 +15,14 @@ from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, Re
 from pneudrive.control.references import moves_of_text
 from pneudrive.control.scores import event_table, run_title
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import wrong
-from pneudrive.errors import DescriptionError, PneudriveError, nearest
+from pneudrive.errors import DescriptionError, PneudriveError, nearest, wrong
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.platforms import Platform
 
 
@@ -157,7 +156,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
     """
     if isinstance(given, PosePath):
         return given
-    tables: dict[str, Any]
+    tables: Plain
     if isinstance(given, (str, Path)):
         tables, text = toml.read(str(given), start='For instance heave = "sine 30 mm 0.5 Hz around 470 mm".')
         name = str(given)
@@ -302,12 +301,12 @@ class PoseScore(Viewed):
     speed_share: float
     payload_spread: dict[str, dict[str, Tracked]]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return all measures by name."""
         return asdict(self)
 
     @classmethod
-    def read(cls, score: Mapping[str, Any]) -> PoseScore:
+    def read(cls, score: Keyed) -> PoseScore:
         """Read the score in the attributes of a run.
 
         Parameters
@@ -316,14 +315,14 @@ class PoseScore(Viewed):
             As `to_dict` returns it.
         """
 
-        def tracked(each: Mapping[str, Any]) -> dict[str, Tracked]:
+        def tracked(each: Keyed) -> dict[str, Tracked]:
             return {name: Tracked(**one) for name, one in each.items()}
 
         spread = {payload: tracked(each) for payload, each in score["payload_spread"].items()}
         errors = {key: tracked(score[key]) for key in ("coordinates", "legs")}
         return cls(**{**score, **errors, "payload_spread": spread})
 
-    def view(self, about: Mapping[str, Any] | None = None) -> View:
+    def view(self, about: Keyed | None = None) -> View:
         """Return errors of coordinates and legs, effort, and the spread over payloads.
 
         Parameters

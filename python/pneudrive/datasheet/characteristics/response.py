@@ -21,7 +21,7 @@ from pneudrive.simulation.trajectory import columns as columns_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
@@ -444,7 +444,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     }
 
 
-def _run(plant: HeldDrive, table: dict[str, Any], volume: float) -> tuple[Array, Array]:
+def _run(plant: HeldDrive, table: Plain, volume: float) -> tuple[Array, Array]:
     """Command the valve on and off; return times and the pressure of a volume at its working port."""
     ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
     outlet = "4" if "4" in ports else "2"

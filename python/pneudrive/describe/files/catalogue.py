@@ -23,10 +23,9 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
-from pneudrive.describe.keys import WrongValueError, invalid, wrong
-from pneudrive.describe.marks import Reads
+from pneudrive.describe.marks import Reads, Text
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
-from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
+from pneudrive.errors import DescriptionError, Problems, WrongValueError, invalid, nearest, together, warn, wrong
 from pneudrive.references import entries as references
 
 if TYPE_CHECKING:
@@ -264,7 +263,7 @@ class SourceTable(Described):
     model_config = ConfigDict(extra="ignore")
     title: str
     address: str
-    date: Annotated[str, Reads(str)]
+    date: Text
 
 
 class EntryTable(Described):
@@ -282,8 +281,7 @@ class EntryTable(Described):
         """Return the entry with each source as text or as a key of references.bib."""
         kind = self.kind or next((value.value for value in self.values if value.key == "kind"), None)
         if not isinstance(kind, str):
-            rule = f'kind = "{DRIVE}", or a kind of component under [values]'
-            raise wrong(f"{at}kind", f"{self.name}: kind is missing", rule=rule)
+            raise invalid(f"{at}kind", "describe.entry-without-kind", name=self.name, drive=DRIVE)
         problems = Problems()
         values, printed = (
             tuple(replace(v, source=problems.take(_source, v.source, sources, f"{at}{name}.{v.key}")) for v in said)

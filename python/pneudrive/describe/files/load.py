@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.marks import table_schema
 from pneudrive.describe.short import TABLES, TUBES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from pneudrive.arrays import Plain
 
 
 #: Tables that make a file a circuit.
@@ -32,7 +35,7 @@ def load_described(source: str) -> Drive | Circuit:
     return kind.load(source)
 
 
-def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object] = lambda _: None) -> Drive | Circuit:
+def described_in(text: str, path: Path, allow: Callable[[Plain], object] = lambda _: None) -> Drive | Circuit:
     """Read the text of a drive file or a circuit file that need not be saved.
 
     Parameters
@@ -59,7 +62,7 @@ def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object
 _COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 
 
-def drive_schema() -> dict[str, Any]:
+def drive_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a drive file.
 
     No table is required in a file with ``drive = "catalogue:NAME"``.
@@ -82,7 +85,7 @@ def drive_schema() -> dict[str, Any]:
     }
 
 
-def circuit_schema() -> dict[str, Any]:
+def circuit_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a circuit file."""
     schema = Circuit.model_json_schema(by_alias=True)
     definitions = schema.setdefault("$defs", {})
@@ -115,7 +118,7 @@ def circuit_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
+def _for_each_chamber(kind: str, more: Plain) -> Plain:
     """Return the schema of a table of lines for each chamber.
 
     In a flow control, a size without prefix is that of the needle.
@@ -123,25 +126,19 @@ def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
     own = component_class(kind).model_json_schema(by_alias=True)["properties"]
     keys = {key: form for key, form in own.items() if key != "kind"}
     keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
-    one = {"type": "object", "properties": keys | more, "additionalProperties": False}
-    return {"type": "object", "properties": {"a": one, "b": one}, "additionalProperties": False}
+    one = table_schema(keys | more)
+    return table_schema({"a": one, "b": one})
 
 
-def _with_origin(form: dict[str, Any]) -> dict[str, Any]:
+def _with_origin(form: Plain) -> Plain:
     """Allow a value with its origin; choices and tables stay unchanged."""
     if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
         return form
     said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
-    table = {
-        "type": "object",
-        "properties": {"value": form} | said,
-        "required": ["value"],
-        "additionalProperties": False,
-    }
-    return {"anyOf": [form, table]}
+    return {"anyOf": [form, table_schema({"value": form} | said, ["value"])]}
 
 
-def _with_tables(component: dict[str, Any]) -> dict[str, Any]:
+def _with_tables(component: Plain) -> Plain:
     """Allow ``end_stop_stiffness`` and similar keys in a table ``end_stop``, too."""
     properties, required = dict(component["properties"]), component.get("required", [])
     parted: dict[tuple[str, ...], str] = {}  # keys of a possible inner table -> its longest name
@@ -152,6 +149,6 @@ def _with_tables(component: dict[str, Any]) -> dict[str, Any]:
                 parted[same] = key[:end]
     for keys, head in parted.items():
         inner = {key.removeprefix(f"{head}_"): properties[key] for key in keys}
-        properties[head] = {"type": "object", "properties": inner, "additionalProperties": False}
+        properties[head] = table_schema(inner)
         required = [key for key in required if key not in keys]
     return component | {"properties": properties, "required": required}

@@ -9,11 +9,17 @@ from pydantic import Field
 
 from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import WrongValueError, invalid, wrong
-from pneudrive.describe.marks import Bounds, EachChamber, PerChamber, Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.marks import (
+    Bounds,
+    EachChamber,
+    Fraction,
+    PerChamber,
+    Quantity,
+    StatedPressure,
+    parameter_quantities,
+)
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.errors import DescriptionError, nearest
+from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -58,7 +64,7 @@ class Origin(Described):
 
     table_name: ClassVar[str] = "provenance"
     interval: Annotated[Interval, _Ends("")]
-    confidence: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))] = 0.95
+    confidence: Fraction = 0.95
     source: str
     fit: str = ""
     file: str = ""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.keys import invalid
+from pneudrive.errors import invalid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from typing_extensions import TypeIs
+
+    from pneudrive.arrays import Keyed, Plain
 
 _KEYS = ("value", "source", "assumed", "note")
 
@@ -53,7 +55,7 @@ class Value:
         return f"[{self.source}]" + (f" {self.note}" if self.note else "")
 
 
-def has_origin(given: Any) -> TypeIs[dict[str, Any]]:  # noqa: ANN401
+def has_origin(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
     """Return whether a table is a value with its origin."""
     return isinstance(given, dict) and "value" in given and set(given) <= set(_KEYS)
 
@@ -74,7 +76,7 @@ def read(key: str, given: object) -> Value:
     return Value(key, table["value"], table.get("source"), table.get("assumed"), table.get("note", ""))
 
 
-def parted(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Value]]:
+def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
     """Split a table into plain values, and values with their origin by dotted key.
 
     Raises
@@ -92,7 +94,7 @@ def parted(table: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Value]]:
     return _plain(table), found
 
 
-def _walk(table: Mapping[str, Any], before: str) -> Iterator[Value]:
+def _walk(table: Keyed, before: str) -> Iterator[Value]:
     for key, given in table.items():
         if has_origin(given):
             yield read(f"{before}{key}", given)
@@ -106,7 +108,7 @@ def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
     return {key: _plain(one) for key, one in given.items()} if isinstance(given, dict) else given
 
 
-def put_back(table: dict[str, Any], origins: Mapping[str, Value]) -> dict[str, Any]:
+def put_back(table: Plain, origins: Mapping[str, Value]) -> Plain:
     """Add origins to the values of a table; origins of values that the table lacks are dropped."""
     for dotted, value in origins.items():
         *path, last = dotted.split(".")

@@ -12,7 +12,9 @@ from pneudrive.errors import DescriptionError, PneudriveError, together, tomllib
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator
+
+    from pneudrive.arrays import Keyed, Plain
 
 
 _HEADER = re.compile(r"\s*+\[\[?([^\]]+)\]\]?\s*+(?:#.*)?$")
@@ -27,7 +29,7 @@ def read(
     path: str | Path,
     kind: type[PneudriveError] = DescriptionError,
     start: str = "`pneudrive catalogue` lists example drives.",
-) -> tuple[dict[str, Any], str]:
+) -> tuple[Plain, str]:
     """Read a TOML file.
 
     Parameters
@@ -62,7 +64,7 @@ def read(
     return parse(text, str(path), kind), text
 
 
-def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError) -> dict[str, Any]:
+def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError) -> Plain:
     """Read TOML text; `origin` is its name in messages.
 
     Raises
@@ -95,9 +97,7 @@ def is_table(value: object) -> bool:
     return isinstance(value, dict) and not {"value", "source"} & set(value)
 
 
-def merge(
-    base: Mapping[str, Any], changes: Mapping[str, Any], is_inner: Callable[[object], bool] = _is_dict
-) -> dict[str, Any]:
+def merge(base: Keyed, changes: Keyed, is_inner: Callable[[object], bool] = _is_dict) -> Plain:
     """Merge changes over a base, table by table; a change that is not a table replaces the old value.
 
     Examples
@@ -112,7 +112,7 @@ def merge(
     return out
 
 
-def put(tables: dict[str, Any], key: str, value: object) -> None:
+def put(tables: Plain, key: str, value: object) -> None:
     """Set the value of a dotted key; missing tables are created."""
     *path, last = key.split(".")
     for table in path:
@@ -120,7 +120,7 @@ def put(tables: dict[str, Any], key: str, value: object) -> None:
     tables[last] = value
 
 
-def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def nested(values: Iterable[tuple[str, Any]]) -> Plain:
     """Return nested tables from values by dotted keys.
 
     Examples
@@ -128,7 +128,7 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     >>> nested([("valve.kv", 1.0), ("name", "x")])
     {'valve': {'kv': 1.0}, 'name': 'x'}
     """
-    tables: dict[str, Any] = {}
+    tables: Plain = {}
     for key, value in values:
         put(tables, key, value)
     return tables
@@ -241,7 +241,7 @@ def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int])
     return name, count
 
 
-def write(tables: dict[str, Any]) -> str:
+def write(tables: Plain) -> str:
     """Write plain values and nested tables as TOML; a small inner table of plain values takes one line.
 
     Examples
@@ -257,7 +257,7 @@ def write(tables: dict[str, Any]) -> str:
     return "\n\n".join(blocks(tables)) + "\n"
 
 
-def blocks(tables: dict[str, Any], name: str = "", inline: int = 0) -> list[str]:
+def blocks(tables: Plain, name: str = "", inline: int = 0) -> list[str]:
     """Write a table, then its inner tables of more than `inline` levels as separate tables.
 
     Inner tables of a separate table stay on its lines if they have at most two levels, those of a deep one do not.
@@ -270,7 +270,7 @@ def blocks(tables: dict[str, Any], name: str = "", inline: int = 0) -> list[str]
     return out
 
 
-def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
+def sections(tables: Keyed, name: str = "") -> list[str]:
     """Write tables as lines of TOML, each inner table under a separate header; `name` is already written as a key.
 
     None values are left out.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pneudrive.describe.formulas import written
-from pneudrive.describe.keys import wrong
+from pneudrive.errors import wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
+
+    from pneudrive.arrays import Keyed, Plain
 
 GUIDE = "own-component.md"
 
@@ -55,7 +56,7 @@ class ComponentFormula(written.Written):
     output: str
 
     @classmethod
-    def load(cls, path: str | Path, entry: Mapping[str, Any]) -> ComponentFormula:
+    def load(cls, path: str | Path, entry: Keyed) -> ComponentFormula:
         """Read the formula of a component from a TOML file; `entry` is the core's entry of the component's kind.
 
         Raises
@@ -66,7 +67,7 @@ class ComponentFormula(written.Written):
         return written.load(partial(cls.of, entry=entry), path, GUIDE)
 
     @classmethod
-    def of(cls, tables: dict[str, Any], entry: Mapping[str, Any]) -> ComponentFormula:
+    def of(cls, tables: Plain, entry: Keyed) -> ComponentFormula:
         """Make the formula from the tables of its file.
 
         Raises
@@ -79,22 +80,22 @@ class ComponentFormula(written.Written):
         return cls.model_validate(own | {"kind": entry["kind"], "output": own.pop(wanted)})
 
     @cached_property
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Plain:
         """Entry of the component in the form of `component_kinds`, with the parameters of the formula."""
         return _entry(self.kind, json.dumps(self.core()))
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the formula in the core's form, in SI."""
         return super().core() | {"output": self.output}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return the tables of the formula's file."""
         return super().to_dict() | {"output": {self.entry["formula"]["output"]: self.output}}
 
     __hash__ = written.Written.__hash__
 
 
-def formula_of(given: object, folder: Path | None = None, *, entry: Mapping[str, Any]) -> ComponentFormula:
+def formula_of(given: object, folder: Path | None = None, *, entry: Keyed) -> ComponentFormula:
     """Return the formula of a component from a formula, its tables, or ``file:NAME.toml``.
 
     Raises
@@ -112,7 +113,7 @@ def formula_of(given: object, folder: Path | None = None, *, entry: Mapping[str,
 
 
 @lru_cache(maxsize=256)
-def _entry(kind: str, text: str) -> dict[str, Any]:
+def _entry(kind: str, text: str) -> Plain:
     from pneudrive import _core
 
     try:

@@ -10,13 +10,14 @@ from pydantic import Field, field_serializer
 
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
-from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.tables.dependences import DEPENDENCES
-from pneudrive.errors import nearest
+from pneudrive.errors import invalid, nearest, wrong
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from pneudrive.arrays import Plain
 
 LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")
@@ -39,8 +40,7 @@ class WrittenState(written.WrittenParameter):
         out = super().core()
         usual = _STATE_UNITS.get(self.unit, ("", None))[1]
         if self.scale is None and usual is None:
-            remedy = "Give the usual size of the state: the solver tolerates an error of rtol times scale."
-            raise wrong("scale", "scale is missing", remedy=remedy)
+            raise invalid("scale", "describe.no-scale")
         scale = 1e-3 if self.scale is None else self.number("scale", self.scale)
         return {"unit": out["unit"], "bounds": out["bounds"], "scale": scale, "rate": self.rate}
 
@@ -126,8 +126,7 @@ class FrictionLaw(written.Written):
         """Check that parameters and levels are possible in a friction table."""
         for key in _TAKEN:
             if key in self.parameters:
-                what = f'"{key}" is a key of the friction table of a drive'
-                raise wrong(f"parameters.{key}", what, remedy="Choose another name for the parameter.")
+                raise invalid(f"parameters.{key}", "describe.key-of-friction", key=key)
         for key in self.levels:
             if key not in LEVELS:
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
@@ -181,7 +180,7 @@ def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
 
 
 @lru_cache(maxsize=256)
-def _entry(text: str) -> dict[str, Any]:
+def _entry(text: str) -> Plain:
     from pneudrive import _core
 
     try:

@@ -15,13 +15,14 @@ from pydantic import Field, field_serializer, model_validator
 from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, within, wrong
-from pneudrive.describe.marks import Quantity, Reads
-from pneudrive.errors import DescriptionError, nearest, warn
+from pneudrive.describe.marks import Quantity, Reads, Text
+from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
 from pneudrive.references import entries
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from pneudrive.arrays import Keyed, Plain
 
 #: Prefix of the name of a file with formulas, relative to the file that names it.
 FILE_PREFIX = "file:"
@@ -45,7 +46,7 @@ class WrittenParameter(Described):
     below: Any = None
     at_most: Any = None
     usual: Any = Field(default=None, alias="default")
-    meaning: Annotated[str, Reads(str)] = ""
+    meaning: Text = ""
 
     def number(self, key: str, given: object) -> float | None:
         """Return the value of a key in SI."""
@@ -65,7 +66,7 @@ class WrittenParameter(Described):
         return out | {"meaning": self.meaning, "default": self.number("default", self.usual)}
 
 
-def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> dict[str, Any]:
+def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> Plain:
     """Return a parameter or state, an entry of a table, in the core's form."""
     try:
         return {"key": key} | kind.model_validate(about).core()
@@ -112,20 +113,17 @@ class Written(Described):
             if key in outputs:
                 raise wrong(key, f"{key} is outside its table", remedy=f"Write it under [output]: {key} = ...")
             if key not in known:
-                what = f"{key} is not a known key of a {cls.called}"
-                raise wrong(key, what, remedy=nearest(key, known))
+                raise invalid(key, "describe.unknown-key-of", key=key, called=cls.called, remedy=nearest(key, known))
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
-            remedy = "Write [output] above this key, because a key belongs to the table above it."
-            raise wrong(f"let.{misplaced}", f"{misplaced} is an output, but is listed under [let]", remedy=remedy)
+            raise invalid(f"let.{misplaced}", "describe.output-under-let", misplaced=misplaced)
         for key in output:
             if key not in outputs:
                 rule = f"it needs {needed}, in {unit}"
                 what = f"output.{key} is not a known key"
                 raise wrong(f"output.{key}", what, rule=rule, remedy=nearest(key, outputs))
         if needed not in output:
-            remedy = f'Add [output] with {needed} = "...", in {unit}.'
-            raise wrong(f"output.{needed}", f"output.{needed} is missing", remedy=remedy)
+            raise invalid(f"output.{needed}", "describe.no-output", needed=needed, unit=unit)
         return {key: value for key, value in tables.items() if key != "output"} | output
 
     @field_serializer("parameters", "let")
@@ -149,7 +147,7 @@ class Written(Described):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tables of the file except [output]."""
-        out: dict[str, Any] = {"name": self.name}
+        out: Plain = {"name": self.name}
         out |= {key: value for key in ("title", "source") if (value := getattr(self, key))}
         return out | {key: dict(value) for key in self.plain_tables if (value := getattr(self, key))}
 
@@ -158,14 +156,14 @@ class Written(Described):
         return hash(json.dumps(self.core()))
 
 
-def _table(tables: Mapping[str, Any], key: str) -> dict[str, Any]:
+def _table(tables: Keyed, key: str) -> Plain:
     table = tables.get(key, {})
     if not isinstance(table, dict):
         raise wrong(key, f"{key} = {table!r} is not a table", remedy=f"Write [{key}].")
     return table
 
 
-def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> Made:
+def load(of: Callable[[Plain], Made], path: str | Path, guide: str) -> Made:
     """Read formulas from a TOML file; `of` makes the object from its tables.
 
     Raises
@@ -179,7 +177,7 @@ def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> 
 
 
 def written_as(
-    given: object, slot: str, of: Callable[[dict[str, Any]], Made], guide: str, folder: Path | None = None
+    given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None = None
 ) -> Made | None:
     """Return the formulas that the value of a key gives, as tables or ``file:NAME.toml``; None for other values.
 

@@ -9,11 +9,11 @@ from pydantic import Field, model_validator
 
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, EachChamber, Length, PerChamber, Position, Quantity
+from pneudrive.errors import invalid, wrong
 
-_NOT_NEGATIVE = marks.Bounds(at_least=0.0)
-_POSITIVE = marks.Bounds(above=0.0)
-Duration = Annotated[float, marks.Quantity("s", "s", _POSITIVE)]
+Duration = Annotated[float, Quantity("s", "s", POSITIVE)]
+_Factor = Annotated[float, Quantity("", bounds=POSITIVE)]
 #: largest number of harmonics; more would describe the noise of a recording
 MOST_HARMONICS = 4
 #: largest number of points; each costs time at every evaluation
@@ -28,7 +28,7 @@ class Acting(Described):
         out: dict[str, Any] = {}
         for name, field in type(self).model_fields.items():
             value, key = getattr(self, name), field.alias or name
-            if isinstance(value, marks.PerChamber):
+            if isinstance(value, PerChamber):
                 out |= {f"{key}_{chamber}": one for chamber, one in value._asdict().items()}
             elif isinstance(value, tuple):
                 out[key] = [one.core() for one in value]
@@ -41,8 +41,8 @@ class SealPressure(Acting):
     """Seal lips: additional friction for each unit of gauge pressure in a chamber, with any law; stored in N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
-    coulomb_n_pa: Annotated[marks.PerChamber, marks.EachChamber("N/Pa", "N/bar")] = marks.PerChamber(0.0, 0.0)
-    breakaway_n_pa: Annotated[marks.PerChamber, marks.EachChamber("N/Pa", "N/bar")] = marks.PerChamber(0.0, 0.0)
+    coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
+    breakaway_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
 
 
 class Dwell(Acting):
@@ -50,19 +50,18 @@ class Dwell(Acting):
 
     table_name: ClassVar[str] = "friction.dwell"
     growth: Literal["saturating", "log", "hyperbolic"]
-    increment_n: Annotated[float, marks.Quantity("N", "N", _NOT_NEGATIVE)]
+    increment_n: Annotated[float, Quantity("N", "N", NOT_NEGATIVE)]
     time_s: Duration
-    exponent: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=0.0, below=2.0))] = 0.4
-    distance_m: marks.Length
-    pressure_per_pa: Annotated[marks.PerChamber, marks.EachChamber("1/Pa", "%/bar")] = Field(
-        default=marks.PerChamber(0.0, 0.0), alias="pressure"
+    exponent: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=2.0))] = 0.4
+    distance_m: Length
+    pressure_per_pa: Annotated[PerChamber, EachChamber("1/Pa", "%/bar")] = Field(
+        default=PerChamber(0.0, 0.0), alias="pressure"
     )
 
     @model_validator(mode="after")
     def _exponent_of_saturating_alone(self) -> Dwell:
         if "exponent" in self.model_fields_set and self.growth != "saturating":
-            what = f'friction.dwell.exponent has no effect with growth = "{self.growth}"'
-            raise wrong("friction.dwell.exponent", what, remedy='Remove it, or choose growth = "saturating".')
+            raise invalid("friction.dwell.exponent", "describe.exponent-without-effect", growth=self.growth)
         return self
 
 
@@ -72,24 +71,24 @@ class Relaxation(Acting):
     table_name: ClassVar[str] = "friction.relaxation"
     share: marks.Fraction
     time_s: Duration
-    distance_m: marks.Length
+    distance_m: Length
 
 
 class Harmonic(Acting):
     """One period of friction along the stroke."""
 
     table_name: ClassVar[str] = "friction.position.harmonics"
-    period_m: marks.Length
-    amplitude: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=-1.0, below=1.0))]
-    phase_rad: Annotated[float, marks.Quantity("rad", "deg")] = 0.0
+    period_m: Length
+    amplitude: Annotated[float, Quantity("", bounds=Bounds(above=-1.0, below=1.0))]
+    phase_rad: Annotated[float, Quantity("rad", "deg")] = 0.0
 
 
 class PositionPoint(Acting):
     """Measured factor on friction at a position of the stroke."""
 
     table_name: ClassVar[str] = "friction.position.table"
-    position_m: marks.Position
-    factor: Annotated[float, marks.Quantity("", bounds=_POSITIVE)]
+    position_m: Position
+    factor: _Factor
 
 
 class PositionDependence(Acting):
@@ -101,8 +100,8 @@ class PositionDependence(Acting):
     table_name: ClassVar[str] = "friction.position"
     points: tuple[PositionPoint, ...] = Field(default=(), alias="table")
     harmonics: tuple[Harmonic, ...] = ()
-    slope_per_m: Annotated[float, marks.Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
-    reference_m: marks.Position = 0.0
+    slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
+    reference_m: Position = 0.0
 
     @model_validator(mode="after")
     def _waves_and_points_fit(self) -> PositionDependence:
@@ -111,15 +110,14 @@ class PositionDependence(Acting):
             raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
         total = sum(abs(wave.amplitude) for wave in self.harmonics)
         if total >= 1.0:
-            what = f"the amplitudes of {key} add up to {total:g}, so friction would change its sign"
-            raise wrong(key, what, rule="the sum of the amplitudes is less than 1")
+            raise invalid(key, "describe.amplitudes-too-large", key=key, total=total)
         key = "friction.position.table"
         if len(self.points) == 1 or len(self.points) > MOST_POINTS:
             raise wrong(key, f"{key} has {len(self.points)} entries", rule=f"2 to {MOST_POINTS}")
         for before, after in pairwise(self.points):
             if after.position_m <= before.position_m:
-                what = f"{key}: the position {1e3 * after.position_m:g} mm follows {1e3 * before.position_m:g} mm"
-                raise wrong(key, what, rule="positions rise")
+                after_mm, before_mm = 1e3 * after.position_m, 1e3 * before.position_m
+                raise invalid(key, "describe.positions-not-rising", key=key, after_mm=after_mm, before_mm=before_mm)
         return self
 
     def core(self) -> dict[str, Any]:
@@ -142,16 +140,16 @@ class DirectionDependence(Acting):
     """Friction that differs with the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
-    positive: Annotated[float, marks.Quantity("", bounds=_POSITIVE)] = 1.0
-    negative: Annotated[float, marks.Quantity("", bounds=_POSITIVE)] = 1.0
+    positive: _Factor = 1.0
+    negative: _Factor = 1.0
 
 
 class SideLoad(Acting):
     """A force across the axis on a guide, which adds coefficient * |force| to the friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
-    force_n: Annotated[float, marks.Quantity("N", "N")]
-    coefficient: Annotated[float, marks.Quantity("", bounds=_NOT_NEGATIVE)]
+    force_n: marks.Force
+    coefficient: Annotated[float, Quantity("", bounds=NOT_NEGATIVE)]
 
 
 class TemperatureDependence(Acting):
@@ -159,9 +157,9 @@ class TemperatureDependence(Acting):
 
     table_name: ClassVar[str] = "friction.temperature"
     reference_k: marks.Temperature
-    viscous_per_k: Annotated[float, marks.Quantity("1/K", "%/K", _NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
-    levels_per_k: Annotated[float, marks.Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
-    resistance_k_w: Annotated[float, marks.Quantity("K/W", "K/W", _NOT_NEGATIVE)] = 0.0
+    viscous_per_k: Annotated[float, Quantity("1/K", "%/K", NOT_NEGATIVE)] = Field(default=0.0, alias="viscous")
+    levels_per_k: Annotated[float, Quantity("1/K", "%/K")] = Field(default=0.0, alias="levels")
+    resistance_k_w: Annotated[float, Quantity("K/W", "K/W", NOT_NEGATIVE)] = 0.0
     time_s: Duration = 60.0
 
 
@@ -169,10 +167,10 @@ class Wear(Acting):
     """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
 
     table_name: ClassVar[str] = "friction.wear"
-    run_in: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=-1.0))] = 0.0
-    run_in_distance_m: marks.Length = 1000.0
-    rate_per_m: Annotated[float, marks.Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
-    slid_m: Annotated[float, marks.Quantity("m", "m", _NOT_NEGATIVE)] = 0.0
+    run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0
+    run_in_distance_m: Length = 1000.0
+    rate_per_m: Annotated[float, Quantity("1/m", "%/km")] = Field(default=0.0, alias="rate")
+    slid_m: Annotated[float, Quantity("m", "m", NOT_NEGATIVE)] = 0.0
 
 
 #: Friction modifiers by their keys; relaxation needs a law with bristles.

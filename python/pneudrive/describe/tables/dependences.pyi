@@ -9,12 +9,21 @@ _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
-from pneudrive.describe.keys import wrong as wrong
+from pneudrive.describe.marks import (
+    Bounds as Bounds,
+    EachChamber as EachChamber,
+    Length as Length,
+    NOT_NEGATIVE as NOT_NEGATIVE,
+    POSITIVE as POSITIVE,
+    PerChamber as PerChamber,
+    Position as Position,
+    Quantity as Quantity,
+)
+from pneudrive.errors import invalid as invalid, wrong as wrong
 from typing import Annotated, Any, ClassVar, Literal
 
-_NOT_NEGATIVE: Incomplete
-_POSITIVE: Incomplete
 Duration: Incomplete
+_Factor: Incomplete
 MOST_HARMONICS: int
 MOST_POINTS: int
 
@@ -23,8 +32,8 @@ class Acting(Described):
 
 class SealPressure(Acting):
     table_name: ClassVar[str]
-    coulomb_n_pa: marks.PerChamber
-    breakaway_n_pa: marks.PerChamber
+    coulomb_n_pa: PerChamber
+    breakaway_n_pa: PerChamber
 
     @property
     def coulomb(self) -> _PerChamber: ...
@@ -40,8 +49,8 @@ class Dwell(Acting):
     increment_n: float
     time_s: Duration
     exponent: float
-    distance_m: marks.Length
-    pressure_per_pa: marks.PerChamber
+    distance_m: Length
+    pressure_per_pa: PerChamber
 
     @property
     def increment(self) -> _UnitFloat: ...
@@ -66,7 +75,7 @@ class Relaxation(Acting):
     table_name: ClassVar[str]
     share: marks.Fraction
     time_s: Duration
-    distance_m: marks.Length
+    distance_m: Length
 
     @property
     def time(self) -> _UnitFloat: ...
@@ -76,7 +85,7 @@ class Relaxation(Acting):
 
 class Harmonic(Acting):
     table_name: ClassVar[str]
-    period_m: marks.Length
+    period_m: Length
     amplitude: float
     phase_rad: float
 
@@ -88,8 +97,8 @@ class Harmonic(Acting):
 
 class PositionPoint(Acting):
     table_name: ClassVar[str]
-    position_m: marks.Position
-    factor: float
+    position_m: Position
+    factor: _Factor
 
     @property
     def position(self) -> _UnitFloat: ...
@@ -100,7 +109,7 @@ class PositionDependence(Acting):
     points: tuple[PositionPoint, ...]
     harmonics: tuple[Harmonic, ...]
     slope_per_m: float
-    reference_m: marks.Position
+    reference_m: Position
 
     def core(self) -> dict[str, Any]: ...
     @classmethod
@@ -122,14 +131,14 @@ class PositionDependence(Acting):
 
 class DirectionDependence(Acting):
     table_name: ClassVar[str]
-    positive: float
-    negative: float
+    positive: _Factor
+    negative: _Factor
 
     def __init__(self, *, positive: _Given = ..., negative: _Given = ...) -> None: ...
 
 class SideLoad(Acting):
     table_name: ClassVar[str]
-    force_n: float
+    force_n: marks.Force
     coefficient: float
 
     @property
@@ -167,7 +176,7 @@ class TemperatureDependence(Acting):
 class Wear(Acting):
     table_name: ClassVar[str]
     run_in: float
-    run_in_distance_m: marks.Length
+    run_in_distance_m: Length
     rate_per_m: float
     slid_m: float
 

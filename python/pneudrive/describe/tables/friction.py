@@ -12,12 +12,11 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import ModelWrapValidatorHandler, field_serializer, model_validator
 
 from pneudrive import units
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
-from pneudrive.describe.keys import invalid, wrong
-from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
-from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
+from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
 from pneudrive.describe.tables.dependences import (
     DEPENDENCES,
     Acting,
@@ -30,7 +29,7 @@ from pneudrive.describe.tables.dependences import (
     TemperatureDependence,
     Wear,
 )
-from pneudrive.errors import DescriptionError, nearest, warn
+from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
 
 
 @lru_cache(maxsize=1)
@@ -86,8 +85,8 @@ class SlipElement(Acting):
     """Spring with slider of law ``gms``: its stiffness, and its fraction of the friction force."""
 
     table_name: ClassVar[str] = "friction.elements"
-    stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
-    share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
+    stiffness_n_m: Stiffness
+    share: Annotated[float, Quantity("", bounds=marks.Bounds(above=0.0, at_most=1.0))]
 
 
 #: Law of a friction table without a law: presliding, breakaway and stick-slip without drift.
@@ -413,15 +412,7 @@ class Friction(Described):
                 one = parameter_quantity(p).schema()
                 properties[p["key"]] = one | {"title": p["meaning"]}
             required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
-            alternatives.append(
-                {
-                    "type": "object",
-                    "title": law["title"],
-                    "properties": properties,
-                    "required": required,
-                    "additionalProperties": False,
-                }
-            )
+            alternatives.append({"type": "object", "title": law["title"], **marks.table_schema(properties, required)})
         return {"oneOf": [*alternatives, _default_schema(alternatives), _own_law_schema(tables)]}
 
 

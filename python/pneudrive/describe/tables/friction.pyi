@@ -11,12 +11,14 @@ from collections.abc import Callable as Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pneudrive import units as units
+from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
-from pneudrive.describe.keys import invalid as invalid, wrong as wrong
-from pneudrive.describe.marks import Bounds as Bounds, Quantity as Quantity, StatedPressure as StatedPressure
-from pneudrive.describe.parameters import (
+from pneudrive.describe.marks import (
+    Quantity as Quantity,
+    StatedPressure as StatedPressure,
+    Stiffness as Stiffness,
     parameter_quantities as parameter_quantities,
     parameter_quantity as parameter_quantity,
 )
@@ -32,7 +34,13 @@ from pneudrive.describe.tables.dependences import (
     TemperatureDependence as TemperatureDependence,
     Wear as Wear,
 )
-from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest, warn as warn
+from pneudrive.errors import (
+    DescriptionError as DescriptionError,
+    invalid as invalid,
+    nearest as nearest,
+    warn as warn,
+    wrong as wrong,
+)
 from pydantic import ModelWrapValidatorHandler
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
@@ -53,7 +61,7 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]: ...
 
 class SlipElement(Acting):
     table_name: ClassVar[str]
-    stiffness_n_m: float
+    stiffness_n_m: Stiffness
     share: float
 
     @property

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import invalid, wrong
-from pneudrive.describe.marks import Bounds, Quantity
+from pneudrive.describe.marks import POSITIVE, MaybeLength, Quantity
+from pneudrive.errors import invalid
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 KINDS = ("rodless", "through-rod", "single-rod")
-MaybeLength = Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))]
-MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", Bounds(above=0.0))]
+MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", POSITIVE)]
 
 
 def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple[float, float]:
@@ -92,15 +91,12 @@ def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None
     key = f"{table}.rod_diameter"
     if kind == "rodless":
         if rod_diameter_m is not None:
-            what = f'{key} is given, but a cylinder with {table}.kind = "rodless" has no rod'
-            raise wrong(key, what, remedy="Remove it, or change kind.")
+            raise invalid(key, "describe.rod-of-rodless", key=key, table=table)
     elif rod_diameter_m is None:
-        what = f'{key} is missing: a cylinder with {table}.kind = "{kind}" has a rod'
-        raise wrong(key, what, remedy='Add rod_diameter = "... mm".')
+        raise invalid(key, "describe.no-rod", key=key, table=table, kind=kind)
     elif not rod_diameter_m < bore_m:
         rod, bore = (units.write(d, "m", "mm") for d in (rod_diameter_m, bore_m))
-        what = f"{key} = {rod} must be smaller than {table}.bore = {bore}"
-        raise wrong(key, what, remedy="Were bore and rod swapped?")
+        raise invalid(key, "describe.rod-too-thick", key=key, rod=rod, table=table, bore=bore)
 
 
 class PistonTable(Described):

@@ -7,27 +7,28 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 from pydantic import Field, model_validator
 
 from pneudrive import _core, constants, units
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_TEMPERATURE_K
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
-from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressure, MaybeTemperature, Quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
-from pneudrive.describe.tables.signal import Signal, SignalRange
-from pneudrive.errors import package_table, warn
+from pneudrive.errors import WrongValueError, invalid, package_table, warn, wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
-NOT_NEGATIVE = marks.Bounds(at_least=0.0)
+    from pneudrive.arrays import Plain
+
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
-DEW_POINTS = marks.Bounds(at_least=193.15, at_most=333.15)
+DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 _TABLE = package_table(__file__, "gases.toml")
 #: Temperatures of `CAPACITY_EXCESS`, degC.
 CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
 _GASES = {name: gas for name, gas in _TABLE.items() if name != "capacity_celsius"}
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
-GASES: dict[str, tuple[float, float]] = {"air": (constants.AIR_HEAT_CAPACITY_RATIO, constants.AIR_GAS_CONSTANT_J_KG_K)}
+GASES: dict[str, tuple[float, float]] = {"air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K)}
 GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items() if name != "air"}
 #: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
 VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
@@ -41,9 +42,9 @@ def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
 
     The core's conductances refer to the same densities.
     """
-    if (heat_capacity_ratio, gas_constant) == (constants.AIR_HEAT_CAPACITY_RATIO, constants.AIR_GAS_CONSTANT_J_KG_K):
+    if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
         return constants.ANR_DENSITY_KG_M3
-    return constants.ANR_PRESSURE_PA / (gas_constant * constants.ANR_TEMPERATURE_K)
+    return constants.ANR_PRESSURE_PA / (gas_constant * ANR_TEMPERATURE_K)
 
 
 class Gas(Described):
@@ -57,15 +58,11 @@ class Gas(Described):
 
     table_name: ClassVar[str] = "gas"
     name: Literal["air", "nitrogen", "argon", "helium", "carbon-dioxide"] | None = None
-    heat_capacity_ratio: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=1.0, below=2.0))] = (
-        constants.AIR_HEAT_CAPACITY_RATIO
-    )
-    gas_constant_j_kg_k: Annotated[float, marks.Quantity("J/(kg K)", "J/(kg K)", marks.Bounds(above=0.0))] = (
-        constants.AIR_GAS_CONSTANT_J_KG_K
-    )
+    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = AIR_HEAT_CAPACITY_RATIO
+    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", POSITIVE)] = AIR_GAS_CONSTANT_J_KG_K
     model: Literal["ideal", "virial"] = "ideal"
-    dew_point_k: Annotated[float | None, marks.Quantity("K", "degC", DEW_POINTS)] = None
-    dew_point_pressure: Annotated[units.Pressure | None, marks.StatedPressure()] = None
+    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = None
+    dew_point_pressure: MaybePressure = None
 
     @model_validator(mode="before")
     @classmethod
@@ -86,8 +83,7 @@ class Gas(Described):
         numbers = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant": self.gas_constant_j_kg_k}
         for (key, value), known in zip(numbers.items(), GASES[self.name], strict=True):
             if value != known:
-                what = f'gas.{key} = {value:g} differs from {known:g} of gas.name = "{self.name}"'
-                raise wrong(f"gas.{key}", what, rule="a gas is given by name or by numbers", remedy="Keep one of them.")
+                raise invalid(f"gas.{key}", "describe.gas-twice", key=key, given=value, known=known, name=self.name)
         if self.name == "carbon-dioxide" and self.model == "ideal":
             warn(
                 "carbon dioxide as an ideal gas: its pressure is 3.7 % too high at 7 bar and 20 degC, "
@@ -124,8 +120,7 @@ class Gas(Described):
             return None
         pressure = supply_pa if stated is None else stated.absolute_pa(ambient_pa)
         if pressure is None:
-            remedy = 'Add dew_point_pressure = "7 bar abs" to [gas]: the pressure at the dryer.'
-            raise wrong("gas.dew_point", "gas.dew_point needs a pressure: the circuit has no reservoir", remedy=remedy)
+            raise invalid("gas.dew_point", "describe.dew-point-alone")
         if not pressure > 0.0:
             raise wrong(key, f"{key} = {stated} is below vacuum", rule="gauge + ambient > 0")
         return pressure
@@ -138,7 +133,7 @@ class Ambient(Described):
     pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         constants.STANDARD_ATMOSPHERE_PA, gauge=False
     )
-    temperature_k: marks.Temperature = constants.ANR_TEMPERATURE_K
+    temperature_k: marks.Temperature = ANR_TEMPERATURE_K
 
     @property
     def pressure_pa(self) -> float:
@@ -155,7 +150,7 @@ class Supply(Described):
 
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, marks.StatedPressure()]
-    temperature_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
+    temperature_k: MaybeTemperature = None
 
     def core(self, ambient: Ambient) -> dict[str, float]:
         """Return the table in the core's form, in SI; missing values are ambient."""
@@ -168,12 +163,8 @@ def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any:  # no
     kind = data.get("kind") if isinstance(data, dict) else None
     short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
     if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
-        raise wrong(
-            f"{table}.kind",
-            f'{table}.kind = "{kind}" is a component of circuits',
-            rule=f"[{table}] of a drive file is {' or '.join(known)}",
-            remedy=f'Write a circuit file: [components.{table}] with kind = "{table}/{short}", and connections.',
-        )
+        names = {"table": table, "kind": kind, "short": short, "known": " or ".join(known)}
+        raise invalid(f"{table}.kind", "describe.of-circuits", **names)
     return data
 
 
@@ -186,25 +177,47 @@ class EndStop(Described):
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
-    stiffness_n_m: Annotated[float | None, marks.Quantity("N/m", "N/m", marks.Bounds(above=0.0))] = None
-    damping_n_s_m: Annotated[float | None, marks.Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
-    damping_depth_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", POSITIVE)] = None
+    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
+    damping_depth_m: marks.MaybeLength = None
+
+
+def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[float], Sequence[float]]) -> list[str]:
+    """Return the assumed values of end stops that a description leaves open, each with its reason.
+
+    Parameters
+    ----------
+    prefix : str
+        Prefix of their keys, ``"cylinder.end_stop."``.
+    given : collection of str
+        Keys that the description gives: ``"stiffness"``, ``"damping"``, ``"damping_depth"``.
+    stops : tuple
+        End stops (stiffness N/m, damping N s/m, damping depth m) and their load cases (mass kg, speed m/s, force N, and
+        its depth m), as the core returns them.
+
+    Returns
+    -------
+    list of str
+        ``key = value, reason``.
+    """
+    (stiffness, damping, damping_depth), (mass, speed, force, depth) = stops
+    taken = f"a mass of {mass:.3g} kg at {speed:.3g} m/s, driven by {force:.3g} N, stops in {1e3 * depth:.3g} mm"
+    still = f"at rest, this force presses the piston {1e3 * force / stiffness:.2g} mm beyond the stroke"
+    lines = {
+        "stiffness": f"{stiffness:.3g} N/m, so that {taken} (at most half of the shorter dead length); {still}",
+        "damping": f"{damping:.3g} N s/m, half of the critical damping",
+        "damping_depth": f"{1e3 * damping_depth:.3g} mm, a tenth of that depth",
+    }
+    return [f"{prefix}{key} = {line}".replace("e+0", "e") for key, line in lines.items() if key not in given]
 
 
 #: Keys that a circuit has and a drive has not: the remedy of each.
-_OPENED = (
-    "Without this key, *Edit the circuit* of the page and pn.Drive.load(FILE).circuit.to_toml() turn the file into one."
-)
-_PART = 'A part of the catalogue belongs to a circuit: use = "catalogue:NAME" in [components.{}]. ' + _OPENED
-_DYNAMICS = "In a circuit, [components.valve] has {}. " + _OPENED
-_OF_A_CIRCUIT = {
-    "use": _PART.format("valve"),
-    **dict.fromkeys(("bandwidth", "frequency", "natural_frequency"), _DYNAMICS.format("frequency and damping_ratio")),
-    **dict.fromkeys(("stroke_time", "delay", "hysteresis"), _DYNAMICS.format("stroke_time, delay and hysteresis")),
-    **dict.fromkeys(("travel_share", "centre"), _DYNAMICS.format("travel_share and centre of a switching valve")),
-    **dict.fromkeys(("dead_zone", "deadband"), "A dead zone is a positive overlap, as a fraction of the command."),
-    **dict.fromkeys(("voltage", "current"), 'The electrical input is the range command = "0 V .. 10 V".'),
-}
+_ELSEWHERE = package_table(__file__, "elsewhere.toml")
+
+
+def _elsewhere(table: str) -> dict[str, str]:
+    """Return the keys that belong to circuits, or have another name, with what to write."""
+    return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
 class Cylinder(Described):
@@ -220,19 +233,19 @@ class Cylinder(Described):
     """
 
     table_name: ClassVar[str] = "cylinder"
-    elsewhere: ClassVar[Mapping[str, str]] = {"use": _PART.format("cylinder")}
+    elsewhere: ClassVar[Mapping[str, str]] = _elsewhere("cylinder")
     kind: Literal["rodless", "through-rod", "single-rod"]
     bore_m: marks.Length
-    rod_diameter_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
+    rod_diameter_m: marks.MaybeLength = None
     stroke_m: marks.Length
-    dead_volume_m3: Annotated[marks.PerChamber, marks.EachChamber("m^3", "cm3", marks.Bounds(above=0.0))]
+    dead_volume_m3: Annotated[marks.PerChamber, marks.EachChamber("m^3", "cm3", POSITIVE)]
     moving_mass_kg: marks.Mass
     incline_rad: marks.Angle = 0.0
-    heat_transfer_w_m2_k: Annotated[float | None, marks.Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = None
-    heat_transfer_scale: Annotated[float, marks.Quantity("", bounds=NOT_NEGATIVE)] = 1.0
-    port_diameter_m: Annotated[float | None, marks.Quantity("m", "mm", marks.Bounds(above=0.0))] = None
-    wall_temperature_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
-    leakage_m3_s_pa: Annotated[float, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
+    heat_transfer_w_m2_k: Annotated[float | None, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = None
+    heat_transfer_scale: Annotated[float, Quantity("", bounds=NOT_NEGATIVE)] = 1.0
+    port_diameter_m: marks.MaybeLength = None
+    wall_temperature_k: MaybeTemperature = None
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
     end_stop: EndStop = EndStop()
     chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
 
@@ -248,7 +261,7 @@ class Cylinder(Described):
 
     def core(self, ambient_k: float) -> dict[str, Any]:
         """Return the table in the core's form, in SI; without leakage its key is left out."""
-        out: dict[str, Any] = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
+        out: Plain = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
         a, b = out.pop("dead_volume_m3")
         out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
         left_out = {"heat_transfer_scale"} if "heat_transfer_w_m2_k" in out else set()
@@ -270,7 +283,7 @@ class Cylinder(Described):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-class FlowCoefficient(marks.Quantity):
+class FlowCoefficient(Quantity):
     """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
 
     def read(self, given: object) -> float:
@@ -285,7 +298,7 @@ class FlowCoefficient(marks.Quantity):
                 raise WrongValueError(f'"{given}" is not a number') from None
         return super().read(given)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of both forms."""
         own = "Kv|m3/h" if self.written == "Kv" else "Cv"
         number = super().schema()
@@ -311,24 +324,22 @@ class Valve(Described):
     """
 
     table_name: ClassVar[str] = "valve"
-    elsewhere: ClassVar[Mapping[str, str]] = _OF_A_CIRCUIT
+    elsewhere: ClassVar[Mapping[str, str]] = _elsewhere("valve")
     kind: Literal["proportional-5/3", "switching-5/3"]
-    conductance_given: Annotated[float | None, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", marks.Bounds(above=0.0))] = (
-        Field(default=None, alias="conductance")
+    conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)] = Field(
+        default=None, alias="conductance"
     )
-    nominal_flow_m3_s_anr: Annotated[
-        float | None, marks.Quantity("m^3/s ANR", "l/min ANR", marks.Bounds(above=0.0))
-    ] = None
-    kv: Annotated[float | None, FlowCoefficient("", "Kv", marks.Bounds(above=0.0))] = None
-    cv: Annotated[float | None, FlowCoefficient("", "Cv", marks.Bounds(above=0.0))] = None
+    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", POSITIVE)] = None
+    kv: Annotated[float | None, FlowCoefficient("", "Kv", POSITIVE)] = None
+    cv: Annotated[float | None, FlowCoefficient("", "Cv", POSITIVE)] = None
     critical_pressure_ratio: marks.Fraction = valve_flow.USUAL_RATIO
-    subsonic_index: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=0.0, at_most=2.0))] = 0.5
+    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: marks.Fraction = 0.999
-    overlap: Annotated[float | None, marks.Quantity("", bounds=marks.Bounds(above=-1.0, below=1.0))] = None
-    leakage: Annotated[float | None, marks.Quantity("", bounds=marks.Bounds(at_least=0.0, at_most=1.0))] = None
-    command: Annotated[Signal | None, SignalRange("")] = None
-    time_on_s: Annotated[float | None, marks.Quantity("s", "ms", marks.Bounds(above=0.0))] = None
-    time_off_s: Annotated[float | None, marks.Quantity("s", "ms", marks.Bounds(above=0.0))] = None
+    overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
+    leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
+    command: Annotated[marks.Signal | None, marks.SignalRange("")] = None
+    time_on_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
+    time_off_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -350,12 +361,10 @@ class Valve(Described):
         for key in others:
             if key in given:
                 other = "proportional" if self.is_switching else "switching"
-                what = f'valve.{key} belongs to a {other} valve, but valve.kind = "{self.kind}"'
-                raise wrong(f"valve.{key}", what, remedy=f'Leave it out, or write kind = "{other}-5/3".')
+                raise invalid(f"valve.{key}", "describe.of-other-valve", key=key, other=other, kind=self.kind)
         for key in own:
             if key not in given:
-                rule = "a switching valve has the times from a command to the middle of its travel, on and off"
-                raise wrong(f"valve.{key}", f"valve.{key} is missing", rule=rule, remedy=f'Write {key} = "20 ms".')
+                raise invalid(f"valve.{key}", "describe.no-switching-time", key=key)
         return self
 
     @property
@@ -394,10 +403,8 @@ class Load(Described):
     """Load of the piston, in addition to its moving mass. `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
-    elsewhere: ClassVar[Mapping[str, str]] = {
-        "incline": 'Write incline = "90 deg" under [cylinder] if x points up, "-90 deg" if it points down.'
-    }
-    mass_kg: Annotated[float, marks.Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
+    elsewhere: ClassVar[Mapping[str, str]] = _elsewhere("load")
+    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
     force_n: marks.Force = 0.0
     spring: Spring | None = None
 
@@ -410,10 +417,10 @@ class Initial(Described):
     """
 
     table_name: ClassVar[str] = "initial"
-    position_m: Annotated[float | None, marks.Quantity("m", "mm")] = None
+    position_m: Annotated[float | None, Quantity("m", "mm")] = None
     velocity_m_s: marks.Velocity = 0.0
-    contact_age_s: Annotated[float, marks.Quantity("s", "s", NOT_NEGATIVE)] = 0.0
-    pressure_a: Annotated[units.Pressure | None, marks.StatedPressure()] = None
-    pressure_b: Annotated[units.Pressure | None, marks.StatedPressure()] = None
-    temperature_a_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
-    temperature_b_k: Annotated[float | None, marks.Quantity("K", "K", marks.Bounds(above=0.0))] = None
+    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = 0.0
+    pressure_a: MaybePressure = None
+    pressure_b: MaybePressure = None
+    temperature_a_k: MaybeTemperature = None
+    temperature_b_k: MaybeTemperature = None

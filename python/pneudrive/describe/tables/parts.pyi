@@ -7,18 +7,35 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
-from collections.abc import Mapping as Mapping, Sequence
+from collections.abc import Collection, Mapping as Mapping, Sequence
 from pneudrive import _core as _core, constants as constants, units as units
+from pneudrive.arrays import Plain as Plain
+from pneudrive.constants import (
+    AIR_GAS_CONSTANT_J_KG_K as AIR_GAS_CONSTANT_J_KG_K,
+    AIR_HEAT_CAPACITY_RATIO as AIR_HEAT_CAPACITY_RATIO,
+    ANR_TEMPERATURE_K as ANR_TEMPERATURE_K,
+)
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
-from pneudrive.describe.keys import WrongValueError as WrongValueError, wrong as wrong
+from pneudrive.describe.marks import (
+    Bounds as Bounds,
+    MaybePressure as MaybePressure,
+    MaybeTemperature as MaybeTemperature,
+    NOT_NEGATIVE as NOT_NEGATIVE,
+    POSITIVE as POSITIVE,
+    Quantity as Quantity,
+)
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
-from pneudrive.describe.tables.signal import Signal as Signal, SignalRange as SignalRange
-from pneudrive.errors import package_table as package_table, warn as warn
+from pneudrive.errors import (
+    WrongValueError as WrongValueError,
+    invalid as invalid,
+    package_table as package_table,
+    warn as warn,
+    wrong as wrong,
+)
 from typing import Annotated, Any, ClassVar, Literal
 
-NOT_NEGATIVE: Incomplete
 DEW_POINTS: Incomplete
 _TABLE: Incomplete
 CAPACITY_CELSIUS: list[float]
@@ -36,7 +53,7 @@ class Gas(Described):
     gas_constant_j_kg_k: float
     model: Literal["ideal", "virial"]
     dew_point_k: float | None
-    dew_point_pressure: units.Pressure | None
+    dew_point_pressure: MaybePressure
 
     @property
     def anr_density_kg_m3(self) -> float: ...
@@ -72,7 +89,7 @@ class Ambient(Described):
 class Supply(Described):
     table_name: ClassVar[str]
     pressure: units.Pressure
-    temperature_k: float | None
+    temperature_k: MaybeTemperature
 
     def core(self, ambient: Ambient) -> dict[str, float]: ...
     @property
@@ -85,7 +102,7 @@ class EndStop(Described):
     table_name: ClassVar[str]
     stiffness_n_m: float | None
     damping_n_s_m: float | None
-    damping_depth_m: float | None
+    damping_depth_m: marks.MaybeLength
 
     @property
     def stiffness(self) -> _UnitFloat | None: ...
@@ -97,25 +114,26 @@ class EndStop(Described):
         self, *, stiffness: _Given | None = ..., damping: _Given | None = ..., damping_depth: _Given | None = ...
     ) -> None: ...
 
-_OPENED: str
-_PART: Incomplete
-_DYNAMICS: Incomplete
-_OF_A_CIRCUIT: Incomplete
+def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[float], Sequence[float]]) -> list[str]: ...
+
+_ELSEWHERE: Incomplete
+
+def _elsewhere(table: str) -> dict[str, str]: ...
 
 class Cylinder(Described):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["rodless", "through-rod", "single-rod"]
     bore_m: marks.Length
-    rod_diameter_m: float | None
+    rod_diameter_m: marks.MaybeLength
     stroke_m: marks.Length
     dead_volume_m3: marks.PerChamber
     moving_mass_kg: marks.Mass
     incline_rad: marks.Angle
     heat_transfer_w_m2_k: float | None
     heat_transfer_scale: float
-    port_diameter_m: float | None
-    wall_temperature_k: float | None
+    port_diameter_m: marks.MaybeLength
+    wall_temperature_k: MaybeTemperature
     leakage_m3_s_pa: float
     end_stop: EndStop
     chamber_law: Literal["energy-balance", "as-printed"]
@@ -164,9 +182,9 @@ class Cylinder(Described):
         chamber_law: _Literal["energy-balance", "as-printed"] = ...,
     ) -> None: ...
 
-class FlowCoefficient(marks.Quantity):
+class FlowCoefficient(Quantity):
     def read(self, given: object) -> float: ...
-    def schema(self) -> dict[str, Any]: ...
+    def schema(self) -> Plain: ...
 
 SWITCHING: str
 _TIMES: Incomplete
@@ -185,7 +203,7 @@ class Valve(Described):
     linear_above: marks.Fraction
     overlap: float | None
     leakage: float | None
-    command: Signal | None
+    command: marks.Signal | None
     time_on_s: float | None
     time_off_s: float | None
 
@@ -252,10 +270,10 @@ class Initial(Described):
     position_m: float | None
     velocity_m_s: marks.Velocity
     contact_age_s: float
-    pressure_a: units.Pressure | None
-    pressure_b: units.Pressure | None
-    temperature_a_k: float | None
-    temperature_b_k: float | None
+    pressure_a: MaybePressure
+    pressure_b: MaybePressure
+    temperature_a_k: MaybeTemperature
+    temperature_b_k: MaybeTemperature
 
     @property
     def position(self) -> _UnitFloat | None: ...

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
-from pneudrive.describe.keys import invalid, within, wrong
-from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
-from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure
+from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, within, wrong
 
 if TYPE_CHECKING:
     from pneudrive._core import Platform
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe.components import Component
     from pneudrive.describe.tables.parts import Ambient, Initial
 
@@ -210,8 +209,7 @@ class Poses:
             if not np.all(np.isfinite(found)):
                 leg = platform.legs[int(np.argmin(np.isfinite(found)))]
                 at = f"{leg}.position = {1e3 * positions(leg):.4g} mm"
-                what = f"the arm of {leg} does not reach {platform.name} from {at}"
-                raise wrong(key, what, rule=REACHES, remedy="Lengthen the arms, or start from other positions.")
+                raise invalid(key, "describe.arm-too-short", leg=leg, name=platform.name, at=at, rule=REACHES)
             if residuals[0] > CLOSED:
                 i = int(np.argmax(np.abs(found - x[0])))
                 at = ", ".join(f"{1e3 * one:.6g}" for one in x[0])
@@ -242,10 +240,10 @@ PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "pos
 #: Last part of a start value's name in the core -> its key and its annotation.
 _MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
     PRESSURE: ("pressure", StatedPressure()),
-    TEMPERATURE: ("temperature", Quantity("K", "K", Bounds(above=0.0))),
+    TEMPERATURE: ("temperature", Quantity("K", "K", POSITIVE)),
     POSITION: ("position", Quantity("m", "mm")),
     VELOCITY: ("velocity", Quantity("m/s", "mm/s")),
-    "contact_age_s": ("contact_age", Quantity("s", "s", Bounds(at_least=0.0))),
+    "contact_age_s": ("contact_age", Quantity("s", "s", NOT_NEGATIVE)),
 }
 
 
@@ -292,7 +290,7 @@ class Starts:
                     self.keys.setdefault(other.id, f"{of}.{PRESSURE}")
                 return
 
-    def values(self, *given: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
+    def values(self, *given: Keyed) -> tuple[dict[str, float], list[str]]:
         """Return all start values in SI, and notes on the assumed ones.
 
         Parameters
@@ -442,7 +440,7 @@ def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
     return _MARKS.get(last, (last, Quantity("")))
 
 
-def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+def _flat(table: Keyed, before: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in table.items():
         full = f"{before}{key}"
         if isinstance(value, dict):
@@ -496,8 +494,7 @@ def start_values(given: object) -> Mapping[str, object]:
     """
     given = _entries(given) if isinstance(given, str) else given
     if given is not None and not isinstance(given, Mapping):
-        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
-        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
+        raise CommandError.of("describe.initial-not-a-table", name=type(given).__name__)
     return given or {}
 
 
@@ -519,7 +516,7 @@ def _entries(text: str) -> dict[str, str]:
     return given
 
 
-def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
+def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> Plain:  # noqa: ANN401
     """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
 
     Parameters
@@ -551,7 +548,7 @@ def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) 
 AXES = "xyz"
 
 
-def check_platforms(wiring: Wiring, components: Mapping[str, Any], keys: Mapping[str, str], problems: Problems) -> None:
+def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], problems: Problems) -> None:
     """Add the faults of platforms to `problems`.
 
     Parameters
@@ -583,31 +580,25 @@ def check_platforms(wiring: Wiring, components: Mapping[str, Any], keys: Mapping
                 problems.add(wrong(f"{_table(keys[name])}.inertia", what, rule=rule, remedy=remedy))
 
 
-def _movers(wiring: Wiring, port: Port, components: Mapping[str, Any]) -> list[str]:
+def _movers(wiring: Wiring, port: Port, components: Keyed) -> list[str]:
     """Return the components at a leg that have an axis of their own."""
     names = [one.component for one in wiring.at[port].ports if one.component in components] if port in wiring.at else []
     return [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
 
 
-def _check_mover(wiring: Wiring, port: Port, components: Mapping[str, Any]) -> None:
+def _check_mover(wiring: Wiring, port: Port, components: Keyed) -> None:
     joint = wiring.at.get(port)
     if joint is None:
         return  # reported with the connections
     links = [one for one in joint.ports if sum(port.kind == "axis" for port in wiring.ports(one.component)) == 2]
     movers, leg = _movers(wiring, port, components), f"leg {port.name} of {port.component}"
     if not movers and not links:
-        remedy = f'Join the rod of a cylinder, for instance "leg_{port.name}.rod -> {port.id}".'
-        raise wrong(joint.key, f"{leg} has no cylinder", rule="a cylinder or a slide moves each leg", remedy=remedy)
+        raise invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id)
     if len(movers) > 1:
-        remedy = f"Join {movers[-1]} to another leg, or put a coupling between {' and '.join(movers[-2:])}."
-        raise wrong(
-            joint.key, f"{' and '.join(movers)} both move {leg}", rule="one cylinder for each leg", remedy=remedy
-        )
+        raise invalid(joint.key, "describe.two-movers", movers=movers[::-1], every=" and ".join(movers), leg=leg)
 
 
-def _inclined(
-    wiring: Wiring, port: Port, components: Mapping[str, Any], keys: Mapping[str, str]
-) -> Iterator[DescriptionError]:
+def _inclined(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[str, str]) -> Iterator[DescriptionError]:
     for name in _movers(wiring, port, components):
         angle = getattr(components[name], "incline_rad", None) or 0.0
         if angle != 0.0:

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import _core, constants
-from pneudrive.describe.keys import wrong
+from pneudrive.errors import invalid, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -85,8 +85,7 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
     if not given:
         raise wrong(f"{of}{keys[0]}", f"{of}{keys[0]} is missing", rule=f"exactly one of {', '.join(keys)}")
     if len(given) > 1:
-        what = f"the flow is given {len(given)} times: {', '.join(given)}"
-        raise wrong(f"{of}{given[-1]}", what, remedy="Keep one of them.")
+        raise invalid(f"{of}{given[-1]}", "describe.flow-twice", count=len(given), given=", ".join(given))
 
 
 def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:

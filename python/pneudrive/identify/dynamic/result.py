@@ -42,7 +42,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Keyed, Plain
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Start of the note.
@@ -169,14 +169,14 @@ class DriveFit(Fit):
     def _groups(self) -> tuple[dict[str, float], ...]:
         return self.values, self.sensors
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         return super()._first() | {"fits": self.fits}
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         return {"drive": self.start.to_dict()}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         sensors = file.groups[1] if len(file.groups) > 1 else {}
         return super()._fields(file) | {
             "sensors": {name: entry.value for name, entry in sensors.items()},
@@ -206,7 +206,7 @@ class DriveFit(Fit):
         return lines
 
 
-def fit_hash(provenance: Mapping[str, Any], values: Mapping[str, float]) -> str:
+def fit_hash(provenance: Keyed, values: Mapping[str, float]) -> str:
     """Return a hash of the recordings, options and values of a fit."""
     text = json.dumps({"provenance": dict(provenance), "values": dict(values)}, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
@@ -613,7 +613,7 @@ def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) 
 
 def _provenance(
     drive: Drive, records: list[DriveRecording], attempt: Attempt, options: SearchOptions, parameters: list[Parameter]
-) -> dict[str, Any]:
+) -> Plain:
     return {
         "version": __version__,
         "method": "output error",

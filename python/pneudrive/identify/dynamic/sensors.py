@@ -19,7 +19,7 @@ from pneudrive.simulation.trajectory import meaning
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Channel -> column of a recording and of the core.
@@ -156,7 +156,7 @@ class Delay:
     free: bool = False
 
 
-def command_delay(sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> Delay:
+def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> Delay:
     """Return the delay of the command: ``{"command": {"delay": "free"}}``, or a time.
 
     Raises
@@ -184,7 +184,7 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
     return value
 
 
-def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, Any]] | None) -> list[Channel]:
+def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) -> list[Channel]:
     """Return the channels with the properties of their sensors."""
     said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
@@ -194,7 +194,7 @@ def channels_of(names: list[str], sensors: Mapping[str, Sensor | Mapping[str, An
     return [channel(name, made.get(name, Sensor())) for name in names]
 
 
-def _made(name: str, given: Sensor | Mapping[str, Any]) -> Sensor:
+def _made(name: str, given: Sensor | Keyed) -> Sensor:
     if isinstance(given, Sensor):
         return given
     known = [f.name for f in fields(Sensor)]

@@ -46,9 +46,9 @@ from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Keyed
     from pneudrive.describe import Drive, Friction
 
 
@@ -218,7 +218,7 @@ def steady_friction(
 
 
 def steady_force(
-    core: Mapping[str, Any], velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
+    core: Keyed, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
 ) -> Array:
     """Return the steady friction of a law in the core's form; see `steady_friction`."""
     from pneudrive import _core

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.signals.layout import Layout
 
 MOST_GRID = 4500  # times at which pressures are compared
@@ -225,7 +225,7 @@ class DrivenCircuit:
 
     def __init__(self, circuit: Circuit) -> None:
         self.circuit = circuit
-        self.form: dict[str, Any] = json.loads(circuit.core_json())
+        self.form: Plain = json.loads(circuit.core_json())
         self.parts = {part["name"]: part for part in self.form["components"]}
         pistons = [n for n, p in self.parts.items() if p["kind"] == "piston" or p["kind"].startswith("cylinder/")]
         if len(pistons) != 1:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Interval
+    from pneudrive.arrays import Interval, Plain
     from pneudrive.signals.layout import Layout
 
 BEYOND = 0.03  # of the stroke: largest excess of a position
@@ -236,9 +236,9 @@ class FollowRecord:
     sha256: str = ""
 
     @classmethod
-    def of_table(cls, table: dict[str, Any]) -> FollowRecord:
+    def of_table(cls, table: Plain) -> FollowRecord:
         """Return the record of a table in a file; an older one has its residuals in percent."""
-        known: dict[str, Any] = {field.name: table[field.name] for field in fields(cls) if field.name in table}
+        known: Plain = {field.name: table[field.name] for field in fields(cls) if field.name in table}
         known["rms"] = tuple(table.get("rms") or (share / 100.0 for share in table["rms_percent"]))
         return cls(**known)
 
@@ -303,14 +303,14 @@ class FollowFit(Fit):
         rows = tuple((*fit, verdict) for fit, verdict in zip(fits, verdicts, strict=True))
         return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         return super()._first() | {"circuit": self.circuit.to_toml()}
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         return {"rivals": {rival.name: vars(rival) for rival in self.rivals}} if self.rivals else {}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         content = file.content
         return super()._fields(file) | {
             "circuit": Circuit.load(str(content["circuit"])),
@@ -617,7 +617,7 @@ def simulate_motion(
     recording: str | Path | Recording,
     *,
     layout: Layout | str | Path | None = None,
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+) -> tuple[dict[str, NDArray[Any]], Plain]:
     """Simulate a circuit whose piston follows the position of a recording.
 
     The run starts with the measured pressures at the temperature of the walls. The motion has no compliance.

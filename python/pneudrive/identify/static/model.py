@@ -27,12 +27,12 @@ from pneudrive.friction.friction_map import FILE
 from pneudrive.identify.base import SIMULATED
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection
 
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Ints, Keyed, Plain
     from pneudrive.describe.tables.friction import Friction
 
 
@@ -240,7 +240,7 @@ class FrictionModel(StaticLaw):
         return out | {"viscous": self.viscous, "lorentzian": self.lorentzian, "pressure": self.pressure} | knee
 
     @classmethod
-    def of_table(cls, table: Mapping[str, Any]) -> FrictionModel:
+    def of_table(cls, table: Keyed) -> FrictionModel:
         """Return the model of a table."""
         exponent = table["stribeck_exponent"]
         return cls(
@@ -431,7 +431,7 @@ class AnyLaw(StaticLaw):
     chosen: int = field(default=0, init=False)
 
     @cached_property
-    def _core(self) -> tuple[str, dict[str, float], dict[str, Any]]:
+    def _core(self) -> tuple[str, dict[str, float], Plain]:
         tables = self.friction.core()
         law, values = tables.pop("law"), tables.pop("parameters")
         return law, values | self.held, {key: value for key, value in tables.items() if value is not None}
@@ -499,7 +499,7 @@ class AnyLaw(StaticLaw):
         steps = np.where(self.positive, np.vstack([np.zeros(given.size), noise]), 0.0)
         return list(np.clip(given + steps, lower, upper))
 
-    def entries(self) -> list[dict[str, Any]]:
+    def entries(self) -> list[Plain]:
         """Return the entry of the core for each free parameter: bounds, unit, meaning."""
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
@@ -675,7 +675,7 @@ def selected(
     exclude_flags: Collection[str],
     *,
     needs_ambient: bool = True,
-) -> tuple[Observations, list[str], dict[str, Any]]:
+) -> tuple[Observations, list[str], Plain]:
     """Return the values of a map for a fit, notes, and their provenance; see `observations`."""
     ambient = ambient_of(friction_map, ambient_pressure_pa, needs_ambient)
     data, notes = observations(

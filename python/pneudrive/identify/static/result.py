@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
-from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.marks import parameter_quantities
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
@@ -21,12 +21,12 @@ from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.static.model import Observations, StaticLaw
 
@@ -317,16 +317,16 @@ class FrictionFit(SlidingFit):
         """Return the tables of values: parameters, and sums of slopes if only the sum of two is determined."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         """Return the measured friction modifiers."""
         found = self.dependences.table()
         return {"dependences": found} if found else {}
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         if len(file.groups) == 1:
             file.groups.append({})
         values, shared = file.groups
@@ -465,7 +465,7 @@ class LawFit(SlidingFit):
             there = getattr(theirs, key)
             if there is not None and there != getattr(own, key):
                 raise FitError(**identified.stated("application", "modifier", key=key))
-        tables: dict[str, Any] = {key: value for key in steady if (value := getattr(own, key)) is not None}
+        tables: Plain = {key: value for key in steady if (value := getattr(own, key)) is not None}
         if (own.law, own.formula) != (theirs.law, theirs.formula):
             tables = {key: value for key, value in self.friction.to_dict().items() if key not in AT_REST}
         with_law = drive.replace({f"friction.{key}": value for key, value in tables.items()}) if tables else drive
@@ -491,15 +491,15 @@ class LawFit(SlidingFit):
         words = "have no effect on steady sliding and keep their given values"
         return (*found, *([Finding(f"{unseen} {words}")] if unseen else []))
 
-    def _first(self) -> dict[str, Any]:
+    def _first(self) -> Plain:
         notes = {"notes": list(self.notes)} if self.notes else {}
         return {"kind": self.KIND, "unseen": self.unseen} | notes
 
-    def _last(self) -> dict[str, Any]:
+    def _last(self) -> Plain:
         return {"given": {"friction": self.model.friction.to_dict()}}
 
     @classmethod
-    def _fields(cls, file: FitFile) -> dict[str, Any]:
+    def _fields(cls, file: FitFile) -> Plain:
         found = super()._fields(file)
         model = sliding.AnyLaw(Friction.model_validate(file.content["given"]["friction"]), found["free"])
         lost = tuple(name for name, entry in file.content["parameters"].items() if not entry["determined"])
@@ -520,7 +520,7 @@ Sliding = TypeVar("Sliding", bound=SlidingFit)
 PROBABILITIES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.7, 0.8, 0.875, 0.925, CONFIDENCE, 0.97, 0.985, 0.99)
 
 
-def values_of_fit(friction_map: xr.Dataset, provenance: Mapping[str, Any]) -> Observations | None:
+def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> Observations | None:
     """Return the values that a fit with this provenance takes from a map; None from a map of other recordings.
 
     Parameters

@@ -20,7 +20,7 @@ and sigma_s.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.arrays import Array, Interval, Ints
+    from pneudrive.arrays import Array, Interval, Ints, Keyed
 
 #: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
@@ -413,7 +413,7 @@ def pressure_levels(data: Observations) -> Ints:
 
 
 def grouped(
-    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Mapping[str, Any]
+    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
 ) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
     """Return values, runs, and provenance of each seal; `options` are those of `selected`."""
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)

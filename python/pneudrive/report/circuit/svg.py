@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from html import escape
 from math import cos, radians, sin
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
-from pneudrive.report.circuit.blocks import DIRECTIONS, LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, size, text_width
-from pneudrive.report.circuit.layout import Net, NoWayError, Routes, place
+from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, arranged, text_width
 from pneudrive.report.render import draw_figure
 
 if TYPE_CHECKING:
@@ -22,14 +21,12 @@ if TYPE_CHECKING:
     import matplotlib.figure
 
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.report.circuit.blocks import Block, Box, Points
+    from pneudrive.report.circuit.layout import Block, Box, Routes
 
 
-SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)  # room between the blocks: tried in turn until all lines find a way
 EDGE = 2.0  # modules of paper around everything
 TITLE_PT = 9.0
 LEAST_WIDTH = 40.0  # modules, so that the notes below have room
-ARROW, MARK = 0.45, 0.9  # half width and height of the mark of an exhaust
 SAID = "Symbols after ISO 1219."
 
 #: Of the symbols of cylinders: width of the barrel, and from its left end to the piston.
@@ -119,27 +116,13 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
     notes = list(_wrapped(_notes(circuit), width))
     paper = (low_x - EDGE, low_y - EDGE - LINE * len(notes) - 0.5, low_x + width + EDGE, high_y + EDGE + 2.0)
-    shapes = [*_lines(nets, routes)]
-    for block in placed.values():
-        shapes += _block(block)
+    shapes = [*routes.shapes(nets), *(shape for block in placed.values() for shape in block.shapes())]
     shapes.append(Shape("text", ((low_x, paper[3] - EDGE),), "", TITLE_PT, circuit.name, "left top"))
     for number, line in enumerate(notes):
         shapes.append(Shape("text", ((low_x, low_y - EDGE - LINE * number),), "", TEXT_PT, line, "left top"))
     ends = [[*net.pins, *net.pilots] for net in nets]
     ports = {name: {port: block.port(port) for port in block.directions} for name, block in placed.items()}
     return CircuitShapes(paper, shapes, ends, ports)
-
-
-def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
-    """Place the components and find a way for every line, with more room between them if necessary."""
-    for spread in SPREADS:
-        placed, nets = place(circuit, spread)
-        try:
-            return placed, nets, Routes(placed, nets)
-        except NoWayError:
-            if spread == SPREADS[-1]:
-                raise
-    raise NoWayError
 
 
 def _extent(placed: dict[str, Block], routes: Routes) -> Box:
@@ -166,44 +149,6 @@ def _wrapped(text: str, width: float) -> Iterator[str]:
         else:
             line, taken = f"{line} {word}".strip(), taken + wide
     yield line
-
-
-def _lines(nets: Sequence[Net], routes: Routes) -> Iterator[Shape]:
-    for number, net in enumerate(nets):
-        for ends in routes.runs(number, pilots=False):
-            yield Shape("thick" if net.kind == "axis" else "line", _pairs(ends), net=number)
-        for ends in routes.runs(number, pilots=True):
-            yield Shape("dashed", _pairs(ends), net=number)
-        for branch in routes.branches(number):
-            yield Shape("dot", _pairs([branch]), size=0.28, net=number)
-
-
-def _pairs(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
-    return tuple((x + point[0], y + point[1]) for point in points)
-
-
-def _block(block: Block) -> Iterator[Shape]:
-    for stroke in block.strokes:
-        yield stroke._replace(points=_pairs(stroke.points, block.x, block.y), component=block.name)
-    for port, mark in block.marks.items():
-        yield from _mark(block.name, block.port(port), DIRECTIONS[block.directions[port]], mark)
-    for number, line in enumerate(block.label.lines):
-        at = (block.x + block.label.x, block.y + block.label.y - LINE * (number + 0.5))
-        yield Shape("text", (at,), block.name, size(number), line, block.label.align)
-
-
-def _mark(name: str, at: tuple[float, float], direction: tuple[int, int], mark: str) -> Iterator[Shape]:
-    """Yield the mark of a port that is open to the ambient air, or shut."""
-    (x, y), (dx, dy) = at, direction
-    if mark == "exhaust":
-        base = x + 0.1 * dx, y + 0.1 * dy
-        wide = [(base[0] + side * dy * ARROW, base[1] + side * dx * ARROW) for side in (1, -1)]
-        yield Shape("triangle", _pairs([*wide, (base[0] + MARK * dx, base[1] + MARK * dy)]), name)
-    else:
-        for side in (1, -1):
-            ends = [(x - 0.35 * (dy * side + dx), y - 0.35 * (dx * side + dy))]
-            ends.append((x + 0.35 * (dy * side + dx), y + 0.35 * (dx * side + dy)))
-            yield Shape("line", _pairs(ends), name)
 
 
 PT = 1 / 7.2  # modules of 0.1 inch

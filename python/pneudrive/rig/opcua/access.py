@@ -24,9 +24,8 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from pydantic import model_validator
 
-from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Quantity, Reads
-from pneudrive.errors import CommandError, RigError
+from pneudrive.errors import CommandError, RigError, WrongValueError, wrong
 from pneudrive.rig.rig_file import RigFile
 
 ua: Any = asyncua.ua

@@ -28,9 +28,8 @@ from pydantic import Field, create_model
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
-from pneudrive.errors import RigError, nearest, package_table
+from pneudrive.errors import RigError, WrongValueError, nearest, package_table, wrong
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from pneudrive.rig.interface import Move
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope, Identity, Motion
     from pneudrive.rig.interface import Step
@@ -112,7 +112,7 @@ def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> 
             stroke = (step.speed_m_s, _friction_n(step, motion, true))
             strokes.setdefault(before.key, []).append(stroke)
 
-    def store(document: str, content: dict[str, Any]) -> None:
+    def store(document: str, content: Plain) -> None:
         if document == "event":  # a cycle is finished
             write_whole(path, json.dumps(strokes).encode(), flush=False)
 
@@ -173,7 +173,7 @@ def judge(whole: object, *, part: object) -> str:
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
-def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any]) -> tuple[Claim, ...]:
+def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Keyed) -> tuple[Claim, ...]:
     """Return the sentences of a topic with verdicts and numbers."""
     said, shown = texts_of(TEXTS)[topic]["claims"], readable(numbers)
     return tuple(
@@ -181,7 +181,7 @@ def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any
     )
 
 
-def readable(numbers: Mapping[str, Any]) -> dict[str, Any]:
+def readable(numbers: Keyed) -> Plain:
     """Return the quantities, each in SI and in its usual unit.
 
     Examples

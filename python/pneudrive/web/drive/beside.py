@@ -29,6 +29,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_cat
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from pneudrive.arrays import Plain
     from pneudrive.ensemble.many import EnsembleStudy
     from pneudrive.platforms import Platform
 
@@ -76,7 +77,7 @@ class ExtrasRequest(RunRequest):
 
     def answer(
         self, workspace: Workspace, described: Described, run: Run, shown: Sequence[str], limit: RunLimit
-    ) -> tuple[dict[str, Any], dict[str, Array]]:
+    ) -> tuple[Plain, dict[str, Array]]:
         """Return head and arrays of the comparisons with the run of `described`. `shown` are the drawn columns.
 
         Raises
@@ -94,7 +95,7 @@ class ExtrasRequest(RunRequest):
             columns = {name: values for name, values in compared[path].items() if name not in references}
             arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, self.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
-        head: dict[str, Any] = {"others": others, "cylinders": list(_cylinders(described, run.columns))}
+        head: Plain = {"others": others, "cylinders": list(_cylinders(described, run.columns))}
         if self.motion:
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
@@ -139,7 +140,7 @@ class ExtrasRequest(RunRequest):
 
     def _band(
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
-    ) -> tuple[dict[str, Any], dict[str, Array]]:
+    ) -> tuple[Plain, dict[str, Array]]:
         from pneudrive.ensemble.design import Rows, design_of
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Members, results, study_of
@@ -292,7 +293,7 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _cylinders(described: Described, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
+def _cylinders(described: Described, columns: Mapping[str, Array]) -> Iterator[Plain]:
     """Yield name, stroke and columns of each double-acting cylinder."""
     for name, sizes in chamber_sizes(described.circuit.core_json()).items():
         for place in _PLACES:
@@ -371,7 +372,7 @@ class SentPlatform:
 
 def platform_motion(
     described: Described, run: Run, rows: Array, others: Mapping[str, Mapping[str, Array]]
-) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+) -> tuple[list[Plain], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     if not (each := platforms(described)):
         return [], {}

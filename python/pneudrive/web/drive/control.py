@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
+from pneudrive.arrays import Plain
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
@@ -19,7 +20,7 @@ from pneudrive.control.scores import SHOWN, Score, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
-from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.progress import Watch
 from pneudrive.report.control import error_unit, gain_rows
 from pneudrive.views import ShownTable, View
@@ -30,7 +31,9 @@ from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, boun
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
+
+    from pneudrive.arrays import Keyed
 
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
@@ -40,13 +43,7 @@ MOST_EACH = 20_000  # runs whose values of a measure are sent
 TRUE = "True drive: factors of the described values, and values in SI."
 SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
 #: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
-_PANELS = (
-    ("Position", "mm", 1e-3, (("position_m", "position"), ("reference_m", "reference"))),
-    ("Error", "", 0.0, (("error_m", "reference less position"),)),
-    ("Pressure, absolute", "bar", 1e5, (("pressure_a_pa", "chamber a"), ("pressure_b_pa", "chamber b"))),
-    ("Command", "", 1.0, (("command", "command"),)),
-    ("Disturbance estimated by the controller", "N", 1.0, (("disturbance_n", "disturbance"),)),
-)
+_PANELS = package_table(__file__, "../panels.toml")["control"]
 _TRACK = ("time_s", "position_m", "reference_m")
 
 
@@ -183,7 +180,7 @@ def _reference(workspace: Workspace, text: str) -> str:
     return str(workspace.path(text, files)) if text.endswith(files) else text
 
 
-def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | None = None) -> bytes:
+def answer(workspace: Workspace, asked: Keyed, limit: RunLimit | None = None) -> bytes:
     """Run the request of a message, and return the frame of the answer with its number.
 
     Raises
@@ -218,7 +215,7 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
-def tried_law(workspace: Workspace, request: ControlRequest) -> dict[str, Any]:
+def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
     """Run a law as a request says, and return its largest error, m; null if it lost the drive.
 
     Raises
@@ -233,12 +230,12 @@ def tried_law(workspace: Workspace, request: ControlRequest) -> dict[str, Any]:
     return {"value": number(Score(**run.provenance["score"]).max_error_m)}
 
 
-def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
+def _error_unit(errors_m: list[Any]) -> Plain:
     unit = error_unit(errors_m)
     return {"unit": unit, "size": {"um": 1e-6, "mm": 1e-3}[unit]}
 
 
-def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
+def _about(prepared: Prepared, run: Run) -> Plain:
     """Return the results of a run, the gains with the ranges of their sliders, and the assumed drive."""
     tuning, about = prepared.tuning, run.provenance
     score, view = Score(**about["score"]), view_of_score(about)
@@ -266,9 +263,7 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
     }
 
 
-def _assumed(
-    title: str, about: Mapping[str, Any], notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()
-) -> dict[str, Any]:
+def _assumed(title: str, about: Keyed, notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()) -> Plain:
     """Return the drive as laws assume it, their gains and their limits as the data of a view."""
     plant = tuple(map(tuple, about["plant"]))
     shown = (
@@ -279,7 +274,7 @@ def _assumed(
     return View(title, notes=(*notes, *limits), tables=(*tables, *shown)).data()
 
 
-def choices(workspace: Workspace, path: str) -> dict[str, Any]:
+def choices(workspace: Workspace, path: str) -> Plain:
     """Return the options for a drive: controllers, instrumentations and mismatches of the package, standard references.
 
     Raises
@@ -360,9 +355,7 @@ class BenchmarkRequest(PageRequest):
         return JobRequest(command, out, is_new=is_new, python=lines)
 
 
-def started_comparison(
-    workspace: Workspace, given: dict[str, Any], resume: str | None = None, name: object = None
-) -> dict[str, Any]:
+def started_comparison(workspace: Workspace, given: Plain, resume: str | None = None, name: object = None) -> Plain:
     """Run a benchmark into a new folder, or continue the benchmark of a folder.
 
     Raises
@@ -380,7 +373,7 @@ def started_comparison(
     return workspace.state(PageJobs).start(job)
 
 
-def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, Any]:
+def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
     """Return the score card of a folder: a measure of each run and its medians, the assumed drive and the true drive.
 
     Raises
@@ -426,7 +419,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
     }
 
 
-def _cell(card: ControlComparison, law: str, track: str, measure: str) -> dict[str, Any]:
+def _cell(card: ControlComparison, law: str, track: str, measure: str) -> Plain:
     """Return a measure of a controller along a reference: median, least and largest, or 95 and 100 % limits."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
     middle, *others = (card.within(law, track, measure, share) for share in shares)

@@ -14,6 +14,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
+from pneudrive.arrays import Plain
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
@@ -53,7 +54,7 @@ FIRST = ("cylinder", "load", "friction", "valve", "supply")
 ORDER = {name: place for place, name in enumerate(FIRST)} | {"ambient": 98, "gas": 99}
 
 
-def checked_text(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+def checked_text(workspace: Workspace, path: str, text: str) -> Plain:
     """Check a text and return its problems, or its name, values, assumptions and commands."""
     try:
         described = described_at(workspace, path, text)
@@ -78,7 +79,7 @@ def _copies(text: str) -> dict[str, list[str]]:
     return {name: names for names in lists for name in names}
 
 
-def fields_of(described: Described) -> dict[str, Any]:
+def fields_of(described: Described) -> Plain:
     """Return the name, values, assumptions and commands of a description, and the initial sliders."""
     owner = _owners(described)
     every = values_of(described)
@@ -135,7 +136,7 @@ def _ends(key: str, end: str) -> bool:
     return key == end or (("." not in end or key.startswith("components.")) and key.endswith(f".{end}"))
 
 
-def field_of(one: DescribedValue) -> dict[str, Any]:
+def field_of(one: DescribedValue) -> Plain:
     """Return a value as a field of a form. A value with a number is also a slider."""
     out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
     found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
@@ -156,7 +157,7 @@ def first_platform() -> dict[str, str]:
     return {"text": FIRST_PLATFORM.read_text(encoding="utf-8")}
 
 
-def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+def drawing(workspace: Workspace, path: str, text: str) -> Plain:
     """Return the drawing of a description as shapes, with its paper and its pistons. Lengths are in modules, y up.
 
     Raises
@@ -180,7 +181,7 @@ def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) 
     return {"text": edited(text, key, value if unit is None else in_unit(str(value), unit))}
 
 
-def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> dict[str, Any]:
+def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> Plain:
     """List the parts of a family of the catalogue whose values fit a table of a text: name and title."""
     found = []
     for name, entry in entries().items():
@@ -282,7 +283,7 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
 
 
-def shown_file(workspace: Workspace, path: str, checked: str = "") -> dict[str, Any]:
+def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:
     """Return the text of a file and its version, and on request its check as a description.
 
     For a drive of the catalogue, return a text that starts from it, and None.
@@ -306,7 +307,7 @@ def fmu_bytes(workspace: Workspace, path: str) -> bytes:
     return read_bytes(workspace.path(path, FMUS), CommandError)
 
 
-def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_fmu(workspace: Workspace, path: str) -> Plain:
     """Return the description of an FMU of the workspace, its hash, and the lines that run it in FMPy.
 
     Raises

@@ -22,7 +22,9 @@ from pneudrive.web.messages import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
+
+    from pneudrive.arrays import Keyed, Plain
 
 
 Found = TypeVar("Found")
@@ -37,7 +39,7 @@ _COMMAND = re.compile(r"\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+[-+.\d][
 _FILE = re.compile(r"(\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+)(\S.*\.csv)\s*+", re.IGNORECASE)
 
 
-def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
+def check_changes(changes: Plain) -> Plain:
     """Refuse changed values that name a file.
 
     Raises
@@ -140,7 +142,7 @@ class RunRequest(PageRequest):
         """Simulate the result of `described`. Errors are those of `run`."""
         check_samples(positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate"))
         watch = Watch(cancel=cancel or RunLimit())
-        options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
+        options: Plain = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
         return run(described, self.command_of(described, workspace), self.duration, **options)
 
     def command_of(self, described: Described, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
@@ -258,7 +260,7 @@ def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
         return False
 
 
-def with_changes(described: Described, changes: Mapping[str, Any]) -> Described:
+def with_changes(described: Described, changes: Keyed) -> Described:
     """Return a drive or a circuit with values that have passed `check_changes`.
 
     Raises

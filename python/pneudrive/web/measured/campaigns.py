@@ -8,8 +8,9 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pneudrive.arrays import Plain
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
 from pneudrive.campaign.storage.control import REQUESTS, ask, holder
@@ -29,7 +30,7 @@ MOST_POINTS = 10_000
 CONTROL = "Start the server with --control to send requests to a campaign."
 
 
-def planned(workspace: Workspace, protocol: object = None) -> dict[str, Any]:
+def planned(workspace: Workspace, protocol: object = None) -> Plain:
     """Return the plan of a protocol on the simulated rig in words, with its command and its Python lines.
 
     Raises
@@ -62,7 +63,7 @@ class WatchedCampaign:
         self._status: Status | None = None
         self._seen, self._next = 0, 0.0
 
-    def about(self) -> dict[str, Any]:
+    def about(self) -> Plain:
         """Return the state of the campaign.
 
         Raises
@@ -122,7 +123,7 @@ def _watched(workspace: Workspace, path: str) -> WatchedCampaign:
     return workspace.state(WatchedCampaigns).setdefault(folder, WatchedCampaign(folder))
 
 
-def shown_campaign(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_campaign(workspace: Workspace, path: str) -> Plain:
     """Return the state of a campaign."""
     return _watched(workspace, path).about()
 
@@ -154,9 +155,9 @@ def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = 
     ask(folder, str(word), f"{getpass.getuser()}, from the page")
 
 
-def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[dict[str, Any]]:
+def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
     """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
-    groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
+    groups: dict[tuple[float, float], list[Plain]] = {}
     for head, friction in points[:MOST_POINTS]:
         cycle = head.cycle
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):

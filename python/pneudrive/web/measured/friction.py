@@ -5,26 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 from posixpath import basename, dirname
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
+from pneudrive.arrays import Plain
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import AnyFit, read_fit
+from pneudrive.identify.static import result
 from pneudrive.identify.static.fit import fit_file
-from pneudrive.identify.static.result import (
-    PROBABILITIES,
-    FrictionFit,
-    Prediction,
-    SlidingFit,
-    ellipses,
-    profiles,
-    with_map,
-)
+from pneudrive.identify.static.result import PROBABILITIES, FrictionFit, SlidingFit, ellipses, profiles, with_map
 from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
 from pneudrive.views import ShownFigure, View
@@ -85,7 +79,7 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
     return fits, " ".join(dict.fromkeys(reasons))
 
 
-def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
+def shown_map(workspace: Workspace, path: str, fit: str) -> Plain:
     """Return a friction map with the curves of its fit, and which recordings are in the workspace.
 
     Raises
@@ -105,7 +99,7 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
     return {**found, "fits": fits, "seals": seals, "recordings": recordings_of_map(workspace, path)}
 
 
-def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[dict[str, Any]], dict[str, FrictionFit], str]:
+def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[Plain], dict[str, FrictionFit], str]:
     """Return a map, its groups as plain data, the fit of each assembly, and reasons for missing fits."""
     table = read_map(path)
     found = groups_of(table, MOST_POINTS)
@@ -123,7 +117,7 @@ def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[dict[str,
     return table, groups, *fits_of(path, fit_name, names)
 
 
-def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
+def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
     """Return the points of a map, in groups of one assembly and pair of chamber pressures, with curves of fits.
 
     Each curve belongs to the fit of one seal, mounting and drive. A fit over several seals, mountings or drives has no
@@ -152,7 +146,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     }
 
 
-def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] | float) -> dict[str, Any]:
+def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] | float) -> Plain:
     """Return friction over the gauge pressure of one chamber, for each pressure of the other.
 
     Parameters
@@ -195,7 +189,7 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
             other = float(gauges[inside, 1 - along].mean())
             title = f"{name}: " if len(names) > 1 else ""
             label = f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge"
-            group: dict[str, Any] = {"assembly": name, "label": label, "points": points, "speed": speed_m_s}
+            group: Plain = {"assembly": name, "label": label, "points": points, "speed": speed_m_s}
             groups.append(group)
             reach = gauges[inside, along]
             if name in fits and np.ptp(reach) > SAME_PA:
@@ -216,11 +210,11 @@ def _beside(path: str, name: str) -> str:
     return f"{path.rpartition('/')[0]}/{name}".lstrip("/")
 
 
-def _band(curve: Prediction) -> dict[str, list[float]]:
+def _band(curve: result.Prediction) -> dict[str, list[float]]:
     return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
 
 
-def _points(table: xr.Dataset, rows: Array) -> list[dict[str, Any]]:
+def _points(table: xr.Dataset, rows: Array) -> list[Plain]:
     part = table.isel(row=rows)
     spread = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
     columns = {
@@ -238,7 +232,7 @@ def _fit(workspace: Workspace, path: str) -> AnyFit:
     return read_fit(workspace.path(path, DESCRIPTIONS))
 
 
-def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
+def behind_fit(workspace: Workspace, path: str) -> Plain:
     """Return the details of a fit as a view with figures: its ellipses and, with its map, residuals and profiles.
 
     Raises
@@ -248,7 +242,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     """
     fit = _fit(workspace, path)
     figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
-    found: dict[str, Any] = {"designs": isinstance(fit, FrictionFit)}
+    found: Plain = {"designs": isinstance(fit, FrictionFit)}
     if not isinstance(fit, SlidingFit):
         why = f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."
         return found | {"view": View(why, figures=tuple(figures)).data()}
@@ -301,7 +295,7 @@ def next_points(
     workspace: Workspace,
     path: str,
     points: Annotated[int | None, bounded(1, MOST_NEXT, f"1 to {MOST_NEXT}, or none")] = None,
-) -> dict[str, Any]:
+) -> Plain:
     """Return the next points to measure for a fit on the simulated rig, with their expected benefit.
 
     Raises

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
+from pneudrive.arrays import Interval, Plain
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
@@ -30,7 +31,9 @@ from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pa
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
+
+    from pneudrive.arrays import Keyed
 
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
@@ -58,11 +61,11 @@ class OpenRecording:
         row = nearest_sample(time_s, at)
         return float(time_s[row]), {name: float(values[name][row]) for name in columns}
 
-    def window(self, span: tuple[float, float], pixels: int, columns: Sequence[str]) -> TileWindow:
+    def window(self, span: Interval, pixels: int, columns: Sequence[str]) -> TileWindow:
         """Return a view. See `Pyramid.window`."""
         return self.pyramid.window(span, pixels, columns, self.samples)
 
-    def samples_in(self, span: tuple[float, float], columns: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    def samples_in(self, span: Interval, columns: Sequence[str]) -> tuple[Array, dict[str, Array]]:
         """Return times and values of all samples of channels within a span of time.
 
         Raises
@@ -85,7 +88,7 @@ class OpenRecording:
         return KeptSamples(self.file, self.pyramid.count)
 
     @cached_property
-    def span(self) -> tuple[float, float]:
+    def span(self) -> Interval:
         """First and last time, s. A single time gets a span of one second, because a view needs a width."""
         first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
         return (first, last) if first < last else (first - 0.5, last + 0.5)
@@ -216,7 +219,7 @@ class ViewRequest(PageRequest):
     shift: FiniteFloat = 0.0
 
     @property
-    def span(self) -> tuple[float, float]:
+    def span(self) -> Interval:
         """Start and end of the view, s.
 
         Raises
@@ -234,7 +237,7 @@ class ViewRequest(PageRequest):
         return [name for name in self.columns.split("\n") if name in known]
 
 
-def shown_recording(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_recording(workspace: Workspace, path: str) -> Plain:
     """Open a recording, or report the progress of its reading or its errors: the file may be half written."""
     file = workspace.path(path, TABLES)
     try:
@@ -255,13 +258,13 @@ def shown_recording(workspace: Workspace, path: str) -> dict[str, Any]:
     }
 
 
-def shown_window(workspace: Workspace, given: Mapping[str, Any]) -> bytes:
+def shown_window(workspace: Workspace, given: Keyed) -> bytes:
     """Return a view of a recording with the requested key as a frame, or None if the recording has another key.
 
     A view of the changed recording would have times and channels that do not match those in the page.
     """
     name, key = str(given.get("path", "")), str(given.get("key", ""))
-    head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
+    head: Plain = {"number": given.get("number"), "path": given.get("path"), "key": None}
     recordings = workspace.state(Recordings)
     if (found := recordings.version(name, key)) is None:
         return pack(head, {})
@@ -306,7 +309,7 @@ def shown_samples(workspace: Workspace, path: str, request: ViewRequest) -> byte
     return pack({}, {"time": time_s, **values})
 
 
-def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_strokes(workspace: Workspace, path: str) -> Plain:
     """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
     A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time.
@@ -347,7 +350,7 @@ def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:
 def _beside(
     own: OpenRecording,
     other: OpenRecording,
-    span: tuple[float, float],
+    span: Interval,
     shift: float,
     pixels: int,
     columns: Sequence[str],
@@ -385,14 +388,14 @@ class MeasureRequest(PageRequest):
     shift: FiniteFloat
 
 
-def measured(workspace: Workspace, request: MeasureRequest) -> dict[str, Any]:
+def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
     """Return the channels of a recording at the samples nearest to two times, also of another recording.
 
     Values of the other recording have the units and the clock of the first.
     """
     recordings, rows = workspace.state(Recordings), list[dict[str, Any]]()
 
-    def measure(name: str, recording: OpenRecording, shift: float, channels: Mapping[str, Any]) -> None:
+    def measure(name: str, recording: OpenRecording, shift: float, channels: Keyed) -> None:
         """Add a row for each channel: column -> label, unit and conversion."""
         ends = [recording.sample_at(at - shift, list(channels)) for at in request.at]
         times = [time + shift for time, _ in ends]
@@ -541,7 +544,7 @@ def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid
     return pyramid
 
 
-def proposed(workspace: Workspace, path: str) -> dict[str, Any]:
+def proposed(workspace: Workspace, path: str) -> Plain:
     """Propose a layout for a recording: its text, the open points, and the reason for each column.
 
     Raises

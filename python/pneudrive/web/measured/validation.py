@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
+from pneudrive.arrays import Plain
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
@@ -42,12 +43,14 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from pneudrive.arrays import Keyed
+
 
 FIT = "fit.toml"  # of a map with one assembly
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 
 
-def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_validation(workspace: Workspace, path: str) -> Plain:
     """Return a validation from its file, with the drive and the recordings in the workspace.
 
     Raises
@@ -83,7 +86,7 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
     )
 
 
-def _read(workspace: Workspace, name: str) -> dict[str, Any]:
+def _read(workspace: Workspace, name: str) -> Plain:
     path = workspace.path(name, DESCRIPTIONS)
     content, _ = toml.read(path, CommandError, "pneudrive validate writes a validation.toml.")
     if not all(key in content for key in ("verdict", "record", "diagnosis", "provenance")):
@@ -93,7 +96,7 @@ def _read(workspace: Workspace, name: str) -> dict[str, Any]:
     return content
 
 
-def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
     """Return fields for the values that the causes name but the file does not contain.
 
     Such values are derived from others.
@@ -110,12 +113,10 @@ def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[st
     return fields
 
 
-def _values(
-    inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
-) -> list[dict[str, Any]]:
+def _values(inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Keyed) -> list[Plain]:
     """Return the values of the drive with their sources, or without the drive the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
-    out: list[dict[str, Any]] = [
+    out: list[Plain] = [
         {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
         for one in (() if drive is None else values_of(drive))
     ]
@@ -158,7 +159,7 @@ class FrameRequest(PageRequest):
     changes: Changes = Field(default_factory=dict)
 
 
-def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:
+def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
     """Return a view of one record as a frame: measurement, both runs, residuals, and the run of a changed drive.
 
     Raises
@@ -177,9 +178,9 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     if not path.is_file():
         raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
     table, signals = _run(path, path.stat().st_mtime_ns)
-    head: dict[str, Any] = {"number": number}
+    head: Plain = {"number": number}
     columns = {"time_s": table["time_s"], "command": table["command"]}
-    changed: Mapping[str, Any] = {}
+    changed: Keyed = {}
     if changes:
         head["fit"], changed = _changed(described_at(workspace, request.drive), changes, signals)
     for channel in CHANNELS:
@@ -198,7 +199,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
 
 
 @lru_cache(maxsize=4)
-def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
+def _run(path: Path, _changed_ns: int) -> tuple[Plain, Signals]:
     """Read the file of a run as a recording."""
     runs = [f"{run}.{channel}" for run in ("free", "restarted") for channel in CHANNELS]
     names = columns_in(path, (*NEEDED, *OPTIONAL, *runs))
@@ -208,7 +209,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
     return table, Signals.of(drive_recording({key: table[key] for key in names if key not in runs}, path.stem))
 
 
-def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
+def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, float], Keyed]:  # noqa: ANN401
     """Return the free run of a drive with changed values, and its agreement with each channel, %."""
     if not isinstance(drive, Drive):
         raise CommandError("a circuit cannot be validated here")
@@ -240,7 +241,7 @@ def _measured(workspace: Workspace, path: str, look: Look, chamber: str) -> Iter
             yield Markers(gauge, friction, look=look, low=friction - reach, high=friction + reach, filled=True)
 
 
-def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
+def compared(workspace: Workspace, before: str, after: str) -> Plain:
     """Return the differences between two results or descriptions of one kind: a sentence, values, and a figure.
 
     For drives and circuits, also return the lines of their full texts that differ.
