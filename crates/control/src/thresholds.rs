@@ -56,6 +56,8 @@ thresholds! {
     NMPC_ACCELERATION: f64 = 0.1, "1", "weight of an error of acceleration", "assumed";
     NMPC_SHORTER: f64 = 0.25, "1", "fraction of a Gauss-Newton step that is taken if the whole step increases the cost", "assumed";
     NMPC_SLOW: f64 = 0.05, "m/s", "speed below which the motion is simulated in steps of 1 ms", "assumed";
+    NMPC_TRAVEL: f64 = 20.0, "1/s", "travel of the valve above which nmpc moves it less", "drives that follow as described need less; measured";
+    NMPC_TRAVEL_FOR: f64 = 0.5, "s", "time over which this travel is averaged", "some periods of a swing; assumed";
     NMPC_ROUNDS: usize = 20, "1", "rounds of the search for moves at a limit", "eight moves need fewer";
     LAW_BANDWIDTH: f64 = 48.0, "rad/s", "bandwidth of pid and of the sliding surface", "assumed";
     SLIDING_GAIN: f64 = 0.1, "1", "gain as a fraction of force rate over mass", "assumed";

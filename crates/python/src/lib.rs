@@ -13,9 +13,8 @@ mod signals;
 
 use convert::Table;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
-use physics::IdealGas;
-use physics::constants as c;
 use physics::flow::{Iso6358, LINEAR_ABOVE, choked_factor};
+use physics::{IdealGas, constants as c};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 

@@ -1,8 +1,7 @@
 //! Controllers from their descriptions.
 
 use crate::belief::{Axis, belief};
-use crate::refuse;
-use crate::specification;
+use crate::{refuse, specification};
 use circuit::Error;
 use control::{AnyLaw, Controller, Gain, LAWS};
 use std::collections::BTreeMap;

@@ -2,9 +2,8 @@
 
 use crate::belief::Axis;
 use crate::faults::Faults;
-use crate::refuse;
 use crate::sensors::Sensors;
-use crate::specification;
+use crate::{refuse, specification};
 use circuit::{Error, Look, Session};
 use control::{Answer, AnyLaw, Controller, Inputs, Reference, Rules, Sample, Valves};
 use std::time::Instant;

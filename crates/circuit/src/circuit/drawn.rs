@@ -1,7 +1,6 @@
 //! Gas that a run draws from outside, computed from the accepted steps.
 
-use super::Circuit;
-use super::Path;
+use super::{Circuit, Path};
 use crate::ground::Net;
 use math::Lane;
 use ode::{Accepted, Output, System};

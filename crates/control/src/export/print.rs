@@ -230,10 +230,7 @@ impl LawProgram {
         for (piece, (text, _)) in
             ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(Language::C))
         {
-            let uses = |own: &&str| text.contains(&format!("{own}->")) || text.contains(&format!("{own}["));
-            let given: &[&str] =
-                if piece == "begin" { &["in", "parameters", "kept"] } else { &["in", "parameters"] };
-            let unused = given.iter().filter(|own| !uses(own));
+            let unused = ["in", "parameters"].into_iter().filter(|own| !text.contains(&format!("{own}->")));
             let unused: String = unused.map(|own| format!("    (void){own};\n")).collect();
             gaps.push((piece, unused + &text));
         }

@@ -15,6 +15,7 @@ static void check(const @name@_input *in, const @name@_parameters *parameters, c
 
 static void begin(const @name@_input *in, const @name@_parameters *parameters, const double *kept, double *seen)
 {
+    (void)kept; /* unused without adaptation */
 @begin@}
 
 static void observe(const @name@_input *in, const @name@_parameters *parameters, const double *kept, double *seen)

@@ -5,7 +5,7 @@ use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
 use crate::reference::Wanted;
-use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW, NMPC_WANDER};
+use crate::thresholds::*;
 use crate::types::{Plant, State};
 use math::{Dual, Over};
 use physics::above;
@@ -70,13 +70,16 @@ law! {
     ///
     /// within -1 .. 1, e in mm, h in ms, w in %. Each sample simulates the horizon once, from the state when the
     /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
-    /// a quarter of it if the full step would increase the cost.
+    /// a quarter of it if the full step would increase the cost. If the valve works more than the [`NMPC_TRAVEL`] of a
+    /// drive that follows, the drive swings behind a valve that is slower than described: r grows in proportion.
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed", factor "damping";
     } memory<S> {
         plan: [S; MOVES] = [S::zero(); MOVES],
         last: S = S::zero(),
+        // Travel of the valve, 1/s, over [`NMPC_TRAVEL_FOR`].
+        travel: S = S::zero(),
     }
 }
 
@@ -175,11 +178,12 @@ impl Nmpc {
     ) {
         let foreseen = foreseen(tick, horizon, plan);
         let l = self.bandwidth;
+        let penalty = 100.0 * self.move_penalty * (self.travel / NMPC_TRAVEL).max(1.0);
         let mut before = (MOVES, S::c(self.last));
         for ((wanted, [x, v, a]), (block, h)) in horizon.wanted.iter().zip(foreseen).zip(steps()) {
             if before.0 != block {
                 let w = plan[block];
-                row((w - before.1).times(100.0 * self.move_penalty));
+                row((w - before.1).times(penalty));
                 before = (block, w);
             }
             let weight = (h * 1e3 * if block + 1 == MOVES { NMPC_LAST } else { 1.0 }).sqrt() * 1e3;
@@ -275,7 +279,9 @@ impl Law for Nmpc {
         self.plan[0]
     }
 
-    fn given(&mut self, asked: f64, _tick: &Tick) {
+    fn given(&mut self, asked: f64, tick: &Tick) {
+        let rate = (asked.limited() - self.last).abs() / tick.period;
+        self.travel += tick.period / NMPC_TRAVEL_FOR * (rate - self.travel);
         self.last = asked.limited();
     }
 }
