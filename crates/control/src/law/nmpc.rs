@@ -70,8 +70,8 @@ law! {
     ///
     /// within -1 .. 1, e in mm, h in ms, w in %. Each sample simulates the horizon once, from the state when the
     /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
-    /// a quarter of it if the full step would increase the cost. If the valve works more than the [`NMPC_TRAVEL`] of a
-    /// drive that follows, the drive swings behind a valve that is slower than described: r grows in proportion.
+    /// a quarter of it if the full step would increase the cost. A drive behind a valve that is slower than
+    /// described swings, and the valve travels more: above [`NMPC_TRAVEL`], r grows in proportion to this travel.
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed", factor "damping";
