@@ -17,7 +17,7 @@ from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import SAME_PA, rows_to_dataset
+from pneudrive.friction.friction_map import rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
@@ -107,12 +107,11 @@ def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
 
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
-    """Return the pairs of levels with about the same speed and pressure; none without curves over speed."""
+    """Return the pairs of levels with about the same speed in a direction; none without curves over speed."""
     ours, others = ([level for level in levels if way in level.sides] for levels in (first, second))
     if min(len(ours), len(others)) < LEAST_SPEEDS:
         return []
     pairs = [(one, min(others, key=lambda other: abs(other.speed_m_s - one.speed_m_s))) for one in ours]
-    pairs = [(a, b) for a, b in pairs if abs(a.pressure_pa - b.pressure_pa) < SAME_PA]
     return [(a, b) for a, b in pairs if abs(a.speed_m_s - b.speed_m_s) < NEAR * a.speed_m_s]
 
 

@@ -376,6 +376,7 @@ FEWEST = 3  # least number of values for a guess
 ONCE = 1.0  # added to the unevenness of a signal that moves in one direction only
 HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
 SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
+TAILS = 0.002  # fraction of the samples at either end that may be spikes
 BINS = 20  # of the travel, in which both directions are compared
 MOST_BINS = 0.75  # least share of them that agree on a direction
 
@@ -437,8 +438,9 @@ class Directions:
         bins = np.zeros(position.size, dtype=np.int64)
         if at.size >= FEWEST and np.ptp(position[good]) > 0:
             velocity[good] = local_slope(at.astype(float), position[good])
-            away = (position[good] - position[good].min()) / np.ptp(position[good])
-            bins[good] = np.minimum((away * BINS).astype(np.int64), BINS - 1)
+            low, high = np.quantile(position[good], (TAILS, 1.0 - TAILS))  # a spike does not widen the travel
+            away = (position[good] - low) / ((high - low) or np.ptp(position[good]))
+            bins[good] = np.clip((away * BINS).astype(np.int64), 0, BINS - 1)
         moving = np.abs(velocity)
         usual = float(np.median(moving[moving > 0])) if (moving > 0).any() else np.inf
         fast = moving > 0.5 * usual
