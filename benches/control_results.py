@@ -1,10 +1,9 @@
 """Page of results of control: measure random axes and the axes of the examples, or write the page from stored values.
 
-    python -m benches.control_results --measure random [--axes 28]     errors of all laws on random axes
-    python -m benches.control_results --measure examples [--seeds 5]   errors of `nmpc` on P1, P2, P3 and P3h
-    python -m benches.control_results                                  writes the page
+    python -m benches.control_results [--measure random|examples] [--axes 28] [--seeds 5]
 
-`benches/control_results.json` has the measured values, `docs/guide/control-results.md` shows them. All is simulated.
+With `random` it measures all laws on random axes, and with `examples` `nmpc` on P1, P2, P3 and P3h. All is simulated.
+`benches/control_results.json` has the measured values, `docs/guide/control-results.md` shows them.
 """
 
 from __future__ import annotations

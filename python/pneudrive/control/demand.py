@@ -208,7 +208,7 @@ ALONG, MOST, MASSES = "R3", 0.1, (1.0, 0.5)
 BASELINES = ("pid", "fuzzy")
 #: Longest additional dead time that is tried, the number of bisections, and what a controller should bear (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
-SLOWER = "Measure the dead time of the valve with its electronics, or tune with factors = { gain = 0.5 }."
+SLOWER = "Measure the dead time of the valve with its electronics, or identify it from a recording: pneudrive identify."
 CYCLE = "limit-cycle"
 
 
@@ -250,10 +250,7 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     worst = 0.0
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
-        try:
-            error_m, fault = _trial(drive, law, setup, {"moving_mass": mass}, seed)
-        except PneudriveError as error:
-            return Suitability(law, False, float("inf"), f"{of}: {error.what}")
+        error_m, fault = _trial(drive, law, setup, {"moving_mass": mass}, seed)
         worst = max(worst, error_m)
         if fault:
             return Suitability(law, False, worst, f"{of} it {fault}")
@@ -277,8 +274,11 @@ def _trial(
     law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
-        told = run_prepared(prepared, seed).provenance
+        try:
+            prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
+            told = run_prepared(prepared, seed).provenance
+        except PneudriveError as error:
+            return float("inf"), f"cannot run: {error.what}"
     reach, error_m = prepared.reference.reach(), float(told["score"]["max_error_m"])
     if told["score"]["lost"]:
         return error_m, "is lost"

@@ -66,12 +66,13 @@ impl Horizon {
 law! {
     /// Nonlinear predictive control: the moves w of the next 40 ms that minimise
     ///
-    ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2
+    ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2.
     ///
-    /// within -1 .. 1, e in mm, h in ms, w in %. Each sample simulates the horizon once, from the state when the
-    /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
-    /// a quarter of it if the full step would increase the cost. A drive behind a valve that is slower than
-    /// described swings, and the valve travels more: above [`NMPC_TRAVEL`], r grows in proportion to this travel.
+    /// The moves stay within -1 .. 1. Units are mm for e, ms for h, and % for w. Each sample simulates the horizon once,
+    /// from the state when the present command acts. All numbers carry derivatives with respect to all moves. One
+    /// Gauss-Newton step follows, or a quarter of it if the full step would increase the cost. A drive behind a valve
+    /// that is slower than described swings, and the valve travels more: above [`NMPC_TRAVEL`], r grows in proportion to
+    /// this travel.
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed", factor "damping";

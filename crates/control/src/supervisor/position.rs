@@ -78,7 +78,8 @@ impl Position {
     }
 
     /// Returns a reading, or the prediction of the model if the reading is not credible. For resting readings that
-    /// are not credible, it also returns the state at the last sample without them.
+    /// are not credible, it also returns the state at the last sample without them. Friction may be [`POSITION_BEARS`]
+    /// times the described one: such friction stops a slow drive before its model, and keeps it at rest.
     ///
     /// A reading x is not credible in three cases. First, |x - x_model| > 5 counts + (0.1 T + 5 jitter) v_max.
     /// Second, the model moves by 20 counts while x rests. Third, a model with more friction, which advances without
