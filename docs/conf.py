@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-from myst_nb.core.read import is_myst_markdown_notebook, read_myst_markdown_notebook
+from myst_nb.core.read import is_myst_markdown_notebook
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benches.quoted import quoted
+from tools.notebooks import notebook
 
 project = "pneudrive"
 author = "the pneudrive developers"
@@ -48,14 +49,11 @@ html_theme_options = {"secondary_sidebar_items": ["page-toc", "notebook", "sourc
 
 def write_notebook(app: Sphinx, page: str, template: str, context: dict[str, Any], *rest: object) -> None:
     """Write the cells of an executed page as a notebook, to which its side bar links."""
-    text = path.read_text("utf-8") if (path := Path(app.srcdir, f"{page}.md")).is_file() else ""
-    if is_myst_markdown_notebook(text):
+    path = Path(app.srcdir, f"{page}.md")
+    if path.is_file() and is_myst_markdown_notebook(path.read_text("utf-8")):
         target = Path(app.outdir, "_notebooks", f"{page}.ipynb")
         target.parent.mkdir(parents=True, exist_ok=True)
-        cells = read_myst_markdown_notebook(text)
-        for k, cell in enumerate(cells.cells):
-            cell.id = f"cell-{k}"  # random otherwise
-        nbformat.write(cells, target)
+        nbformat.write(notebook(page), target)
         context["notebook"] = f"_notebooks/{page}.ipynb"
 
 

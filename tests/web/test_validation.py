@@ -17,7 +17,6 @@ from oracle.drive_records import drive, record
 from pneudrive.cli.main import run as run_command
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.web.live import answer
-from pneudrive.web.measured.validation import _suspects
 from pneudrive.web.workspace import Workspace
 from web.conftest import Served
 from web.frames import unpack
@@ -268,9 +267,3 @@ def test_a_wrong_request_starts_nothing(validated: Served, change: dict) -> None
     (validated.folder / "bare.csv").write_text("t,x\n0,1\n1,2\n")
     assert post(validated, "/api/jobs", ASKED | change, 400)["problems"]
     assert not validated.jobs
-
-
-def test_a_value_that_the_file_lacks_is_a_field_with_its_start_value():
-    fields = _suspects(drive(), {"culprit": [{"free": ["valve.overlap"]}, {"free": ["supply.pressure"]}]})
-    assert [field["key"] for field in fields] == ["valve.overlap"]
-    assert float(str(fields[0]["text"]).split()[0]) == 0.0

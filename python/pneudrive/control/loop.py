@@ -91,7 +91,7 @@ def run(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Run a drive under control along a reference. Simulated: the law and the drive share the core's equations.
+    """Simulate a drive under control along a reference. The law and the drive share the core's equations.
 
     Parameters
     ----------
@@ -107,13 +107,13 @@ def run(
     setup : Setup, str or path-like
         What stands between drive and law: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
     duration : str or float, optional
-        ``"12 s"``, or a number of seconds; by default 16 s or four periods of a sine, or 2 s behind the last move.
+        ``"12 s"``, or a number of seconds; by default 16 s or four periods of a sine, or 2 s after the last move.
     seed : int
-        Of all noise: equal seeds give equal bits, but for the time of a step.
+        Of all noise: equal seeds give equal bits, except step_time.
     controller : Controller, Tuning, str or path-like, optional
         In place of `law`: a controller, its TOML file, or what `pneudrive.control.tune` returned.
     believes : Drive or Circuit, optional
-        What the law believes of the drive; by default the drive of the controller's file, or `drive`.
+        Drive by which the law works; by default the drive of the controller's file, or `drive`.
     mismatch : Mismatch, str or path-like, optional
         How the drive that is run differs from `drive`: ``"all"``, ``"mass+30"``, ... of
         `pneudrive.control.ready_mismatches`, or a TOML file.
@@ -123,7 +123,7 @@ def run(
     rtol : float
         Relative tolerance of the solver.
     allow_code : str, optional
-        SHA-256 of the file of a law of one's own that only the controller's file names.
+        SHA-256 of the file of your law, if only the controller's file names it.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
 
@@ -143,7 +143,7 @@ def run(
     CommandError
         The reference, the duration, the seed or the tolerance is not valid, or the drive cannot follow the reference.
     DescriptionError
-        A file is not valid, or the drive is none that the law can command.
+        A file is not valid, or the law cannot command the drive.
     SimulationError
         The drive cannot go on, or a law of one's own fails (`OwnLawError`); the message gives time and state.
     Cancelled

@@ -25,9 +25,9 @@ ORDER = 7  # of splines
 REST = 4  # coefficients of a spline that are equal at an end where it is at rest with continuous jerk
 #: Blends from 0 to 1 by their order: with three and with four continuous derivatives.
 BLENDS = {7: (0, 0, 0, 0, 35, -84, 70, -20), 9: (0, 0, 0, 0, 0, 126, -420, 540, -315, 70)}
-#: Largest speed of the blend of order 7 over its mean.
+#: Largest speed of the blend of degree 7 over its mean.
 PEAK = 2.1875
-#: Velocity that grows from 0 to 1 by the blend of order 7, integrated.
+#: Velocity that grows from 0 to 1 by the blend of degree 7, integrated.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
 _ROUNDS = 200  # steps of a bisection: to the last bit
 
@@ -140,7 +140,7 @@ def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, r
 
 
 def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
-    """Return a spline of order 7 that passes points at their times, at rest at both ends."""
+    """Return a spline of degree 7 through points at their times, at rest at both ends."""
     from scipy.interpolate import PPoly, make_interp_spline
 
     rest = [(order, 0.0) for order in (1, 2, 3)]
@@ -148,7 +148,7 @@ def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
 
 
 def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
-    """Return the spline of order 7, with knots at this distance, that fits the samples of a record best.
+    """Return the spline of degree 7, with knots at this distance, that fits the samples of a record best.
 
     At both ends it is at rest at the record's position.
     """

@@ -76,7 +76,7 @@ class ReferenceFile(Described):
     limits: LimitTable | None = None
     points: tuple[PointTable, ...] = ()
     through: Annotated[str, Choice(("pass", "stop"))] = Field(
-        default="pass", description="pass: a spline of order 7 through the points; stop: at rest in each"
+        default="pass", description="pass: a spline of degree 7 through the points; stop: at rest in each"
     )
 
     @model_validator(mode="after")

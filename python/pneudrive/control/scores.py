@@ -22,11 +22,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed, Plain
 
-
-# --- Score of a run under control: error of the drive along its reference, and the effort.
-
-# --- Score of a run under control: error of the drive along its reference, and the effort.
-
 #: Time from the start that is scored apart, and the end of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
 REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured

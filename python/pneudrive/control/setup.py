@@ -312,7 +312,7 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
 
 
 def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
-    """Read a table of a kind from a name of the package or a TOML file. Return it with its name, "own" for a table.
+    """Read a table of the package by its name, or a TOML file. Return it with its name, "own" if the table was given.
 
     Raises
     ------

@@ -47,8 +47,8 @@ def export(
 ) -> list[Path]:
     """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
-    The code receives samples and the reference, and returns the command. It checks sensors and reference, and has stop
-    ramps. It does not learn: friction and valve are those of the description. An FMU has the same C code in
+    The code receives samples and the reference, and returns the command. It checks sensors and reference, has stop
+    ramps, and adapts if the controller does. It does not brake before an end stop. An FMU has the same C code in
     ``sources/``, and a library if this machine has a C compiler. ``nmpc`` cannot be written as source code: its FMU is
     a library with the whole controller and its reference.
 

@@ -433,7 +433,7 @@ def _code_seen_from(folder: str | Path, law: str) -> str:
 
 
 def is_code_file(module: str) -> bool:
-    """Return whether the module of a custom law is named by a file."""
+    """Return whether the module of a custom law is given as a file."""
     return module.endswith(".py")
 
 

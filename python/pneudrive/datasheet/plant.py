@@ -304,7 +304,7 @@ class HeldDrive:
         Raises
         ------
         CommandError
-            There is not one way of components with two ports.
+            No single path of components with two ports leads there.
         """
         wiring = self.circuit.wiring
         chamber = next((port for port in wiring.at if port.id == f"{self.piston}.{side}"), None)

@@ -37,7 +37,7 @@ class Grid:
     in_window : int
         Number of bins of the window.
     first, stop : int
-        Number of the first bin, below the window negative, and of the one behind the last.
+        Number of the first bin, negative below the window, and of the one after the last.
     whole : bool
         Whether bins that lie only partly in the settled part of a stroke are left out: bins that cycles share have
         equal positions.

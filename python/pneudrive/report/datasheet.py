@@ -135,7 +135,7 @@ def _label(found: xr.Dataset, name: str) -> str:
 def _curves(
     found: xr.Dataset, x: str, name: str
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None]]:
-    """Yield label, abscissa, ordinate and both ends of its interval of each curve, in shown units."""
+    """Yield each curve in shown units: label, abscissa, ordinate and both ends of its interval."""
     along = found[x].dims[-1]
     others = [str(dim) for dim in found[name].dims if dim != along]
     factor, by = shown_unit(found[name].attrs["units"])[0], shown_unit(found[x].attrs["units"])[0]

@@ -426,7 +426,7 @@ class Topic:
     page : str or Path
         File of its texts: the name of one in the folder ``texts``, or the path of a study's file.
     key : str
-        Topic in the file, and of the section.
+        Key of the topic in the file, and of the section.
     """
 
     def __init__(self, page: str | Path, key: str) -> None:

@@ -193,7 +193,7 @@ def draw_figure(
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
     synthetic : bool, optional
-        Whether the data are simulated; panels then have letters. None for a figure without letters and mark.
+        Whether the data are simulated, which a mark says; its panels have letters. None: no mark and no letters.
     dark : bool
         Draw on dark paper.
 

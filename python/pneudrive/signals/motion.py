@@ -61,7 +61,7 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side; fewer at both ends, or those of the nearest full window.
+        Neighbours on each side. The ends have fewer, or, with equal time steps, the slope of the nearest full window.
 
     Returns
     -------

@@ -135,7 +135,7 @@ class SizingResult(Viewed):
     simulated : tuple of SizedDrive
         Those that were simulated over the spreads.
     ranked : tuple of SizedDrive
-        Those that meet the task, best first. All that might be the first have 1,024 draws.
+        Those that meet the task, best first. All that may rank first have 1,024 draws.
     miss : NearestMiss or None
         Where nothing meets the task.
     complete : bool
@@ -147,7 +147,7 @@ class SizingResult(Viewed):
     savings : tuple of Saving
         Changes that were tried on the best to save air.
     checks : tuple of MachineCheck
-        Of the best, open ones first: side load, buckling, energy, life, load that hangs.
+        Of the best, open ones first: side load, buckling, energy, life, hanging load.
     interrupted : bool
         Whether the search was cancelled before its end.
     notes : tuple of str

@@ -383,7 +383,7 @@ class Search:
         ----------
         every : sequence of SizingCandidate
         is_leading : bool
-            Whether they may be the best: then they go on to their hardest draws, and to all draws.
+            Whether they may be the best: these run the draws with the longest strokes next, then all draws.
         """
         stages: list[list[SizingCandidate]] = [[], [], []]
         for one in every:

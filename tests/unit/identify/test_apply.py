@@ -36,9 +36,8 @@ def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, make_m
     with pytest.warns(PneudriveWarning, match=r"does not determine .*breakaway.*the drive keeps its value") as said:
         after = fit.apply(slow)
     (text,) = [str(w.message) for w in said if "keeps its value: at" in str(w.message)]
-    at, drives, fits = map(
-        float, re.findall(r"at ([0-9.]+) mm/s its friction is ([0-9.]+) N, that of the fit ([0-9.]+)", text)[0]
-    )
+    pattern = r"at ([0-9.]+) mm/s the friction is ([0-9.]+) N in the drive, ([0-9.]+) N in the fit"
+    at, drives, fits = map(float, re.findall(pattern, text)[0])
     p, v = after.friction.parameters, 1e-3 * at
     fall = np.exp(-((v / p["stribeck_velocity"]) ** p["stribeck_exponent"]))
     assert drives == pytest.approx(p["coulomb"] + (p["breakaway"] - p["coulomb"]) * fall + p["viscous"] * v, rel=1e-3)

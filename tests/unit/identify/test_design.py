@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.identify import fit_friction
@@ -170,13 +169,6 @@ def test_time_counts(truth):
     assert 900.0 < plan.seconds <= 1800.0
     free = next_measurements(prior, limits, points=sum(p.repeats for p in plan.points), noise_n=0.5)
     assert free.seconds > plan.seconds, "a slow point takes 400 s and is taken less often where time counts"
-
-
-def test_the_core_gives_the_gradients(truth):
-    prior = prior_of("stribeck gaussian", truth)
-    at = at_conditions(np.array([0.01]), np.zeros(1), np.zeros(1))
-    value = prior.model.value(prior.draws[0], at)[0]
-    assert value == pytest.approx(_core.steady_friction("stribeck", truth, np.array([0.01]))[0], rel=1e-12)
 
 
 @pytest.mark.parametrize(

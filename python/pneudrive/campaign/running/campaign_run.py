@@ -400,7 +400,7 @@ class CampaignRun:
         Returns
         -------
         bool, str, str
-            Whether the campaign continues, who answered, and how. The operator only presses Enter.
+            Whether the campaign continues, who answered, and how. At the terminal, Enter continues.
         """
         while True:
             request = self._requests.take()

@@ -179,7 +179,7 @@ def _forces(platform: Platform, leg: int, tuning: Tuning) -> tuple[float, float]
 
 
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
-    """Return the reference of a leg, polynomials of order 7 between its knots, and its preview in the core's form."""
+    """Return the reference of a leg, polynomials of degree 7 between its knots, and its preview in the core's form."""
     h = float(needs.times_s[1] - needs.times_s[0])
     ends = np.stack([needs.positions_m, needs.velocities_m_s, needs.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
     scaled = ends * np.array([1.0, h, h**2 / 2.0, h**3 / 6.0])[:, None]

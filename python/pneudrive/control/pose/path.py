@@ -126,7 +126,7 @@ class PosePath(Shown):
         return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S
 
     def at(self, times_s: Array) -> Array:
-        """Return coordinates and two derivatives at times, s: shape (3, m, n), m and rad."""
+        """Return coordinates, m and rad, and two derivatives at times, s: shape (3, coordinates, times)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
 
@@ -218,7 +218,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         text, period = text[: every.start()], units.parse(every[1], "s")
     moves = moves_of_text(text, unit)
     if moves.pieces:
-        raise DescriptionError(f'"{text}" has an order', rule="moves of a pose have blends of order 7")
+        raise DescriptionError(f'"{text}" has an order', rule="moves of a pose have blends of degree 7")
     if every is not None:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
@@ -285,7 +285,7 @@ class PoseScore(Viewed):
     stops_hit : int
         Legs that reached an end of their stroke.
     singular_value, force_share, speed_share : float
-        Smallest singular value of the path, and its largest fractions of the force of the supply and of the speed.
+        Smallest singular value along the path, and the largest fractions of the available force and speed.
     payload_spread : dict
         Payload -> name of a coordinate -> `Tracked`, where several payloads are run.
     """

@@ -292,7 +292,7 @@ def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
     """Return the motion of a cycle.
 
     In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from positions would
-    only add their noise. The source paper's protocol keeps the ramp at the end.
+    only add their noise. The settled part of the source paper's protocol includes the ramp at its end.
     """
     return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
 

@@ -296,7 +296,7 @@ _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
 def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
-    """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
+    """Return the least model error of each free value that has an effect on sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
     found = solved.problem.values(solved.point.eta)[: len(parameters)]

@@ -445,7 +445,7 @@ class RigServer:
         return is_simulated and callable(getattr(self.rig, Verb(verb).name.lower(), None))
 
     def _simulate(self, verb: Verb, text: str) -> None:
-        """Call a verb of simulated rigs with its argument as JSON, and publish the result."""
+        """Call a method of simulated rigs with its argument as JSON, and publish the result."""
         name = verb.name.lower()
         argument = parse_json(text or "null", "simulation.text", RigError)
         kind, rule = ARGUMENTS.get(verb, (object, ""))
