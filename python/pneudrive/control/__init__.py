@@ -1,6 +1,6 @@
 """Control of a drive along a reference: tune a law from the description, run it on the drive, score it, compare laws.
 
-A law has a key of the core as its name (`pneudrive.control.laws`). Its gains are derived from its model of the drive::
+`pneudrive.control.laws` lists the laws. The gains of a law are derived from its model of the drive::
 
     drive = pn.Circuit.load("axis.toml")
     run = pn.control.run(drive, law="nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", setup="real", seed=1)

@@ -31,7 +31,7 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
     ----------
     belief : Circuit
     plant : dict
-        What the core makes of it: ``cylinder`` and ``valves`` are names of components.
+        The core's model of the drive; ``cylinder`` and ``valves`` are names of components.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Benchmark of controllers along references: scored runs, the folder that keeps them, and its card."""
+"""Benchmark of controllers along references: scored runs, their folder, and the display of a comparison."""
 
 from __future__ import annotations
 
@@ -65,15 +65,15 @@ class ControlledRun(NamedTuple):
     law, reference : str
         Names in the comparison.
     seed : int
-        Of the noise; in a spread also the member.
+        Seed of the noise; in a spread, also the number of the member.
     score : Score or None
-        None where the drive could not go on.
+        None if the run failed.
     reason : str
-        Why it could not; empty where it could.
+        Why the run failed; empty if it did not.
     file : Path
-        Of the run; of a spread only the first member's is there, unless all were asked for.
+        File of the run. Unless `keep_runs` was set, a spread keeps only the file of its first member.
     truth : dict
-        Name of what differs from the description -> its value.
+        Name of each value that differs from the description -> the true value.
     """
 
     law: str
@@ -91,7 +91,7 @@ class ControlledRun(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class ControlComparison(Viewed):
-    """Simulated comparison of laws, as its folder holds it.
+    """Simulated comparison of laws, as stored in its folder.
 
     Attributes
     ----------
@@ -101,13 +101,13 @@ class ControlComparison(Viewed):
     references : dict
         Name -> text.
     setup, mismatch, spread : str
-        Names. An empty one: the drive is as described, and each run has its own seed.
+        Their names. Empty mismatch and spread: the drive is as described, and runs differ only in the seed.
     count : int
-        Seeds, or members of the spread, of each law along each reference.
+        Number of seeds, or of members of the spread, for each law and reference.
     about : dict
-        All of ``comparison.json``: the gains and the assumed drive of each law, and the request.
+        Content of ``comparison.json``: the gains and the assumed drive of each law, and the request.
     runs : tuple of ControlledRun
-        As long as the comparison is not finished those that are done, without their true values.
+        Until the comparison is finished: the runs that are done, without their true values.
     """
 
     folder: Path
@@ -182,7 +182,7 @@ class ControlComparison(Viewed):
         ----------
         along : str
         measures : collection of str
-            Default: all, and of a spread those in `SPREAD_SHOWN`.
+            Default: all measures; for a spread, those in `SPREAD_SHOWN`.
         """
         shares = SHARES if self.spread else SHARES[:1]
         label = along if len(along) <= LONGEST_NAME else f"reference {list(self.references).index(along) + 1}"
@@ -282,7 +282,7 @@ def read_comparison(folder: str | Path) -> ControlComparison:
     Raises
     ------
     CommandError
-        The folder is none of a comparison, or what is in it is damaged.
+        The folder does not hold a comparison, or its content is damaged.
 
     Examples
     --------
@@ -340,7 +340,7 @@ def _log(path: Path, score: Score | None, entry: Plain) -> None:
 
 
 def _logged(text: str, *keys: str) -> Iterator[tuple[Score | None, list[Any]]]:
-    """Yield score and entries of the lines of such a file."""
+    """Yield score and entries of each line that `_log` wrote."""
     for line in text.splitlines():
         with suppress(ValueError, LookupError, TypeError):  # an incomplete line: still being written, or cut by a kill
             entry = json.loads(line)
@@ -357,7 +357,7 @@ def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledR
 
 
 def finished(folder: Path) -> int:
-    """Count the runs in the folder of this comparison, or of an earlier one."""
+    """Count the runs in a folder, also those of an earlier comparison."""
     files = sum(1 for _ in (folder / RUNS).glob("[!.]*.parquet"))
     with suppress(OSError):
         files += (folder / KEPT).read_bytes().count(b"\n")
@@ -378,9 +378,9 @@ def core_hash() -> str:
 
 
 def mark_of(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return the mark of the runs of custom laws: new once a comparison is finished, or if their code changed.
+    """Return the mark of the runs of custom laws. It is new once a comparison is finished, or if their code changed.
 
-    The inputs of such code cannot be hashed.
+    Files that such code reads cannot be hashed.
     """
     own = [split(tuning.own.name) for tuning in tunings.values() if tuning.own is not None]
     if not own:
@@ -498,7 +498,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     Raises
     ------
     DescriptionError
-        The drive is none that a law can command.
+        No law can command the drive.
 
     Examples
     --------
@@ -532,40 +532,39 @@ def benchmark(
 ) -> ControlComparison:
     """Run laws along references with several seeds, and score them.
 
-    Each run is a file in ``out/runs``, written whole or not at all. Runs that are already in the folder are not
-    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Custom
-    laws, whose code
-    may read anything, are run anew once a comparison is finished.
+    Each run is a file in ``out/runs``, written completely or not at all. Runs that are already in the folder are not
+    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, except for the time of a step. A
+    finished comparison is repeated for custom laws, because their code may read other files.
 
     Parameters
     ----------
     drive : Drive or Circuit
     laws : str or sequence
-        ``"all"``, or words, controller files, tunings and laws of one's own, as for `pneudrive.control.run`.
+        ``"all"``, or names, controller files, tunings and custom laws, as for `pneudrive.control.run`.
     references : str, path-like, Reference, sequence or mapping
-        ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them; one, a
-        sequence, or a mapping that gives them names.
+        ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them: one
+        reference, a sequence, or a mapping from names.
     out : path-like
-        Folder; it is made where it is not there.
+        Folder; it is made if it does not exist.
     seeds : int
-        Number of seeds, from 1 on.
+        Number of seeds. The seeds are 1, 2, 3 and so on.
     setup : Setup, str or path-like
     believes : Drive or Circuit, optional
-        What the laws believe of the drive.
+        Drive that the laws assume.
     mismatch : Mismatch, str or path-like, optional
-        How the drive that is run differs from `drive`, as for `pneudrive.control.run`.
+        Deviation of the simulated drive from `drive`, as for `pneudrive.control.run`.
     spread : Mismatch, str or path-like, optional
-        ``"standard"``, or a TOML file with ranges: each member is a drive of its own, in place of the seeds.
+        ``"standard"``, or a TOML file with ranges. Members, each a different drive, then replace the seeds.
     members : int, optional
-        Of the spread; 200 by default. Member 7 is the same in every comparison.
+        Number of members of the spread; 200 by default. Member 7 is the same in every comparison.
     threads : int, optional
-        Runs at the same time; by default as many as there are processors. Results do not depend on it. With a law of
-        one's own it is one.
+        Number of simultaneous runs; by default the number of processors. Results do not depend on it. Custom laws run
+        one after the other.
     keep_runs : bool, optional
-        Keep the samples of each run and not only its score; by default without a spread.
+        Keep the samples of each run, not only its score. The default is to keep them if there is no spread.
     rtol : float
     allow_code : str, optional
-        SHA-256 of the file of a law of one's own that only a controller's file names.
+        SHA-256 of the file of a custom law, if only a controller file names it.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
     named : str
@@ -574,7 +573,7 @@ def benchmark(
     Raises
     ------
     CommandError, DescriptionError
-        As for `pneudrive.control.run`; the comparison has not begun then.
+        As for `pneudrive.control.run`, before the first run.
     Cancelled
         `cancel` was set; finished runs are kept.
     """
@@ -621,7 +620,7 @@ def benchmark(
 
 
 def _references_told(references: Mapping[str, Reference]) -> Plain:
-    """Return the texts of the references, and how far those that were made of points miss their points."""
+    """Return the texts of the references, and by how much references made of points miss their points."""
     missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
     texts = {along: one.text for along, one in references.items()}
     return {"references": texts} | ({"points_missed_m": missed} if missed else {})
@@ -643,7 +642,7 @@ def _folder(out: object) -> Path:
 
 
 def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mismatch, str] | None:
-    """Read a spread; it takes the place of a mismatch."""
+    """Read a spread. A spread and a mismatch exclude each other."""
     if spread is not None and mismatch is not None:
         remedy = "Write the values of the mismatch into the spread's file."
         raise CommandError("a spread and a mismatch cannot be given together", remedy=remedy)
@@ -660,7 +659,7 @@ def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
-    """Return a function from the seed to the true drive; for a spread, from the member."""
+    """Return a function that returns the true drive for a seed, or for a member of a spread."""
     if spread is None:
         return lambda _: first.truth
     core_json, plant, setup = first.circuit.core_json(), first.plant, first.setup

@@ -37,18 +37,18 @@ class Demand(NamedTuple):
     Attributes
     ----------
     valve_share : float
-        Opening, of the full one; infinite where no opening gives the force.
+        Largest opening over the full opening; infinite if no opening gives the force.
     valve_at_s : float
     valve_exceeded_s : float
         Time for which the full opening would not suffice.
     force_share : float
-        Force of the air, of that at supply pressure against ambient.
+        Largest force of the air, over the force of supply against ambient pressure.
     speed_share : float
-        Of the steady speed at full opening.
+        Largest speed over the steady speed at full opening.
     spool_rate_per_s : float
-        Change of the opening in a second.
+        Largest change of the opening per second.
     lowest_pressure_pa, highest_pressure_pa : float
-        In the chambers, absolute.
+        Pressures in the chambers, absolute.
     """
 
     valve_share: float
@@ -69,16 +69,16 @@ class Feasibility(Viewed):
     ----------
     reference : Reference
     demand : Demand
-        What it takes as it is.
+        Demand of the unslowed reference.
     factor : float or None
-        Least factor in time with which it takes at most 85 % of valve, force and speed; 1: as it is. None: none helps,
-        for instance because it leaves the stroke.
+        Least factor in time at which the reference needs at most 85 % of valve, force and speed; 1: it need not be
+        slowed. None: no factor helps, for instance because the reference leaves the stroke.
     slowed : Demand or None
-        What it takes then.
+        Demand of the slowed reference.
     stroke_m, speed_m_s : float
-        Of the drive.
+        Stroke, and steady speed at full opening, of the drive.
     left_out : tuple of str
-        What the model does not know of the drive, see `Plant`: what it takes is in no share.
+        Components that the model does not include, see `Plant`. The fractions do not contain their demand.
     """
 
     reference: Reference
@@ -231,7 +231,7 @@ class Suitability(NamedTuple):
 
 
 def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real", *, seed: int = 1) -> list[Suitability]:
-    """Try each controller on a drive along R3, as described and with half of its mass; the best one comes first.
+    """Try each controller on a drive along R3, with the described mass and with half of it; the best one comes first.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _trial(
     deviations: Mapping[str, float | str],
     seed: int = 1,
 ) -> tuple[float, str]:
-    """Run a drive that deviates from its description; return the largest error, m, and why it is too large, or ""."""
+    """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
     mismatch = Mismatch.model_validate(deviations)
     law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():

@@ -56,7 +56,7 @@ MEANINGS = {
 class Prepared(NamedTuple):
     """All inputs that determine a run under control, except its seed.
 
-    `plant` is the described drive that is simulated. `warnings` name entries that have no effect or an unexpected one.
+    `plant` is the simulated drive as described. `warnings` name entries with no effect, or with an unexpected effect.
     """
 
     circuit: Circuit
@@ -96,26 +96,26 @@ def run(
     Parameters
     ----------
     drive : Drive or Circuit
-        What is run.
+        Drive to simulate.
     law : str or object, optional
-        Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``. Or one of one's
-        own: a class or an object of one with ``inputs``, names of `pneudrive.control.signals`, and
-        ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it
-        is there. ``"mine.py:Law"`` names such a class.
+        A name in `pneudrive.control.laws`; the default is ``"nmpc"``. Its gains follow from the drive. Or a custom law:
+        a class, or an object of a class, with ``inputs``, a list of names in `pneudrive.control.signals`, and
+        ``step(t, sample, preview)``, which returns the command. If it has ``start(model, period)``, this is called
+        before a run. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R6"``.
     setup : Setup, str or path-like
-        What stands between drive and law: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
+        Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
     duration : str or float, optional
         ``"12 s"``, or a number of seconds; by default 16 s or four periods of a sine, or 2 s after the last move.
     seed : int
-        Of all noise: equal seeds give equal bits, except step_time.
+        Seed of all noise. Equal seeds give equal bits, except step_time.
     controller : Controller, Tuning, str or path-like, optional
-        In place of `law`: a controller, its TOML file, or what `pneudrive.control.tune` returned.
+        In place of `law`: a controller, its TOML file, or the result of `pneudrive.control.tune`.
     believes : Drive or Circuit, optional
-        Drive by which the law works; by default the drive of the controller's file, or `drive`.
+        Drive that the law assumes; by default the drive of the controller file, or `drive`.
     mismatch : Mismatch, str or path-like, optional
-        How the drive that is run differs from `drive`: ``"all"``, ``"mass+30"``, ... of
+        Deviation of the simulated drive from `drive`: ``"all"``, ``"mass+30"`` or another name in
         `pneudrive.control.ready_mismatches`, or a TOML file.
     initial : Initial, dict or str, optional
         Start state. By default at rest at the reference's first position, both chambers about the mean of supply and
@@ -132,11 +132,11 @@ def run(
     xarray.Dataset
         Dimension time, one entry for each sample of the law; position, velocity, pressure_a, pressure_b, reference,
         command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
-        ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
-        told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
+        ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (reported by the
+        supervisor: time_s, kind, value, unit, text), law_failure (if a custom law failed and another law took
         over), law, gains, factors, period_s, samples, setup, mismatch, deviations, seed, reference, motion,
-        air, belief_hash, points_missed_m (of a reference that was made of points), and what `pneudrive.simulate` tells
-        of a description.
+        air, belief_hash, points_missed_m (for a reference made of points), and the attributes of the description as in
+        `pneudrive.simulate`.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def run(
     DescriptionError
         A file is not valid, or the law cannot command the drive.
     SimulationError
-        The drive cannot go on, or a law of one's own fails (`OwnLawError`); the message gives time and state.
+        The simulation cannot continue, or a custom law fails (`OwnLawError`). The message gives time and state.
     Cancelled
         `cancel` was set.
 
@@ -291,12 +291,12 @@ def run_axes(
 
 
 def whole_number(name: str, given: object, low: int, high: int) -> int:
-    """Return a whole number, also one of numpy, within bounds.
+    """Return a whole number within bounds; numbers of numpy are accepted.
 
     Raises
     ------
     CommandError
-        It is none, or out of bounds.
+        The value is not a whole number, or is out of bounds.
 
     Examples
     --------
@@ -317,7 +317,7 @@ def whole_number(name: str, given: object, low: int, high: int) -> int:
 
 
 def _check_jitter(setup: Setup, period_s: float) -> None:
-    """Refuse times of samples that vary by a period or more: samples could change their order."""
+    """Reject a jitter of one period or more, because samples could change their order."""
     parts = {f"sensors.{name}": getattr(setup.sensors, name) for name in CHANNEL_UNITS} | {"computer": setup.computer}
     for name, part in parts.items():
         if part is not None and not part.jitter_s < period_s:
@@ -369,7 +369,7 @@ def _provenance(prepared: Prepared, seed: int) -> Plain:
 def provenance_of(
     circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int, rtol: float
 ) -> Plain:
-    """Return the provenance that runs of an axis and of a platform share; `setup` has its name."""
+    """Return the provenance that runs of an axis and of a platform have in common; `setup` is given with its name."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
     return made_from(circuit, rtol) | {
@@ -388,7 +388,7 @@ def provenance_of(
 
 
 def _start(drive: Drive | Circuit, plant: Plant, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
-    """Return the start state in the core's form: at the reference, the piston in balance, unless given."""
+    """Return the start state in the core's form; by default at the reference, with the piston in balance."""
     circuit, cylinder = drive.circuit, plant.cylinder
     pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)
     position = f"{position_m!r} m"

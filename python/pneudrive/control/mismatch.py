@@ -1,4 +1,4 @@
-"""Mismatch: deviations of a drive from the description that the laws use, for one drive or a spread of members."""
+"""Deviations of a drive from the description that the laws use (a mismatch), for one drive or a spread of members."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ABOVE_ZERO = Bounds(above=0.0)
 
 @dataclass(frozen=True)
 class ValueOrRange(Mark):
-    """Annotation of a value or of a range with a uniform distribution, ``"75 Hz .. 125 Hz"``; both ends are stored."""
+    """Annotation of a value, or of a range such as ``"75 Hz .. 125 Hz"``, sampled uniformly. It stores both ends."""
 
     si_unit: str = ""
     written: str = ""
@@ -84,7 +84,7 @@ def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
 class Mismatch(Described):
     """Deviations of a drive from its description.
 
-    Numbers, or ranges over which the members of a spread are distributed uniformly.
+    Each deviation is a number, or a range from which the members of a spread are drawn uniformly.
 
     Examples
     --------
@@ -124,16 +124,16 @@ class Mismatch(Described):
 
     @property
     def ranges(self) -> dict[str, _Range]:
-        """Name of the deviating value -> the ends of its range."""
+        """Ends of the range of each deviating value, by name."""
         return {name: getattr(self, name) for name in PLACES if getattr(self, name) is not None}
 
     @property
     def is_spread(self) -> bool:
-        """Whether members differ."""
+        """Whether any deviation is a range, so that members differ."""
         return any(low < high for low, high in self.ranges.values())
 
     def drawn(self, seed: int, member: int) -> dict[str, float]:
-        """Return the values of a member: a pure function of seed, member and name.
+        """Return the values of a member. A value depends only on seed, member and name.
 
         Parameters
         ----------
@@ -195,10 +195,10 @@ class Truth(NamedTuple):
     core_json : str
         The circuit in the core's form.
     start : dict
-        Numbers of its start that the description does not have.
+        Values of the start state that the description does not contain.
     setup : Setup
     values : dict
-        Name of what deviates -> its value.
+        Name of each deviating value -> the true value.
     """
 
     core_json: str
@@ -213,7 +213,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     Raises
     ------
     DescriptionError
-        The drive lacks what is to deviate.
+        The drive lacks the component or sensor that a deviation concerns.
     """
     form = json.loads(core_json)
     named = {one["name"]: one for one in form["components"]}
@@ -355,7 +355,7 @@ def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
     Returns
     -------
     Mismatch, str
-        And its name: of the ready one, of the file, or ``"own"``.
+        The mismatch, and its name: a name of the package, the file, or ``"own"``.
 
     Raises
     ------
@@ -376,7 +376,7 @@ def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
     Raises
     ------
     CommandError
-        It is one.
+        The mismatch has ranges.
     """
     if mismatch.is_spread:
         wide = next(key for key, (low, high) in mismatch.ranges.items() if low < high)

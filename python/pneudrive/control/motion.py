@@ -1,4 +1,4 @@
-"""Motion of a reference: wanted position over time, as moves, a sine or polynomials; and paths made of polynomials."""
+"""Motion of a reference: wanted position over time as moves, a sine or polynomials."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ def piece(begin_s: float, duration_s: float, start_m: float, way_m: float, shape
 
 
 def blended(begin_s: float, duration_s: float, start_m: float, to_m: float, order: int) -> list[Row]:
-    """Return a move as one blend."""
+    """Return a move as a single polynomial, at rest at both ends."""
     return [piece(begin_s, duration_s, start_m, to_m - start_m, BLENDS[order])]
 
 
 def within_limits(begin_s: float, start_m: float, to_m: float, limits: PathLimits) -> list[Row]:
     """Return the fastest move of 15 pieces of constant snap within limits.
 
-    Snap s for t_s makes the jerk s t_s, which is kept for t_j. The acceleration is kept for t_a, and the velocity for
-    t_v. Each time is as long as the limits and the way allow, one after the other.
+    Snap s for t_s makes the jerk s t_s, which is held for t_j. The acceleration is held for t_a, and the velocity for
+    t_v. The times are set in this order, each as long as the limits and the distance allow.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[tupl
 
 
 def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, run_up_s: float) -> list[Row]:
-    """Return a move at constant velocity, with blends at its begin and end.
+    """Return a move at constant velocity, with blends at its start and end.
 
     `duration_s` is the duration at constant velocity for the whole distance. The blends add `run_up_s`, which is
     limited to `duration_s`.
@@ -140,7 +140,7 @@ def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, r
 
 
 def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
-    """Return a spline of degree 7 through points at their times, at rest at both ends."""
+    """Return a spline of degree 7 that passes through points at their times and is at rest at both ends."""
     from scipy.interpolate import PPoly, make_interp_spline
 
     rest = [(order, 0.0) for order in (1, 2, 3)]
@@ -150,7 +150,7 @@ def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
 def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
     """Return the spline of degree 7, with knots at this distance, that fits the samples of a record best.
 
-    At both ends it is at rest at the record's position.
+    The spline starts and ends at rest, at the first and last position of the record.
     """
     from scipy.interpolate import BSpline, PPoly
     from scipy.sparse.linalg import spsolve
@@ -202,7 +202,7 @@ class ReferenceMove(NamedTuple):
 
     @property
     def end_s(self) -> float:
-        """Time at which it ends."""
+        """Time at which the move ends."""
         return self.begin_s + self.duration_s
 
 
@@ -229,19 +229,19 @@ class Reference(Shown):
     Attributes
     ----------
     text : str
-        As it was given.
+        Text of the reference as given.
     start_m : float
-        First position; of a sine its centre.
+        First position; for a sine, its centre.
     moves : tuple of ReferenceMove
         Empty for a sine and for polynomials.
     amplitude_m, frequency_hz : float
-        Of a sine, whose amplitude grows from nothing within its first period; 0 for moves.
+        Amplitude and frequency of a sine, which grows from zero within its first period; 0 for moves.
     rest_s : float
-        Behind the last move, where no duration of a run is said.
+        Rest after the last move, if a run has no stated duration.
     pieces : tuple
         Polynomials.
     points_missed_m : float or None
-        Largest distance from the points that it was made of; None: it was made of none.
+        Largest distance of the curve from its given points; None without points.
     """
 
     text: str
@@ -294,7 +294,7 @@ class Reference(Shown):
         return Reach(lowest, highest, float(abs(velocity[fastest])), float(times[fastest]))
 
     def stretched(self, factor: float) -> Reference:
-        """Return the motion slowed by a factor in time, rounded up to a thousandth; unchanged for a factor up to 1."""
+        """Return the motion slowed by a factor in time, rounded up to 0.001; a factor up to 1 changes nothing."""
         if factor <= 1.0:
             return self
         factor = rounded_up(factor)
@@ -322,7 +322,7 @@ class Reference(Shown):
 
 
 def rounded_up(factor: float) -> float:
-    """Return a factor in time, rounded up to a thousandth."""
+    """Return a factor in time, rounded up to 0.001."""
     return float(np.ceil(1e3 * factor) / 1e3)
 
 
@@ -357,7 +357,7 @@ def ways_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
 
 
 def _extremes(piece: Row) -> list[tuple[float, float]]:
-    """Return times and positions at which a piece may turn around, and its end."""
+    """Return times and positions at which a piece may reverse, and its end."""
     begin_s, duration_s, *numbers = piece
     path = np.polynomial.Polynomial(numbers)
     roots = path.deriv().roots()
@@ -390,7 +390,7 @@ def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:
 
 
 def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_S) -> Reference:
-    """Return a reference of moves in sequence."""
+    """Return a reference that consists of successive moves."""
     each = (f"{move.begin_s:.9g} s: {units.write(move.to_m, 'm', 'mm')} in {move.duration_s:.9g} s" for move in moves)
     text = "; ".join([units.write(start_m, "m", "mm"), *each])
     return Reference(text, start_m, tuple(moves), rest_s=rest_s)
@@ -399,5 +399,5 @@ def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_
 def polynomials(
     text: str, start_m: float, pieces: Sequence[Row], *, rest_s: float = REST_S, points_missed_m: float | None = None
 ) -> Reference:
-    """Return polynomials, one after the other."""
+    """Return a reference that consists of successive polynomials."""
     return Reference(text, start_m, rest_s=rest_s, pieces=tuple(pieces), points_missed_m=points_missed_m)

@@ -125,12 +125,12 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     allow_code : str, optional
         SHA-256 of a file of code that may run although only a file names it.
     found_in : str
-        File that names the code; empty where the user of this run has.
+        File that names the code; empty if the user of this run has named it.
 
     Raises
     ------
     CommandError
-        The code does not exist, must not run, or is no law.
+        The code does not exist, is not allowed to run, or is not a law.
     """
     if not isinstance(given, str):
         kind = given if isinstance(given, type) else type(given)
@@ -167,7 +167,7 @@ def check_inputs(name: str, inputs: object) -> list[str]:
     Raises
     ------
     CommandError
-        These are no names of signals, or one stands twice.
+        A name is not that of a signal, or occurs twice.
     """
     known = list(signals())
     if not isinstance(inputs, (tuple, list)):
@@ -184,7 +184,7 @@ def check_inputs(name: str, inputs: object) -> list[str]:
 
 
 def _python(name: str, given: object) -> Callable[..., RunningLaw]:
-    """Return the function that begins a run of a Python law."""
+    """Return the function that starts a run of a Python law."""
 
     def begin(model: object, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> RunningLaw:
         law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given

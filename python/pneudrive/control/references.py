@@ -1,4 +1,4 @@
-"""References: wanted position over time, as text or file, and whether the drive can follow."""
+"""References (wanted position over time) from text or file, and check of their range and speed against a drive."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def reference(given: motion.Reference | str | Path) -> motion.Reference:
     Raises
     ------
     CommandError
-        The text is none of them, or a move begins before the one before it ends.
+        The text has none of these forms, or a move begins before the previous one ends.
     DescriptionError
         The file is not valid.
 
@@ -149,12 +149,12 @@ def reference(given: motion.Reference | str | Path) -> motion.Reference:
 
 
 def moves_of_text(text: str, si_unit: str) -> motion.Reference:
-    """Read a start and moves, ``"220 mm; 1 s: 280 mm in 0.3 s"``, of a coordinate with this unit.
+    """Read a start and moves, ``"220 mm; 1 s: 280 mm in 0.3 s"``, of a coordinate with a given unit.
 
     Raises
     ------
     CommandError
-        The text is not valid, or a move begins before the one before it ends.
+        The text is not valid, or a move begins before the previous one ends.
     """
     ordered = _ORDER.match(text)
     order = int(ordered[1]) if ordered else 7
@@ -271,7 +271,7 @@ def _of_record(path: Path) -> motion.Reference:
 
 
 def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
-    """Refuse a record if the fitted curve deviates between its samples."""
+    """Reject a record if the fitted curve deviates from it between its samples."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
     reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, np.inf, np.inf, 0.0)
@@ -306,9 +306,9 @@ def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove], order
 
 
 def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | None:
-    """Return the position beyond the stroke and the rule that a reference breaks.
+    """Return the position of a reference beyond the stroke, and the rule that it breaks.
 
-    None if it stays within the stroke.
+    Return None if the reference stays within the stroke.
     """
     reach = of.reach()
     for end in (reach.lowest_m, reach.highest_m):
@@ -325,12 +325,12 @@ def check_reach(of: motion.Reference, stroke_m: float, speed_m_s: float) -> None
     of : Reference
     stroke_m : float
     speed_m_s : float
-        Of the drive at full opening.
+        Steady speed of the drive at full opening.
 
     Raises
     ------
     CommandError
-        It leaves the stroke, or is faster than the drive.
+        The reference leaves the stroke, or is faster than the drive.
     """
     beyond, reach = beyond_stroke(of, stroke_m), of.reach()
     if beyond is not None:

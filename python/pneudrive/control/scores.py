@@ -35,42 +35,41 @@ LOST_M = 0.02  # a run with a larger error is lost
 
 @dataclass(frozen=True, repr=False)
 class Score(Viewed):
-    """Score of a run; error is reference less position. None if the measure does not apply to the reference.
+    """Score of a run; error is reference less position.
 
-    Inf if an event never occurs.
+    A measure that does not apply to the reference is None. A time is infinite if its event never occurs.
 
     Attributes
     ----------
     rmse_m, max_error_m : float
-        Root of the mean square, and largest size, of the error: of moves in the whole run, of a sine in its last 4 s,
-        or its last period.
+        RMS and largest absolute error: for moves, in the whole run; for a sine, in its last 4 s or last period.
     first_rmse_m, first_max_error_m : float
-        The same in the first 4 s.
+        RMS and largest absolute error in the first 4 s.
     settling_100_um_s, settling_500_um_s, settling_1000_um_s : float or None
-        From the end of a move to the last time outside of 0.1, 0.5, 1 mm about the reference; the longest.
+        Longest time from the end of a move until the error stays within 0.1, 0.5 or 1 mm.
     rest_error_m : float or None
-        Mean size of the error in the last 0.2 s before the next move, the largest.
+        Mean absolute error in the last 0.2 s before the next move; the largest of all moves.
     hunting_m : float or None
-        Peak to peak of the position in the last 0.6 s before the next move, or behind 10 s of rest; the largest.
+        Largest peak-to-peak position in the last 0.6 s before the next move, or after 10 s of rest.
     slips : int or None
-        Times in these spans at which the speed rose above 1 mm/s.
+        Number of times that the speed rose above 1 mm/s in these spans.
     overshoot_m : float or None
-        Beyond the end of a move, or beyond where it turns around, the largest.
+        Largest overshoot beyond the end of a move, or beyond its reversal.
     iae_m_s, itae_m_s2 : float
-        Integrals of the size of the error, and of time times it.
+        Integrals of the absolute error, and of time times the absolute error.
     valve_travel_per_s : float
         Sum of the changes of the command, per second.
     saturated_share : float
-        Share of the samples with the command at its limit.
+        Fraction of the samples with the command at its limit.
     air_anr_m3_s, exergy_w : float or None
-        Air from the reservoirs per second, as volume at the standard reference atmosphere (ANR), and its exergy over
-        the ambient. None: the dataset does not say.
+        Air from the reservoirs per second, as volume at the standard reference atmosphere (ANR), and its exergy
+        relative to the ambient. None: the dataset does not contain them.
     peak_pressure_rate_pa_s : float
         Largest change of a chamber's pressure from one sample to the next, per second.
     step_median_s, step_999_s, step_worst_s : float
-        Time that a step of the law took on this machine: median, 99.9 %, worst. It differs from run to run.
+        Computing time of a step of the law on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
-        Worst step, each with the least time of its repeats. Without repeats it equals `step_worst_s`.
+        Worst step, if each step counts with the least time of its repeats. Equal to `step_worst_s` without repeats.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -157,7 +156,7 @@ LEADING = ("rmse_m", "max_error_m", "settling_100_um_s", "rest_error_m", "air_an
 
 
 def view_of_score(about: Keyed) -> View:
-    """Return the score and the events of a run under control from its provenance, without figures."""
+    """Return the view of score and events of a run under control, from its provenance, without figures."""
     score = Score(**about["score"])
     texts = {name: written(name, getattr(score, name)) for name in SHOWN}
     values = {name: ShownValue(name, SHOWN[name][0], VALUE, text) for name, text in texts.items() if text}
@@ -189,7 +188,7 @@ def run_title(about: Keyed) -> str:
 
 
 def event_table(events: Iterable[Keyed]) -> Iterator[ShownTable]:
-    """Yield the table of the events of a run, with the leg of a platform; none without events."""
+    """Yield the table of the events of a run, with the leg of a platform; no table without events."""
     rows = [
         (
             f"{event['time_s']:.3f} s",
@@ -213,7 +212,7 @@ def score(run: xr.Dataset) -> Score:
     Raises
     ------
     CommandError
-        The dataset is no run under control, or a part of one.
+        The dataset is not a complete run under control.
     """
     said, names = attributes(run) if hasattr(run, "attrs") else {}, tuple(SCORED)
     motion = said.get("motion")
@@ -240,7 +239,7 @@ SCORED = (
 
 
 def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[str, float] | None = None) -> Score:
-    """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` what `air_of` gives."""
+    """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` is from `air_of`."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x
     last_s = max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
@@ -283,7 +282,7 @@ def air_of(
     ambient: tuple[float, float],
     gas: tuple[float, float] = (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K),
 ) -> dict[str, float]:
-    """Return volume and exergy of air, or of another gas, that a reservoir gave.
+    """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 
     Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).
 

@@ -1,4 +1,4 @@
-"""Instrumentation between a drive and its law. Sensors, converter, computing time, disturbances."""
+"""Instrumentation between a drive and its law: sensors, converter, computing time, disturbances."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Seconds = Annotated[float, marks.Quantity("s", bounds=NOT_NEGATIVE)]
 
 
 class PositionSensor(Described):
-    """Encoder: counts of a resolution, of a position with noise."""
+    """Encoder: position with noise, rounded to whole counts."""
 
     table_name: ClassVar[str] = "sensors.position"
     resolution_m: Annotated[float | None, _mark("encoder", "resolution")] = Field(
@@ -144,7 +144,7 @@ ABSOLUTE = ("supply-fallen", "saturated")  # kinds with an absolute pressure
 
 
 class ControlFault(Described):
-    """A fault that acts from a time on, either until another time or permanently."""
+    """A fault that starts at a given time, and ends at another time or never."""
 
     kind: Annotated[str, marks.Choice(tuple(FAULTS))]
     channel: Annotated[str | None, marks.Choice(tuple(CHANNEL_UNITS))] = None
@@ -187,7 +187,7 @@ class ControlFault(Described):
         }
 
     def _plain_pressure(self, value: str) -> str:
-        """Return a pressure without "abs". Refuse gauge pressures, and absolute pressures if a difference is needed."""
+        """Return a pressure without "abs". Reject gauge pressures, and absolute pressures if a difference is needed."""
         is_absolute = self.kind in ABSOLUTE
         if value.endswith(" gauge") or (value.endswith(" abs") and not is_absolute):
             what = f'"{value}" is {"gauge" if value.endswith(" gauge") else "an absolute pressure"}'
@@ -197,7 +197,7 @@ class ControlFault(Described):
 
 
 class Disturbance(Described):
-    """An external force from a time on."""
+    """An external force that starts at a given time."""
 
     at_s: Seconds
     force_n: marks.Force
@@ -206,7 +206,7 @@ class Disturbance(Described):
 class Setup(Described):
     """Instrumentation of a run under control. The package has ``ideal``, ``real`` and ``cheap``.
 
-    Their values are assumed.
+    The values in these three files are assumed.
 
     Examples
     --------
@@ -240,7 +240,7 @@ class Setup(Described):
         return self
 
     def short_of(self, supply_pa: float, ambient_pa: float) -> list[str]:
-        """Return a warning if the range of its pressure sensors ends below the supply pressure; else an empty text."""
+        """Return a warning if the range of the pressure sensors ends below the supply pressure; else an empty list."""
         ranges = [one.range_pa for one in (self.sensors.pressure_a, self.sensors.pressure_b) if one is not None]
         top = ambient_pa + min(ranges, default=math.inf)
         ends = f"The pressure sensors of the setup end at {1e-5 * top:.4g} bar abs, below the supply"
@@ -248,7 +248,7 @@ class Setup(Described):
         return [said] if top < supply_pa else []
 
     def later_than(self, end_s: float) -> list[str]:
-        """Return warnings of entries that begin only after a run has ended, s."""
+        """Return warnings of entries that begin only after the end of a run."""
         tables = {"disturbances": self.disturbances, "faults": self.faults}
         return [
             f"{name}: what begins at {min(late):g} s has no effect, as the run ends at {end_s:g} s"
@@ -294,7 +294,7 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
     Returns
     -------
     Setup, str
-        And its name: of the ready one, of the file, or ``"own"``.
+        The setup, and its name: a name of the package, the file, or ``"own"``.
 
     Raises
     ------
@@ -349,7 +349,7 @@ REMOVED_LAWS = {"pva": 'The controller "pva" was removed. Use "inversion", or "p
 
 
 def law_remedy(word: str) -> str:
-    """Return the remedy for a word that does not name a controller."""
+    """Return the remedy for an unknown name of a controller."""
     return REMOVED_LAWS.get(word) or nearest(word, _core.control_laws())
 
 
@@ -357,7 +357,7 @@ class BuiltInLaw(marks.Choice):
     """Annotation of a field for a controller of pneudrive."""
 
     def read(self, given: object) -> str:
-        """Check the word."""
+        """Check the name."""
         if given not in self.choices:
             raise WrongValueError(f"{given!r} is not known", remedy=law_remedy(str(given)))
         return str(given)
@@ -367,7 +367,7 @@ class SupplyReaction(marks.Choice):
     """Annotation of a reaction to a low supply."""
 
     def read(self, given: object) -> str:
-        """Check the word."""
+        """Check the name."""
         if given == "slow":
             remedy = 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.'
             raise WrongValueError('the reaction "slow" was removed', remedy=remedy)
@@ -375,7 +375,7 @@ class SupplyReaction(marks.Choice):
 
 
 class ControlLimits(Described):
-    """Limits of a drive under control. A reference beyond them is refused, and a drive beyond them is stopped."""
+    """Limits of a drive under control. A reference beyond them is rejected, and a drive beyond them is stopped."""
 
     table_name: ClassVar[str] = "limits"
     position: Annotated[tuple[float, float] | None, marks.Between("m", "mm")] = Field(
@@ -391,7 +391,7 @@ class ControlLimits(Described):
 
 
 class MotionComplete(Described):
-    """Rule for a complete motion, and the time after which an incomplete one is reported."""
+    """Conditions of a complete motion, and the time after which an incomplete motion is reported."""
 
     table_name: ClassVar[str] = "motion"
     tolerance_m: marks.Length = Field(default=1e-4, description="error within which it has settled; assumed")
@@ -430,7 +430,7 @@ class Supervision(NamedTuple):
     on_fault: OnFault = OnFault()
 
     def lines(self) -> list[str]:
-        """Return its tables as lines of a controller file, without default values."""
+        """Return the tables of the supervisor as lines of a controller file, without default values."""
         lines = []
         for table, usual in zip(self, USUAL, strict=True):
             if table != usual:
@@ -439,7 +439,7 @@ class Supervision(NamedTuple):
         return lines
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
-        """Return the supervisor in the core's form, SI, pressures absolute."""
+        """Return the supervisor in the core's form, in SI with absolute pressures."""
         limits, motion, fault = self
         pressure = limits.pressure
         rules = {

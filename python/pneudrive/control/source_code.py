@@ -47,7 +47,7 @@ def export(
 ) -> list[Path]:
     """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
-    The code receives samples and the reference, and returns the command. It checks sensors and reference, has stop
+    The code receives samples and the reference, and returns the command. It checks sensors and reference, stops by
     ramps, and adapts if the controller does. It does not brake before an end stop. An FMU has the same C code in
     ``sources/``, and a library if this machine has a C compiler. ``nmpc`` cannot be written as source code: its FMU is
     a library with the whole controller and its reference.
@@ -55,15 +55,15 @@ def export(
     Parameters
     ----------
     tuning : Tuning
-        What `pneudrive.control.tune` returned. Every law but one's own; ``nmpc`` as an FMU only.
+        Result of `pneudrive.control.tune` for any law that is not custom; ``nmpc`` as an FMU only.
     to : str
         ``"c"``, ``"st"`` or ``"fmu"``.
     out : path-like
-        Folder, which is made where it is not there; of an FMU a file ending in ``.fmu``.
+        Folder, which is made if it does not exist; for an FMU, a file ending in ``.fmu``.
     setup : Setup, str or path-like
-        Its position sensor decides the gain of the observer; without pressure sensors the code asks for none.
+        The position sensor decides the gain of the observer. Without pressure sensors, the code has no inputs for them.
     along : Reference, str or path-like, optional
-        Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Others have it as inputs.
+        Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Other controllers get the reference as inputs.
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
 
@@ -142,7 +142,7 @@ def code_plan(
     ----------
     tuning : Tuning
     files, variables : list
-        Of `pneudrive._core.control_export`.
+        Result of `pneudrive._core.control_export`.
     """
     given = []
     for causality, name, unit, meaning, value in variables:
@@ -168,16 +168,16 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     Parameters
     ----------
     tuning : Tuning
-        Of every law but one's own.
+        Tuning of a law that is not custom.
     reference : Reference
-        It begins where the run of the other tool does.
+        Reference that begins at the start position of the run in the other tool.
     setup : Setup
-        Its position sensor decides the gain of the observer; without pressure sensors the law has no inputs for them.
+        The position sensor decides the gain of the observer. Without pressure sensors, the law has no inputs for them.
 
     Raises
     ------
     CommandError
-        The law is custom, or it commands several or switching valves.
+        The law is custom, or it commands several valves or a switching valve.
     """
     if tuning.own is not None:
         raise CommandError("a custom law cannot be part of an FMU", remedy="Choose a controller of pneudrive.")

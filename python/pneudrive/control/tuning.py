@@ -38,7 +38,7 @@ PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
 
 class HoldBand(Described):
-    """Holding: after the reference has stopped and the error stays in the band, the force of the air is kept."""
+    """Band for holding. Once the reference rests and the error stays in the band, the force of the air is kept."""
 
     table_name: ClassVar[str] = "hold"
     band_m: Length = Field(default=BAND_M, description="error below which it begins")
@@ -85,7 +85,7 @@ class Factors(Described):
 
     @property
     def values(self) -> tuple[float, float, float]:
-        """The three in the core's order."""
+        """The three factors in the core's order."""
         return self.gain, self.damping, self.filter
 
 
@@ -105,7 +105,7 @@ class LawWord(instrumentation.BuiltInLaw):
     """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
-        """Check the word."""
+        """Check the name."""
         if isinstance(given, str) and (given == "own" or own_code.split(given) is not None):
             return given
         return super().read(given)
@@ -114,8 +114,8 @@ class LawWord(instrumentation.BuiltInLaw):
 class Controller(Described):
     """A controller as its file describes it.
 
-    Gains and valve parameters have units. `pneudrive.control.tune` reads them, because the core lists them by
-    controller and valves. Values that are left out are derived from the drive.
+    Gains and valve parameters have units. `pneudrive.control.tune` reads them, because their keys depend on the
+    controller and the valves. Missing values are derived from the drive.
 
     Examples
     --------
@@ -154,12 +154,12 @@ class Controller(Described):
 
     @property
     def supervision(self) -> instrumentation.Supervision:
-        """Its supervisor."""
+        """Supervisor of the controller."""
         return instrumentation.Supervision(self.limits, self.motion, self.on_fault)
 
 
 def gain_quantity(unit: str) -> Quantity:
-    """Return the annotation of a gain with a unit of the core; bounds are the core's."""
+    """Return the annotation of a gain with a unit of the core; the core checks its bounds."""
     return Quantity(units.si_name(unit))
 
 
@@ -169,14 +169,14 @@ class TunedGain(NamedTuple):
     Attributes
     ----------
     key : str
-        In a controller file.
+        Key in a controller file.
     unit : str
         SI; ``"1"`` for a pure number.
     value : float
     meaning, rule : str
-        What it is, and what it follows from.
+        Meaning of the gain, and the rule that determines it.
     given : bool
-        Whether it was given and does not follow from its rule.
+        Whether the value was given and does not follow from the rule.
     """
 
     key: str
@@ -188,7 +188,7 @@ class TunedGain(NamedTuple):
 
     @property
     def quantity(self) -> str | float:
-        """Value as a controller file writes it."""
+        """Value with its unit, as in a controller file."""
         return gain_quantity(self.unit).show(self.value)
 
     def __str__(self) -> str:
@@ -203,30 +203,30 @@ class Plant(Shown):
     Attributes
     ----------
     natural_frequency_rad_s : float
-        Of the mass on its air, shut in.
+        Natural frequency of the moving mass on the air springs of both shut chambers.
     damping_ratio : float
         From viscous friction.
     speed_m_s : float
-        Steady speed at full opening, the exhaust choked.
+        Steady speed at full opening with choked exhaust.
     force_rate_n_s : float
         Rate of the force of a chamber at full opening.
     lag_s : float
-        By which a command acts late: dead time of the valve, its spool, half a period.
+        Delay of a command: dead time of the valve, lag of its spool, and half a period.
     coulomb_n : float
     stroke_m : float
     rest_pressures_pa : list of float
-        Of chambers a and b, absolute, about the mean of supply and ambient pressure: the piston rests without friction.
+        Absolute pressures of chambers a and b, near the mean of supply and ambient, at which the piston rests.
     cylinder : str
-        Name of the component.
+        Name of the cylinder.
     valves : list of str
         Names of the valves in the order of their commands.
     left_out : list of str
-        Components of which the law knows nothing but the volume of tubes at the chambers, and parts of cylinder and
-        valve that it does not know.
+        Components that the law does not model, and parts of cylinder and valve that it does not model. Of tubes at the
+        chambers, the law includes the volume.
     pressure_decay_1_s : list of float
-        Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
+        Rates at which the pressures of both shut chambers decay by leakage and heat, at mid-stroke.
     least_force_shares : list of float
-        Shares of the supply's force that weight and friction at rest take in +x and against it, mid stroke.
+        Fractions of the supply's force that weight and friction at rest need in +x and against it, at mid-stroke.
     """
 
     natural_frequency_rad_s: float
@@ -263,9 +263,9 @@ class LawModel(NamedTuple):
     Attributes
     ----------
     plant : Plant
-        Properties of the drive that matter for control: natural frequency, speed at full opening, lag, and so on.
+        Properties that matter for control: natural frequency, speed at full opening, lag, and so on.
     drive : Circuit
-        Model of the drive that the law may assume.
+        Drive that the law assumes.
     """
 
     plant: Plant
@@ -295,11 +295,11 @@ class Tuning(Viewed):
     own : OwnLaw or None
         Custom law, or None. A custom law has no gains here.
     supervision : Supervision
-        Limits, when a motion is complete, and what is done about faults.
+        Limits, conditions of a complete motion, and reactions to faults.
     valves : tuple of TunedGain
-        Numbers of several or switching valves.
+        Numbers of several valves, or of a switching valve.
     factors : Factors
-        What the gains are multiplied by.
+        Factors of the gains.
     """
 
     law: str
@@ -361,7 +361,7 @@ class Tuning(Viewed):
     def save(self, path: str | Path) -> Path:
         """Write a controller file. Paths in the file are relative to its folder.
 
-        If `believes` was a drive object, the output has no file name for it: add one as ``drive``.
+        If `believes` was a drive object, add the name of its file to the output as ``drive``.
 
         Raises
         ------
@@ -371,7 +371,7 @@ class Tuning(Viewed):
         return write_whole(Path(path), self.to_toml(Path(path).parent))
 
     def view(self) -> View:
-        """Return the gains with their rules, the drive as assumed, and the limits."""
+        """Return the gains with their rules, the assumed drive, and the limits."""
         rows = [
             ShownValue(f"{gain.key}.{name}", gain.key, name, text)
             for gain in self.numbers
@@ -397,7 +397,7 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
 
 
 def factors_form(factors: Factors) -> dict[str, Any]:
-    """Return the factors of the gains in the core's form; empty for the usual ones."""
+    """Return the factors of the gains in the core's form; empty if all are 1."""
     return {} if factors == USUAL_FACTORS else {"factors": factors.values}
 
 
@@ -467,24 +467,24 @@ def tune(
     Parameters
     ----------
     drive : Drive or Circuit
-        With one cylinder and one reservoir, on one proportional 5/3 valve, two proportional 3/2 valves, four 2/2
-        switching valves, or one 5/3 switching valve.
+        Drive with one cylinder and one reservoir, and with one proportional 5/3 valve, two proportional 3/2 valves,
+        four 2/2 switching valves, or one 5/3 switching valve.
     law : str or object, optional
-        Of `laws`; the default is that of the controller, or ``"nmpc"``. One's own: see `pneudrive.control.run`.
+        A name in `laws`; the default is that of the controller, or ``"nmpc"``. Custom: see `pneudrive.control.run`.
     setup : Setup, str or path-like
-        What the law is run in; it decides what is said about limits, not the gains.
+        Sensors, converter and computer. They affect the stated limits of the controller, not the gains.
     controller : Controller, str or path-like, optional
-        A controller, or its TOML file: period, gains that are given and not tuned, standing still, and the drive that
-        the law believes in.
+        A controller, or its TOML file: period, gains that are given and not tuned, holding, and the drive that the law
+        assumes.
     believes : Drive or Circuit, optional
-        What the law believes of the drive, in place of `drive` and of the controller's.
+        Drive that the law assumes, in place of `drive` and of the drive in the controller file.
     allow_code : str, optional
-        SHA-256 of the file of a law of one's own that only the controller's file names.
+        SHA-256 of the file of a custom law, if only the controller file names it.
 
     Raises
     ------
     DescriptionError
-        A file is not valid, a gain is unknown or out of bounds, or the drive is none that a law can command.
+        A file is not valid, a gain is unknown or out of bounds, or no law can command the drive.
     CommandError
         The law is unknown, or both `law` and a controller with another law are given.
 
@@ -546,7 +546,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
 
 
 def _beside(law: str, folder: Path) -> str:
-    """Return the name of code in the folder of a controller file; leave other names unchanged."""
+    """Return the path of custom code as seen from the folder of a controller file; keep other names unchanged."""
     module, name = split(law) or ("", "")
     return f"{os.path.normpath(folder / module)}:{name}" if is_code_file(module) else law
 
@@ -619,7 +619,7 @@ def believed_by(controller: str | None) -> Drive | Circuit:
     Raises
     ------
     CommandError
-        There is no file, or it names none.
+        No file is given, or it does not name a drive.
     DescriptionError
         A file is not valid.
     """
@@ -630,7 +630,7 @@ def believed_by(controller: str | None) -> Drive | Circuit:
 
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
-    """Load the drive that a controller file names relative to its folder; return its name from here, too."""
+    """Load the drive that a controller file names relative to its folder. Return it with its path from here."""
     from pneudrive.describe.files.load import load_described
 
     path = source if source.startswith(PREFIX) else str(folder / source)
@@ -647,7 +647,7 @@ EQUAL_DECAY = 0.01
 
 
 def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]:
-    """Return the limits of a tuned controller in words; warn where it can hardly work.
+    """Return the limits of a tuned controller in words; warn if it will hardly work.
 
     Parameters
     ----------

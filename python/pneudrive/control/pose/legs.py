@@ -59,11 +59,11 @@ class Demands(NamedTuple):
     forces_n, masses_kg : ndarray
         Force of each leg without friction, and its moving mass.
     loads_n, load_rates_n_s : ndarray
-        m_i a_i - F_i: force in +x that neither air nor friction gives, and its rate.
+        m_i a_i - F_i: force in +x that comes neither from air nor from friction, and its rate.
     couplings : ndarray, shape (m, n, n)
         Part of the force of leg j that acts on leg i as a load; zero for i = j.
     singular_values : ndarray, shape (m,)
-        The smallest one of each pose.
+        Smallest singular value at each pose.
     """
 
     times_s: Array
@@ -112,12 +112,12 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
 def check_path(
     platform: Platform, tunings: list[Tuning], needs: Demands, least: float = LEAST_SINGULAR_VALUE
 ) -> dict[str, float]:
-    """Reject a path that a leg cannot follow, and return the smallest margins of the others.
+    """Reject a path that a leg cannot follow; for any other path, return the smallest margins.
 
     Returns
     -------
     dict
-        ``singular_value``, and the largest fraction of the force of the supply and of the speed of a leg.
+        Smallest ``singular_value``, and the largest fractions of the available force and speed that a leg needs.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain
 
 
 def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, load_n: float) -> Circuit:
-    """Return the circuit of one leg as a single axis: its cylinder, its valves, its supply, and a load at the rod.
+    """Return the circuit of one leg as a single axis: cylinder, valves, supply, and a load at the rod.
 
     Parameters
     ----------
@@ -306,17 +306,17 @@ def run_pose(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Run a platform under control along a path of its pose. Simulated: controllers and platform share equations.
+    """Simulate a platform under control along a path of its pose. Controllers and platform share equations.
 
-    Each leg has its own controller. The path gives it position, velocity, acceleration and jerk of its leg. The inverse
-    dynamics of the described platform give it moving mass, load and rate of the load.
+    Each leg has a controller. It receives position, velocity, acceleration and jerk of the leg from the path. It
+    receives moving mass, load and rate of the load from the inverse dynamics of the described platform.
 
     Parameters
     ----------
     circuit : Circuit
-        With one platform, and a cylinder with valves at each leg.
+        Circuit with one platform, and with a cylinder and valves at each leg.
     law : str, optional
-        Of `pneudrive.control.laws`; the default is ``"nmpc"``.
+        A name in `pneudrive.control.laws`; the default is ``"nmpc"``.
     reference : PosePath, mapping, str or path-like
         See `pneudrive.control.pose.pose_path`.
     setup, duration, controller, rtol, progress, cancel : optional
@@ -324,12 +324,12 @@ def run_pose(
     seed : int
         Seed of all noise, and of the draws of a mismatch with ranges.
     payload : str or sequence of str, optional
-        Mass at ``payload_at`` of the platform that no controller knows, ``"2 kg"``. Each of several payloads is run.
-        The dataset is that of the first one, and the score has the spread.
+        Mass at ``payload_at`` of the platform, such as ``"2 kg"``, that no controller knows. With several payloads, the
+        platform is run with each. The dataset is that of the first payload, and the score has the spread.
     mismatch : Mismatch, str or path-like, optional
         Deviation of each leg from its description. Ranges are drawn for each leg.
     dynamics : str
-        ``"full"``, or ``"constant"``: mass and load of a leg stay those at the start of the path.
+        ``"full"``, or ``"constant"``: the controllers assume mass and load of each leg at the start of the path.
 
     Returns
     -------

@@ -52,7 +52,7 @@ class CoordinatePath(NamedTuple):
     edge_s : float
         Duration of an edge of a square.
     leads : bool
-        It is the first coordinate of a circle or a square, a quarter of a period ahead of the second one.
+        Whether this is the first coordinate of a circle or a square, a quarter of a period ahead of the second one.
     moves : tuple of ReferenceMove
     """
 
@@ -65,7 +65,7 @@ class CoordinatePath(NamedTuple):
     moves: tuple[ReferenceMove, ...] = ()
 
     def at(self, times_s: Array) -> Array:
-        """Return the coordinate and two derivatives, shape (3, n). A sine grows within its first period."""
+        """Return the coordinate and two derivatives, shape (3, n). A sine reaches full amplitude within a period."""
         if self.kind in ("square", "moves"):
             start = self.centre
             moves = self._until(float(times_s.max(initial=0.0)))
@@ -78,7 +78,7 @@ class CoordinatePath(NamedTuple):
         return self.amplitude * grown + np.array([[self.centre], [0.0], [0.0]])
 
     def _until(self, end_s: float) -> list[ReferenceMove]:
-        """Return the moves that begin until a time."""
+        """Return the moves that begin up to a given time."""
         if self.kind == "moves":
             rounds = 1 if math.isinf(self.period_s) else int(end_s / self.period_s) + 1
             own = [
@@ -100,10 +100,10 @@ class PosePath(Shown):
     Attributes
     ----------
     text : str
-        File, or the lines.
+        Name of the file, or the lines.
     coordinates : tuple of str
     units : tuple of str
-        m or rad of each coordinate.
+        Unit of each coordinate: m or rad.
     lines : tuple of CoordinatePath
     """
 
@@ -126,7 +126,7 @@ class PosePath(Shown):
         return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S
 
     def at(self, times_s: Array) -> Array:
-        """Return coordinates, m and rad, and two derivatives at times, s: shape (3, coordinates, times)."""
+        """Return coordinates (m, rad) and their first two derivatives at times (s), shape (3, coordinates, times)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
 
@@ -145,8 +145,8 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
     given : PosePath, mapping, str or path-like
         A TOML file or a mapping with one text for each coordinate: a sine ``"sine 30 mm 0.5 Hz around 470 mm"``; a
         circle of two coordinates, ``"circle 5 deg 0.5 Hz"`` at each; a square of two coordinates with blended edges,
-        ``"square 20 mm 0.5 Hz in 0.2 s"`` at each; moves, ``"450 mm; 1 s: 470 mm in 0.3 s; every 2 s"``. A coordinate
-        that is left out, and a centre that is left out, are those of half strokes.
+        ``"square 20 mm 0.5 Hz in 0.2 s"`` at each; moves, ``"450 mm; 1 s: 470 mm in 0.3 s; every 2 s"``. The default of
+        a coordinate or a centre is its value with all legs at mid stroke.
     platform : Platform
 
     Raises
@@ -232,14 +232,14 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
 
 @dataclass(frozen=True)
 class Tracked:
-    """Error of one coordinate or leg, reference less actual value; m or rad.
+    """Error of one coordinate or leg: reference less actual value, m or rad.
 
     Attributes
     ----------
     unit : str
         m or rad.
     rmse, max_error : float
-        Root of the mean square, and largest size.
+        RMS and largest absolute error.
     amplitude : float
         Half of the range of the reference.
     """
@@ -251,11 +251,11 @@ class Tracked:
 
     @property
     def percent(self) -> float:
-        """Root of the mean square in percent of the amplitude; NaN if the reference is at rest."""
+        """RMS error in percent of the amplitude; NaN if the reference is at rest."""
         return 100.0 * self.rmse / self.amplitude if self.amplitude > 0.0 else float("nan")
 
     def error(self) -> str:
-        """Return the root of the mean square in percent of the amplitude, or with its unit for a reference at rest."""
+        """Return the RMS error in percent of the amplitude, or with its unit for a reference at rest."""
         return self._written(self.rmse) if np.isnan(self.percent) else f"{self.percent:.3g} %"
 
     def shown(self, name: str) -> list[ShownValue]:
@@ -271,23 +271,23 @@ class Tracked:
 
 @dataclass(frozen=True, repr=False)
 class PoseScore(Viewed):
-    """Score of a platform along a path. A path that repeats is scored in its last 4 s or its last period.
+    """Score of a platform along a path. A periodic path is scored in its last 4 s or its last period.
 
     Attributes
     ----------
     coordinates, legs : dict
         Name -> `Tracked`.
     air_per_cycle_anr_m3 : float or None
-        Air from the reservoirs in a period, as volume at the standard reference atmosphere; None: nothing repeats.
+        Air from the reservoirs in a period, as volume at the standard reference atmosphere; None: no period.
     air_anr_m3_s : float
     saturated_share : float
-        Largest fraction of the samples of a leg with the command at its limit.
+        Fraction of the samples with the command at its limit; the largest of all legs.
     stops_hit : int
         Legs that reached an end of their stroke.
     singular_value, force_share, speed_share : float
         Smallest singular value along the path, and the largest fractions of the available force and speed.
     payload_spread : dict
-        Payload -> name of a coordinate -> `Tracked`, where several payloads are run.
+        Payload -> name of a coordinate -> `Tracked`, if several payloads were run.
     """
 
     coordinates: dict[str, Tracked]
