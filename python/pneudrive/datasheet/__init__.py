@@ -1,1 +1,1 @@
-"""Characteristics of a drive with unit, interval, standard and source, and the numbers of a datasheet."""
+"""Characteristics of a drive, each with unit, interval, standard and source, and the numbers of a datasheet."""

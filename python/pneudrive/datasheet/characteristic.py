@@ -45,7 +45,7 @@ class Characteristic:
     Attributes
     ----------
     name : str
-        As users write it.
+        Name for users.
     title : str
     definition : str
         Meaning in one or two sentences.
@@ -55,7 +55,7 @@ class Characteristic:
         Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name, or as a tuple in the
         order of its docstring.
     standard : str
-        Standard that defines it. Empty without a standard. "form" of a standard: its definition with other conditions.
+        Standard that defines it; empty without a standard. "form of" a standard: its definition under other conditions.
     cites : tuple of str
         Keys of references.bib.
     x, y : str
@@ -63,13 +63,13 @@ class Characteristic:
     settings : dict
         Name of a setting -> its default and meaning.
     results : dict
-        Name of a result or axis -> unit with the axes (``"m/s over command"``), and meaning.
+        Name of a result or axis -> unit and axes (``"m/s over command"``), and meaning.
     slow : bool
         Whether it takes more than about a second.
     held : bool
-        Whether it looks at the drive at states that are held: valves without lag, cylinder without cushions.
+        Whether it evaluates the drive at fixed states: valves without lag, cylinder without cushions.
     needs_shares : bool
-        Whether it needs commands between those of full opening, which switching valves do not have.
+        Whether it needs partial valve openings, which switching valves do not have.
     """
 
     name: str
@@ -107,7 +107,7 @@ class Characteristic:
         return xr.Dataset(labelled["result"], labelled["axis"], self.about(plant))
 
     def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
-        """Return a result with unit and meaning from the docstring, unless the function states them."""
+        """Return a result with its unit and meaning, from the docstring unless the function states them."""
         if isinstance(value, ResultValue):
             return value
         form, meaning = self.results[name]
@@ -140,7 +140,7 @@ def characteristic(name: str, *, algorithm: str, definition: str = "", **more: A
     name, algorithm
         See `Characteristic`.
     definition : str
-        Definition that is not in the docstring.
+        Definition, if it is not in the docstring.
     **more
         Other fields of `Characteristic`.
     """
@@ -167,7 +167,7 @@ def characteristics_in(module: ModuleType) -> list[Characteristic]:
 
 
 def results_of(found: xr.Dataset) -> list[str]:
-    """Return the results without the ends of their intervals; single numbers come first."""
+    """Return the results without the bounds of their intervals; single numbers come first."""
     names = [str(name) for name in found.data_vars]
     plain = [name for name in names if not (name.endswith(("_low", "_high")) and name.rpartition("_")[0] in names)]
     return sorted(plain, key=lambda name: found[name].ndim)
@@ -176,7 +176,7 @@ def results_of(found: xr.Dataset) -> list[str]:
 def value_rows(
     found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
 ) -> Iterator[tuple[str, str, float, float | None, float | None]]:
-    """Yield result, formatted coordinates, value, and both ends of its interval.
+    """Yield result, formatted coordinates, value, and both bounds of the interval.
 
     Parameters
     ----------

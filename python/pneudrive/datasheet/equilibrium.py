@@ -48,14 +48,14 @@ class Equilibrium(Viewed):
     ----------
     command, position_m, velocity_m_s : float
     pressure_a_pa, pressure_b_pa : float
-        Absolute.
+        Pressures in the chambers, absolute.
     temperature_a_k, temperature_b_k : float
     gas_force_n : float
-        On the piston in +x, of gas, weight, springs and described load; without friction.
+        Force of gas, weight, springs and described load on the piston in +x, without friction.
     friction_n : float
         Steady friction against the motion, with the sign of the velocity; 0 at rest.
     load_n : float
-        External force in +x that balances the piston; at rest it holds it without friction.
+        External force in +x that balances the piston; at rest, it balances the piston without friction.
     """
 
     command: float
@@ -89,20 +89,20 @@ def equilibrium(
 ) -> Equilibrium:
     """Return the steady state of a drive under a command.
 
-    The rates are those of the core at each trial state. A damped Newton method finds their zero.
+    The core evaluates the rates at each trial state. A damped Newton method finds their zero.
 
     Parameters
     ----------
     drive : Drive or Circuit
-        One piston under one to four valves.
+        Drive with one piston and one to four valves.
     command : float
-        In [-1, 1].
+        Command of the valve in [-1, 1].
     position : str or float, optional
         Position of the piston, ``"120 mm"`` or in m. The default is mid-stroke.
     velocity : str or float, optional
-        Imposed, ``"0.2 m/s"`` or in m/s; the load that balances it follows. The default is 0, a pinned piston.
+        Imposed velocity, ``"0.2 m/s"`` or in m/s; the balancing load is calculated. The default is 0, a pinned piston.
     load : str or float, optional
-        Force in +x, ``"-100 N"`` or in N, in place of `velocity`: the velocity under it follows.
+        Force in +x, ``"-100 N"`` or in N, in place of `velocity`; the velocity under this load is calculated.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def number_of(given: str | float, unit: str, what: str) -> float:
     Raises
     ------
     CommandError
-        It cannot be read, or is not finite.
+        The value cannot be read, or is not finite.
     """
     with naming(what):
         value = units.parse(given, unit) if isinstance(given, str) else float(given)
@@ -165,7 +165,7 @@ def state_at(plant: HeldDrive, command: float, position: float, velocity: float,
 def under_load(plant: HeldDrive, command: float, position: float, load: float) -> Equilibrium:
     """Return the steady motion that a drive at rest reaches under a load in +x.
 
-    The velocity is 0 if it does not move.
+    The velocity is 0 if the drive does not move.
     """
     gas, velocity = gas_under_load(plant, command, position, load)
     return state_at(plant, command, position, velocity, gas)
@@ -182,7 +182,7 @@ def gas_under_load(plant: HeldDrive, command: float, position: float, load: floa
 
 
 class _SteadySearch:
-    """Search of a steady state: the drive's own rates with the position held, integrated with growing steps.
+    """Search for a steady state: integration of the drive's rates, at fixed position, with growing steps.
 
     Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit Euler step. As it
     grows, it becomes a Newton step. The search therefore follows the motion of the drive and ends at the drive's final
@@ -213,7 +213,7 @@ class _SteadySearch:
         Raises
         ------
         SimulationError
-            None was found.
+            No steady state was found.
         """
         supply, (ambient, temperature) = self.plant.supply_pa, self.plant.ambient
         gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
@@ -249,7 +249,7 @@ class _SteadySearch:
     def _damped(self, z: Array, step: Array, found: Array, own: int) -> tuple[float, Array]:
         """Return the fraction of a step to take, and the rates after it.
 
-        Flow near equal pressures changes sharply, and full steps would jump across.
+        The flow changes sharply near equal pressures, and full steps would jump over this region.
         """
         tried: dict[float, Array] = {}
         for share in SHORTER:
@@ -260,7 +260,7 @@ class _SteadySearch:
         return best, tried[best]
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
-        """Return an implicit step over a time, and whether the step was shortened because it was too long."""
+        """Return an implicit Euler step over a time, and whether the step was too long and therefore shortened."""
         slopes = np.empty((own, own))
         for k in range(own):
             beside = z.copy()
@@ -297,26 +297,26 @@ def linearise(
 ) -> StateSpace:
     """Return the linear model of a drive about a state, as a `control.StateSpace` (extra ``linear``).
 
-    ``x' = A x + B u`` of deviations from the state; gas at ambient temperature. A comes from the core's duals.
+    ``x' = A x + B u`` for deviations from the state, with gas at ambient temperature. The derivatives are exact.
 
     Parameters
     ----------
     drive : Drive or Circuit
-        One piston under one to four valves.
+        Drive with one piston and one to four valves.
     position : str or float, optional
         ``"120 mm"`` or in m; by default mid stroke.
     pressures : pair of str or float, or one for both, optional
-        Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default those between supply and ambient.
+        Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default the mean of supply and ambient.
     command : float
-        At which the valve stands. The default, 0, is the edge at which the valve opens: the end of its overlap.
+        Command of the valve. The default, 0, stands for the command at which the valve begins to open.
     opening : {"+", "-"}
-        Side of that edge: the flow has another slope to each side. Only for ``command = 0``.
+        Side to which the valve opens, because the slope of the flow differs between sides. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}
-        ``"presliding"``: the contact at rest, with bristles as springs. A contact that sticks does not move.
-        ``"sliding"``: the slope of the steady friction over velocity, at `velocity`, or at rest its viscous part far
-        above the Stribeck velocity. ``"none"``: without friction.
+        ``"presliding"``: the contact is at rest, and bristles are springs. A contact without bristles does not move.
+        ``"sliding"``: the slope of the steady friction over velocity, at `velocity`. If `velocity` is 0, the viscous
+        slope far above the Stribeck velocity is used. ``"none"``: without friction.
     velocity : str or float
-        At which the piston moves.
+        Velocity of the piston.
 
     Returns
     -------
@@ -362,7 +362,7 @@ def linearise(
 
 
 def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
-    """Return a command, or for 0 the edge at which the valve opens to a side.
+    """Return a command; for 0, the command at which the valve begins to open to a side.
 
     Raises
     ------
@@ -386,7 +386,7 @@ def _short(name: str, plant: HeldDrive) -> str:
 
 
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
-    """Return pressures of both chambers and of the upstream nodes, at ambient temperature. The shape is (nodes, 2)."""
+    """Return the gas of all nodes, shape (nodes, 2): the given pressures of a and b, and ambient temperature."""
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
     pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
@@ -400,7 +400,7 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
 
 
 def moving_gas(plant: HeldDrive, position: float) -> Array:
-    """Return pressures of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
+    """Return the gas of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
     command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
     gas, _ = gas_under_load(plant, command, position)
     gas[:, 1] = plant.ambient[1]
@@ -434,7 +434,7 @@ def linear_model(
 
 
 def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
-    """Return the linear model of a session with the inputs signal of the valves, load and pressure of the supply."""
+    """Return the linear model of a session. Its inputs are valve signal, load and supply pressure."""
     found = session.linearise((*plant.commands, plant.load, plant.supply))
     full = plant.actuation.out if command >= 0.0 else plant.actuation.back
     slopes = np.array([math.copysign(1.0, command) * full[name] for name in plant.valves])
@@ -448,7 +448,7 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
 def friction_slope(plant: HeldDrive, name: str, gas: Array, position: float, velocity: float) -> float:
     """Return the slope of a component's steady friction over velocity, N s/m.
 
-    At zero velocity, the slope far above the Stribeck velocity.
+    At zero velocity, return the slope far above the Stribeck velocity.
     """
     fast, pressures = abs(velocity) or FAST, plant.pressures(gas)
     low, high = (plant.sliding_of(name, fast * (1.0 + sign * STEP), pressures, position) for sign in (-1.0, 1.0))

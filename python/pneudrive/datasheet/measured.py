@@ -54,18 +54,18 @@ STILL = 5e-4  # largest relative change of the pressure among them
 
 
 def is_of_tank(path: Path, layout: Path | None) -> bool:
-    """Return whether a file is a recording of a fixed volume by its layout."""
+    """Return whether the layout of a file says that it is a recording of a fixed volume."""
     found = find_layout(path) if layout is None else Layout.load(layout)
     return found is not None and found.kind == KIND
 
 
 def _air(drive: Drive, recording: VolumeRecording) -> tuple[float, float]:
-    """Return the air of a cycle from a recording of the tank, and that of the simulation at its mean pressure, l ANR.
+    """Return the air of a cycle, l ANR, from a recording of the tank and from a simulation at its mean pressure.
 
     Raises
     ------
     RecordingError
-        A label is missing, or the pressure is not at rest at its ends.
+        A label is missing, or the pressure is not constant at the start and end of the recording.
     """
     volume, half = _label(recording, "tank_volume", "m3"), _label(recording, "half_period", "s")
     cycles = _label(recording, "cycles", "")
@@ -91,7 +91,7 @@ def _label(recording: VolumeRecording, key: str, unit: str) -> float:
 
 
 def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
-    """Return the pressures before and after the cycles."""
+    """Return the pressures at rest before and after the cycles."""
     count = max(int(RESTING * recording.pressure_pa.size), 2)
     where, found = str(recording.source or recording.name), []
     for which, part in (("begins", recording.pressure_pa[:count]), ("ends", recording.pressure_pa[-count:])):
@@ -134,14 +134,14 @@ class ComparedNumber:
     Attributes
     ----------
     stroke : str
-        Command and direction, or the half period of the cycles whose air was measured.
+        Command and direction; for the air of cycles, their half period.
     name, unit : str
     measured, low, high : float
-        Mean of the repeats and its 95 % interval; NaN ends for a single stroke.
+        Mean of the repeats and its 95 % interval, whose ends are NaN for a single stroke.
     repeats : int
     simulated : float
     agrees : bool
-        The simulation is within the interval, or within 5 % of a single stroke.
+        Whether the simulation is within the interval, or within 5 % of the value of a single stroke.
     """
 
     stroke: str
@@ -198,7 +198,7 @@ class MeasuredBeside:
 
     @property
     def findings(self) -> list[Finding]:
-        """Outcomes: "open" where nothing was tested."""
+        """Outcomes of the comparison; "open" if nothing was tested."""
         outcomes = [(verdict.met, verdict.text) for verdict in (self.validation.verdicts if self.validation else ())]
         if self.numbers:
             good, count = sum(number.agrees for number in self.numbers), len(self.numbers)
@@ -328,7 +328,7 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
 def response_of(record: RecordResult) -> MeasuredResponse | None:
     """Return the frequency response of a recording with a continually changing command, by averaged spectra.
 
-    Otherwise None.
+    Return None for other recordings.
     """
     from scipy.signal import coherence, csd, welch
 

@@ -1,4 +1,4 @@
-"""Plant model for characteristics: one piston under valves, evaluated at any state by the core."""
+"""Plant model for characteristics: one piston with its valves, which the core can evaluate at any state."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ class Actuation:
     Attributes
     ----------
     out, back : dict
-        Valve -> its command for motion towards the end of chamber b, and of chamber a.
+        Valve -> its command for motion towards the end of chamber b (out) or of chamber a (back).
     is_switched : bool
-        Whether a valve has positions only, so that u is 1 or -1.
+        Whether a valve has only switching positions, so that u is 1 or -1.
     has_shares : bool
-        Whether commands between 0 and full opening are those of the drive itself.
+        Whether the drive itself has commands between 0 and full opening.
     held : dict
-        Switching valve -> its command -> the command of the proportional valve that holds its position.
+        Switching valve -> its command -> command of the proportional valve that replaces it.
     """
 
     out: dict[str, float]
@@ -155,7 +155,7 @@ def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:
 def shut_up_to(valve: Any, side: float) -> tuple[float, bool]:  # noqa: ANN401 - a component
     """Return the size of the command up to which a proportional valve is shut on a side, 1 or -1.
 
-    The second value states whether its flow begins there without slope, as that of a smooth table does.
+    The second value states whether the flow begins there with zero slope, as with a smooth table.
     """
     core = valve.core(0.0)
     points = core.get("points", ())
@@ -181,9 +181,9 @@ class Rates(NamedTuple):
     Attributes
     ----------
     pressure, temperature : ndarray
-        Rates of change at the gas nodes over their values, 1/s.
+        Relative rates of change at the gas nodes, 1/s.
     force : float
-        On the piston without its friction, in +x, N.
+        Force on the piston without friction, in +x, N.
     """
 
     pressure: Array
@@ -192,20 +192,20 @@ class Rates(NamedTuple):
 
 
 class HeldDrive:
-    """One piston under valves that follow one signal; see `Actuation`.
+    """One piston with valves that follow a common signal; see `Actuation`.
 
     Parameters
     ----------
     described : Drive or Circuit
     actuation : Actuation, optional
-        Commands of the valves for the two directions; by default they are found.
+        Commands of the valves for the two directions; by default they are searched.
 
     Raises
     ------
     CommandError
-        There is not one piston, its valves do not give it two directions, or a tube has states that cannot be held.
+        The drive does not have exactly one piston that its valves move in both directions, or a tube cannot be held.
     DescriptionError
-        It is neither a drive nor a circuit.
+        `described` is neither a drive nor a circuit.
     """
 
     def __init__(self, described: Drive | Circuit, *, actuation: Actuation | None = None) -> None:
@@ -299,7 +299,7 @@ class HeldDrive:
 
         The components are ordered from the valve.
 
-        Each component is given with its port towards the valve and its port towards the chamber.
+        Each component has its port towards the valve and its port towards the chamber.
 
         Raises
         ------
@@ -338,7 +338,7 @@ class HeldDrive:
         return True
 
     def edge(self, direction: float) -> tuple[float, bool]:
-        """Return the signal up to which a valve is shut in a direction, and whether flow begins there without slope."""
+        """Return the signal up to which a valve is shut in a direction, and whether its flow begins with zero slope."""
         full = self.actuation.out if direction >= 0.0 else self.actuation.back
         parts = {name: self.circuit.components[name] for name, value in full.items() if value}
         return max((shut_up_to(part, full[name]) for name, part in parts.items()), default=(0.0, False))
@@ -376,7 +376,7 @@ class HeldDrive:
 
     @property
     def hanging_n(self) -> float:
-        """Weight of the moving mass along the axis, N, that no rod lock of the circuit holds."""
+        """Weight of the moving mass along the axis, N; 0 if a rod lock of the circuit holds it."""
         is_locked = any(component.kind == LOCK for component in self.circuit.components.values())
         return 0.0 if is_locked else self.mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(self._cylinder("incline")))
 
@@ -403,7 +403,7 @@ class HeldDrive:
 
     @cached_property
     def frictionless(self) -> HeldDrive:
-        """The same drive with negligible friction (the core's simplest law, with a force too small to matter)."""
+        """The same drive with negligible friction."""
         tables = self.circuit.to_dict()
         for name in self.frictions:
             tables["components"][name]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
@@ -411,27 +411,27 @@ class HeldDrive:
 
     @cached_property
     def frictions(self) -> dict[str, Plain]:
-        """Friction of the piston and its slides in the core's form, by component; only of those with friction."""
+        """Friction in the core's form of the piston and each slide that has friction, by component."""
         laws = {name: getattr(self.circuit.components[name], "friction", None) for name in self.slides}
         return {name: law.core() for name, law in laws.items() if law is not None}
 
     @cached_property
     def slides(self) -> tuple[str, ...]:
-        """The piston, then the other components with a position, a velocity and a load."""
+        """Names of the piston and then of the other components with a position, a velocity and a load."""
         loads = [name.removesuffix(".load_force_n") for name, *_ in self.core.inputs if name.endswith(".load_force_n")]
         moved = (name for name in loads if name != self.piston and f"{name}.velocity_m_s" in self.core.start_names)
         return (self.piston, *moved)
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """The piston and what couplings move with it."""
+        """Names of the piston and of the components that couplings move with it."""
         return tuple(self.lags) if len(self.slides) > 1 else self.slides
 
     @cached_property
     def lags(self) -> dict[str, float]:
-        """Components that couplings move with the piston -> lag of each behind the piston in slow motion in +x, m.
+        """Component that a coupling moves with the piston -> its lag behind the piston in slow motion in +x, m.
 
-        A coupling carries weight and friction of its slide, and acts only at the end of its play.
+        A coupling transmits weight and friction of its slide, and acts only at the end of its play.
         """
         plant, lags = self.frictionless, {self.piston: 0.0}  # the same masses and couplings
         middle, least = 0.5 * self.stroke_m, LEAST_LAG_M
@@ -476,7 +476,7 @@ class HeldDrive:
         rtol : float
             Relative tolerance of the solver.
         lags : mapping, optional
-            Components -> distance behind the piston, m; otherwise that of the start.
+            Component -> distance behind the piston, m; by default that of the start state.
         """
         if not 0.0 <= position <= self.stroke_m:
             rule = f"0 to the stroke, {self.stroke_m:g} m"
@@ -524,7 +524,7 @@ class HeldDrive:
 
     @cached_property
     def masses(self) -> dict[str, float]:
-        """Mass that moves with each of `slides`, kg: the inverse of the core's derivative of acceleration by load."""
+        """Mass that moves with each of `slides`, kg, from the core's derivative of acceleration by load."""
         pressure, temperature = self.ambient
         gas, half = np.tile([pressure, temperature], (len(self.nodes), 1)), 1.0 if self.actuation.is_switched else 0.5
         loads = [f"{name}.load_force_n" for name in self.slides]
@@ -575,7 +575,7 @@ def actuation_of(circuit: Circuit) -> Actuation:
 
 
 def _search(circuit: Circuit) -> Actuation:
-    """Find the commands of both directions: those with the strongest force on the fixed piston.
+    """Find the commands for both directions: those that cause the largest force on the fixed piston.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""All characteristics by name: the list that command line, documentation and datasheet use."""
+"""List of all characteristics by name, for command line, documentation and datasheet."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ HEAT_SPREAD, TUBE_SPREAD = (0.5, 2.0), (1.0 / 1.4, 1.4)
 
 
 class Ends(NamedTuple):
-    """A value with an interval, its correlations, and the drive with the value at both of its ends."""
+    """A value with an interval, its correlations, and the drive with the value at either bound of the interval."""
 
     name: str
     confidence: float
@@ -46,7 +46,7 @@ class Ends(NamedTuple):
 
 
 def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
-    """Return the drives at the ends of each identified value, and the names of values with an open interval."""
+    """Return the drives at the bounds of each identified value, and the names of values with an open interval."""
     origins: Plain = getattr(drive, "provenance", None) or {}
     found, left_out = _ends_of_heat(drive, origins), []
     known = values(drive) if origins else {}
@@ -66,9 +66,9 @@ def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a dri
 
 
 def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a drive or a circuit
-    """Return the drive at both ends of the factor of its heat transfer, which is the same for all its chambers.
+    """Return the drive at both bounds of the heat transfer factor, which is the same for all chambers.
 
-    Empty if no chamber follows the law with an assumed factor.
+    Empty if no chamber follows the law of heat transfer with an assumed factor.
     """
     kinds = {name: one.kind for name, one in drive.circuit.components.items()}
     prefix, spreads = drive.key_prefix, {}
@@ -84,7 +84,7 @@ def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a dri
 
 
 class UncertainDrive:
-    """Drive with its variants at the ends of values with intervals; all characteristics share the prepared drives.
+    """Drive with its variants at the bounds of uncertain values; all characteristics share these variants.
 
     Parameters
     ----------
@@ -138,10 +138,10 @@ class UncertainDrive:
 
 
 def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
-    """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
+    """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    A value at the end of its interval changes the result by d_i. Each d_i is that of the end which moves the result in
-    the direction sought. Values with correlations r give together d:
+    A value at a bound of its interval changes the result by d_i. For the upper bound of the result, d_i is the change
+    upwards; for the lower one, downwards. Values with correlations r together change the result by d:
 
         d^2 = sum r_ij d_i d_j
 
@@ -152,7 +152,7 @@ def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequ
     plain : xarray.Dataset
     ends : sequence of Ends
     moved : sequence of pairs of xarray.Dataset
-        Results with each value at its lower and at its upper end.
+        Results with each value at its lower and at its upper bound.
     """
     shared = correlations(ends)
     confidence = min(one.confidence for one in ends)
@@ -178,12 +178,12 @@ def correlations(ends: Sequence[Ends]) -> Array:
 
 
 def together(away: Array, shared: Array) -> Array:
-    """Return the upward deviation of a result, from its deviations at the ends of each value's interval.
+    """Return the upward deviation of a result, from its deviations at the interval bounds of each value.
 
     Parameters
     ----------
     away : ndarray, shape (n, 2, ...)
-        At the lower and at the upper end of n values; NaN counts as 0.
+        Deviations at the lower and the upper bound of n values; NaN counts as 0.
     shared : ndarray, shape (n, n)
         Correlations.
 
@@ -228,7 +228,7 @@ def drive_characteristic(
     name : str
         ``"velocity"``, ``"force-speed"``, ...; `pneudrive characteristic DRIVE` lists them.
     intervals : bool
-        Whether intervals of identified values of the drive go through to the results.
+        Whether intervals of identified values of the drive are propagated to the results.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
     **settings
@@ -237,8 +237,8 @@ def drive_characteristic(
     Returns
     -------
     xarray.Dataset
-        Results with ``units`` and ``long_name``. If values of the drive have intervals, they have ``interval`` (the
-        names of two variables, lower and upper end). Its ``attrs`` hold definition, algorithm, standard, citations,
+        Results with ``units`` and ``long_name``. If values of the drive have intervals, each result has ``interval``
+        (the names of two variables, lower and upper bound). ``attrs`` hold definition, algorithm, standard, citations,
         description_hash, assumed, and the source of the intervals.
 
     Raises
@@ -246,7 +246,7 @@ def drive_characteristic(
     CommandError
         The characteristic or the setting does not exist, or the drive does not have it.
     SimulationError
-        A state or a run that it needs does not exist.
+        A state that the characteristic needs does not exist, or a run fails.
     Cancelled
         `cancel` was set.
 
@@ -267,7 +267,7 @@ def characteristic_named(name: str) -> Characteristic:
     Raises
     ------
     CommandError
-        It does not exist; the message gives the nearest name or title.
+        The characteristic does not exist. The message gives the nearest name or title.
     """
     known = characteristics()
     if name in known:
@@ -287,7 +287,7 @@ def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: A
     Raises
     ------
     CommandError
-        It is neither.
+        The setting is neither of these.
     """
     default = one.settings[name][0]
     if value is None or (name not in _UNITS and not isinstance(default, float)):

@@ -1,4 +1,4 @@
-"""Datasheet of a drive: results, headline numbers, values with their source, and recordings for comparison."""
+"""Datasheet of a drive: results, headline numbers, values with their source, and comparison with recordings."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class SheetNumber(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Datasheet(Viewed):
-    """All that a datasheet shows.
+    """Content of a datasheet.
 
     Attributes
     ----------
@@ -101,10 +101,10 @@ class Datasheet(Viewed):
     results : dict
         Characteristic -> data set.
     failed : dict
-        Characteristic -> why the drive does not have it.
+        Characteristic -> reason why the drive does not have it.
     measured : MeasuredBeside or None
     hazards : tuple of Finding
-        Those that endanger people or the machine.
+        Findings that endanger people or the machine.
     """
 
     drive: Drive | Circuit
@@ -181,7 +181,7 @@ class Datasheet(Viewed):
         return upper("sheet_view")(self)
 
     def _rest(self) -> str:
-        """Return the stroke times of single strokes from rest at full command, in words."""
+        """Return the times of single strokes from rest at full command, in words."""
         if "impact" not in self.results:
             return ""
         times = [shown(self.results["impact"], "stroke_time", {"command": -1, "direction": k}) for k in (0, 1)]
@@ -223,12 +223,12 @@ LIFE = "b10_cycles"
 def build(
     drive: Drive | Circuit, recordings: Sequence[Path], layout: Path | None, watch: Watch, *, intervals: bool = True
 ) -> Datasheet:
-    """Compute all that a datasheet shows.
+    """Compute the content of a datasheet.
 
     Raises
     ------
     CommandError
-        The circuit has not one piston under valves, or recordings are given for a circuit.
+        The circuit does not have exactly one piston with valves, or recordings are given for a circuit.
     RecordingError, LayoutError
         A recording cannot be used.
     Cancelled
@@ -252,7 +252,7 @@ def build(
 
 
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
-    """Yield the findings on the load without pressure, and on the impacts."""
+    """Yield the findings on the load at loss of pressure, and on the impacts."""
     ambient = plant.ambient[0]
     friction = abs(plant.sliding(AT_REST_M_S, (ambient, ambient), 0.5 * plant.stroke_m))
     if plant.hanging_n > friction:
@@ -289,7 +289,7 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
 
 
 def _life(drive: Drive | Circuit) -> list[SheetNumber]:
-    """Return the life that drive or parts state; it is not computed."""
+    """Return the life that is stated for the drive or its parts; it is not computed."""
     stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))
@@ -303,7 +303,7 @@ def _life(drive: Drive | Circuit) -> list[SheetNumber]:
 
 
 def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
-    """Return stiffness and natural frequency at mid stroke at one of the pressures."""
+    """Return stiffness and natural frequency at mid stroke and at one of the pressures."""
     out = []
     for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
         if name in results:

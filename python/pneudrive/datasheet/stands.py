@@ -35,7 +35,7 @@ ISOTHERMAL_S = 60.0
 def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Array) -> Array:
     """Return the steady mass flow of a path between supply or exhaust and a chamber, kg/s, over pressure ratios.
 
-    The edge of the valve is wide open; gas enters at the reference temperature.
+    The valve is fully open; gas enters at the reference temperature.
     """
     circuit = plant.circuit
     port, line = plant.line(side)
@@ -97,8 +97,8 @@ def _fed(plant: HeldDrive) -> list[str]:
 def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     """Flow of the paths (C and b).
 
-    Sonic conductance and critical pressure ratio of each path between valve port and chamber, lines included. They
-    follow from steady flows over the pressure ratio at constant pressure before the path.
+    Sonic conductance and critical pressure ratio of each path between valve port and chamber, including lines. They
+    are fitted to steady flows over the pressure ratio, at constant upstream pressure.
 
     Settings
     --------
@@ -154,8 +154,8 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
     """Leakage of shut chambers.
 
-    Fall of the pressure of a chamber filled and shut, piston at its end, the other chamber at ambient pressure; gas at
-    ambient temperature at the beginning.
+    Pressure decay of a chamber that was filled and shut, with the piston at its end and the other chamber at ambient
+    pressure. The gas starts at ambient temperature.
 
     Settings
     --------
@@ -203,7 +203,7 @@ SLOW = 0.05  # m/s: an effective force is one in slow motion
 
 
 def _alone(drive: Drive) -> Drive:
-    """Return a drive in the makers' test conditions: level, with air, without lines and load."""
+    """Return a drive in the makers' test conditions: horizontal, with air, without lines and load."""
     beside = ("tubing", "flow_control", "load", "gas", "provenance")
     tables = {name: one for name, one in drive.to_dict().items() if name not in beside}
     return type(drive).model_validate(tables | {"cylinder": tables["cylinder"] | {"incline": "0 deg"}})
@@ -253,7 +253,7 @@ FIGURES = {
 
 
 def parts_of(drive: Drive) -> Iterator[Entry]:
-    """Yield the parts of the catalogue whose sourced values are all values of the drive."""
+    """Yield the parts of the catalogue whose values with a source all occur in the drive."""
     own = {origin.key: origin.value for origin in drive.origins}
     for part in entries().values():
         table = part.kind.partition("/")[0]
@@ -289,7 +289,7 @@ def _published(plant: HeldDrive) -> Found:
     printed : SI over figure
         value printed by the maker, in SI
     computed : SI over figure
-        of this drive, in SI
+        value computed for this drive, in SI
     difference : 1 over figure
         computed over printed value, minus 1
     """  # noqa: D401 - a title

@@ -107,7 +107,7 @@ def stroke_of(
     run : xarray.Dataset
         From `pneudrive.simulate` of a drive.
     drive : Drive
-        The drive of the recording: its stroke and its masses.
+        Simulated drive, for its stroke and its masses.
     begin_s, end_s : float
         Time of the command that starts the stroke, and of the next one.
     within_s : float
@@ -298,7 +298,7 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
 def litres_anr(mass_kg: float, density_kg_m3: float = ANR_DENSITY_KG_M3) -> float:
     """Return a mass as litres at the standard reference atmosphere, ISO 8778: 100 kPa, 20 degC, 65 % humidity.
 
-    Volume of air. For another gas, see `Gas.anr_density_kg_m3`.
+    The gas is air. For another gas, see `Gas.anr_density_kg_m3`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sizing: from a task to the drives of the catalogue that do it, simulated over given spreads and ranked."""
+"""Sizing: find the drives of the catalogue that do a task, simulate them over given spreads, and rank them."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Candidates of a search: the results of a choice of parts so far, and their uncertainty.
 
-A pair is a cylinder with a tube: these two determine the air of a cycle. A probe simulates such a pair with the widest
-valve and no flow control. Its air is that of all choices with this pair, and its time is the shortest of them. A choice
-then passes three
-stages: nominal runs on a coarse grid of settings, tuned settings, and spreads with more and more samples.
+A pair is a cylinder with a tube. It determines the air of a cycle. A probe simulates a pair with the widest valve and
+no flow control. Its air holds for all choices with this pair, and its stroke time is a lower bound for them. A choice
+then passes three stages: nominal runs on a coarse grid of settings, tuned settings, and spreads with more and more
+samples.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class TubedCylinder:
     tube_flow : float
         Conductance of the tube, m3/(s Pa).
     air : float or None
-        Of a nominal cycle with the widest valve, once it is probed, kg.
+        Air of a nominal cycle with the widest valve, kg; None before the probe.
     times : tuple of float
-        Of its nominal strokes.
+        Times of the nominal strokes, out and back, s.
     late : str
-        Why nothing on the pair does the task; empty while something may.
+        Reason why no choice with the pair does the task; empty as long as one may.
     """
 
     cylinder: PartChoice
@@ -81,7 +81,7 @@ class TubedCylinder:
         return len(self.valves) * len(self.flow_controls)
 
     def probe(self, task: SizingTask, threads: int | None) -> list[StrokeRuns]:
-        """Return the runs with the widest and earliest-opening valve of the pair: nominal and fast, out and back."""
+        """Return the runs of the pair, nominal and fast, out and back, with its widest and earliest-opening valve."""
         numbers: dict[str, float] = dict(self.valves[0].numbers)
         for valve in self.valves:
             paths = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL).valve_paths
@@ -112,7 +112,7 @@ class TubedCylinder:
                 self.late = f"time {way}: {least} with the widest valve in the fast case, {limit:.3g} s allowed"
 
     def candidates(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
-        """Return its choices."""
+        """Return the choices of parts with the pair."""
         wide = self._flow(max(map(_exhaust, self.valves)), math.inf)
         limits = task.outward_s, task.back_s
         made, widest = [], None
@@ -130,7 +130,7 @@ class TubedCylinder:
         return made
 
     def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
-        """Return a choice with its missed limits if all choices are too slow, for the message on the nearest miss."""
+        """Return a choice with its missed limits, for the message on the nearest miss, if all choices are too slow."""
         times = zip(("out", "back"), self.times, (task.outward_s, task.back_s), strict=True)
         way, time, limit = max(times, key=lambda one: one[1] / one[2])
         if time <= limit:
@@ -158,19 +158,19 @@ class SizingCandidate:
     strokes : DriveStrokes
     pair : TubedCylinder
     guess : float
-        Margin of time by the conductances in series.
+        Margin of the stroke time, estimated from the conductances in series.
     lead : SizingCandidate or None
-        The same with the widest valve and flow control: behind a needle, valve and flow control decide little.
+        The same choice with the widest valve and flow control, which is run first: the needle limits the flow anyway.
     rough, tuned : Tuned or None
         Rough settings, and refined ones.
     drives : dict
-        Draws -> what they gave.
+        Number of samples -> results.
     spread : DrawResults or None
-        Draws that were simulated last in this process.
+        Results of the samples that were simulated last in this process.
     hardest : Hardest or None
-        Results of its hardest draws.
+        Results of the samples with the smallest margins.
     lost : str
-        Why it does not do the task; empty while it may.
+        Reason why the choice does not do the task; empty as long as it may.
     """
 
     strokes: DriveStrokes
@@ -186,7 +186,7 @@ class SizingCandidate:
 
     @property
     def choice(self) -> DriveChoice:
-        """Its parts."""
+        """Parts of the candidate."""
         return self.strokes.choice
 
     @property
@@ -250,7 +250,7 @@ class SizingCandidate:
         Parameters
         ----------
         of_cylinder : dict
-            Cylinder -> best margin of what was run with it.
+            Cylinder -> best margin of the choices that were run with it.
         """
         one = self.hardest or self.drive or self.tuned or self.rough
         air = (one.air if one else 0.0) or self.pair.air or self.pair.fill
@@ -264,7 +264,7 @@ class SizingCandidate:
         return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
 
     def take_settings(self, stage: Literal["rough", "tuned"], found: Tuned) -> None:
-        """Take rough or tuned settings."""
+        """Store rough or tuned settings."""
         setattr(self, stage, found)
         name, limit, value = found.short
         if found.nominal < 0.0:
@@ -273,7 +273,7 @@ class SizingCandidate:
             self.lost = f"spreads: margin of {100.0 * found.least:.0f} % in the worst case"
 
     def take_hardest(self, found: Hardest, final: int) -> None:
-        """Store the results of the hardest samples."""
+        """Store the results of the samples with the smallest margins."""
         self.hardest = found
         if found.failed > (1.0 - PROBABILITY) * final:
             self.lost = f"spreads: {found.failed} of {final} draws miss a limit"
@@ -281,7 +281,7 @@ class SizingCandidate:
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Store simulated spreads.
 
-        The candidate is left out if more samples fail than the final samples allow or make likely.
+        The candidate is left out if more samples fail than are allowed, or likely, among the final samples.
         """
         self.drives[found.draws] = found
         allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
@@ -308,7 +308,7 @@ class Dropped(NamedTuple):
     said : str
         The reason in words.
     share : float
-        That of a `Shortage`: what the choice can do at most, over what is needed.
+        Largest possible value over the needed one, see `Shortage`.
     """
 
     parts: Mapping[str, str]

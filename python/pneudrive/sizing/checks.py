@@ -1,4 +1,4 @@
-"""Whether drives do a task: margins over samples of the spreads, the ranking, and checks of the machine builder.
+"""Whether drives do a task: margins over samples of the spreads, ranking, and checks before a drive is ordered.
 
 Each check names the standard or the maker's rule that it follows. If the data sheet of the part does not give a
 needed value, the check reports this.
@@ -39,17 +39,17 @@ NEVER = -1.0
 
 
 class LimitMargin(NamedTuple):
-    """One limit of a task, and how the samples keep it.
+    """Margins of all samples to one limit of a task.
 
     Attributes
     ----------
     name, unit : str
     limit : float
-        SI, without the margin that the task keeps.
+        Limit, SI, before the margin of the task is subtracted.
     worst : float
-        Value that 1 % of the draws pass, SI.
+        Value that 1 % of the samples exceed, SI.
     margins : ndarray, shape (n,)
-        Share of the limit that each draw leaves; below 0 where it does not keep the limit.
+        Margin of each sample as a fraction of the limit; below 0 if the sample exceeds the limit.
     values : ndarray, shape (n,)
     """
 
@@ -74,7 +74,7 @@ def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: Stro
     task : SizingTask
     choice : DriveChoice
     out, back : StrokeResults
-        Of the same draws.
+        Results for the same samples.
     """
     keep = 1.0 - task.margin
     found = []
@@ -109,7 +109,7 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
 
 
 def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
-    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or else an assumed rule."""
+    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or an assumed rule."""
     stated = (task.impact_energy_j, "task"), (choice.cylinder.printed_si("cushion_energy", "J"), "data sheet")
     known = [(limit, origin) for limit, origin in stated if limit is not None]
     if known:
@@ -134,14 +134,14 @@ def interval(values: Array) -> tuple[float, float]:
 
 
 def is_met(found: list[LimitMargin]) -> Bools:
-    """Return which samples keep all limits."""
+    """Return whether each sample keeps all limits."""
     return np.all([one.margins >= 0.0 for one in found], axis=0)
 
 
 def probability_bound(met: int, draws: int) -> float:
     """Return the one-sided lower bound of a probability at 95 % confidence, after Clopper and Pearson.
 
-    The bound is valid for independent samples; samples of a Sobol sequence are more even.
+    The bound is valid for independent samples. Samples of a Sobol sequence are more evenly distributed.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def probability_bound(met: int, draws: int) -> float:
 
 
 def explained(draws: Array, margins: Array) -> dict[str, float]:
-    """Return the fraction of the variance of the margins' ranks that each sampled number explains.
+    """Return, for each sampled number, the fraction of the variance of the ranked margins that it explains.
 
     Parameters
     ----------
@@ -177,11 +177,11 @@ class Shortage(NamedTuple):
     Attributes
     ----------
     limit : str
-        What it cannot do.
+        Missed limit.
     share : float
-        What it can do at most, over what is needed; below 1. 0 where no change of the task helps.
+        Largest possible value over the needed one, below 1. It is 0 if no change of the task helps.
     said : str
-        The same in words.
+        The shortage in words.
     """
 
     limit: str
@@ -223,7 +223,7 @@ class MachineCheck(NamedTuple):
     rule : str
         Standard or rule that it follows.
     remedies : tuple of str
-        Changes of task or catalogue, each of which closes the check.
+        Changes of task or catalogue. Any one of them lets the drive pass the check.
     """
 
     name: str
@@ -271,16 +271,16 @@ def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
 
 
 def _check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> MachineCheck:
-    """Compare a value with its limit; an assumed limit, or none, decides nothing."""
+    """Compare a value with its limit; the check is undecided if the limit is assumed or missing."""
     is_kept = None if limit is None or rule.startswith("assumed") else value <= limit
     return MachineCheck(name, value, limit, unit, is_kept, rule, remedies)
 
 
 def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[MachineCheck]:
-    """Yield the checks of a cylinder with any valve and tube: side load of its sheet, and buckling of its rod.
+    """Yield the checks that depend on the cylinder only: side load against its sheet, and buckling of its rod.
 
-    Without a guide, the cylinder carries the weight of the load across its axis. The largest force on the rod is that
-    of the highest supply pressure on the whole piston.
+    Without a guide, the cylinder carries the weight of the load across its axis. The largest force on the rod results
+    from the highest supply pressure on the whole piston.
     """
     if task.guide == "none" and task.across_n:
         carried = 'guide = "ball" or "plain", if the machine carries the load'
@@ -321,7 +321,7 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
 
 
 def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
-    """Return the check of the load and piston that hang when the pressure fails."""
+    """Return the check of the force that must hold load and piston when the pressure fails."""
     numbers = choice.cylinder.numbers
     mass = task.mass_kg * (1.0 + task.spread.mass) + numbers["moving_mass"]
     hangs = mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(task.incline_rad))
@@ -349,7 +349,7 @@ READ = {"Pa": (1e-5, "bar abs")}
 
 
 def read(value: float, unit: str) -> str:
-    """Return a value, in SI, as a number. Infinite if the stroke does not end."""
+    """Return a stored value, in SI, as a number; infinite if the stroke does not end."""
     factor, shown = READ.get(unit, (1.0, unit))
     return f"{factor * value:.3g} {shown}" if value < math.inf else "the stroke does not end"
 
@@ -373,27 +373,27 @@ class SizedDrive:
     parts : dict
         Slot (cylinder, valve, tube, flow_control) -> part of the catalogue.
     setting : dict
-        Openings of the needles, shares of fully open.
+        Openings of the needles as fractions of fully open.
     draws, met : int
-        Draws, and those that keep all limits.
+        Number of samples, and number of samples that keep all limits.
     probability_bound : float
-        Lower bound of the probability, one-sided, 95 % confidence.
+        One-sided lower bound of the probability that a drive keeps all limits, 95 % confidence.
     time_out, time_back, end_speed, energy, peak_pressure : float
-        Values that 1 % of the draws pass; the last three the worse of both strokes. Infinite: the stroke does not end.
+        Values that 1 % of the samples exceed; the last three for the worse stroke. Infinite: the stroke does not end.
     air : float
         Mean mass drawn from the supply in a cycle, kg.
     margins : dict
-        Limit -> margin that 99 % of the draws have.
+        Limit -> margin that 99 % of the samples reach.
     worst : dict
-        Limit -> (value that 1 % of the draws pass, limit, unit).
+        Limit -> (value that 1 % of the samples exceed, limit, unit).
     measure : str
-        The assumed value that most of the margin goes with; empty where none does.
+        Assumed value that explains most of the margin's variance; empty if nothing is assumed.
     explains : float
-        Share of the variance of the margin's ranks that goes with it.
+        Fraction of the variance of the ranked margins that this value explains.
     sizes : tuple of float
-        Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes.
+        Bore, conductances of the valve and of the fully open needle (0 without a needle), bore of the tubes.
     intervals : dict
-        Figure -> values that 99 % and that 1 % of the draws pass: each limit by its name, and time_out, time_back,
+        Figure -> values that 99 % and that 1 % of the samples exceed: each limit by its name, and time_out, time_back,
         end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
         folders of earlier versions.
     """
@@ -418,13 +418,13 @@ class SizedDrive:
 
     @property
     def load_ratio(self) -> float | None:
-        """Ratio of load to supply force that 1 % of the samples exceed; the worse of both strokes."""
+        """Ratio of load to supply force that 1 % of the samples exceed, for the worse of both strokes."""
         ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
         return max(ends, default=None)
 
     @property
     def name(self) -> str:
-        """Names of its parts in one word."""
+        """Names of its parts, joined to one word."""
         return "+".join(self.parts.values())
 
     @property
@@ -479,7 +479,7 @@ class SizedDrive:
 
 @dataclass(frozen=True)
 class Provisional:
-    """A place in the provisional ranking, by nominal runs; SI.
+    """Choice of parts in the provisional ranking, which follows from nominal runs; SI.
 
     Attributes
     ----------
@@ -487,9 +487,9 @@ class Provisional:
     air : float
         Mass drawn from the supply in a cycle, kg.
     times : tuple of float
-        Of the strokes out and back.
+        Times of the strokes out and back.
     margin : float
-        Least margin of the cases nominal, slow and fast. Settings are rough: tuning finds larger ones.
+        Least margin of the nominal, slow and fast cases, with rough settings. Tuning increases it.
     """
 
     parts: Mapping[str, str]
@@ -567,7 +567,7 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
 
 
 def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
-    """Return upper bounds of a choice's results over all samples, from a few of them.
+    """Return upper bounds of a choice's results over all samples, from a few of the samples.
 
     The first samples give a linear estimate of all margins. The samples with the lowest estimates are simulated. The
     result is always a bound, because samples that are not simulated can only reduce the margin. The mean air is
@@ -578,9 +578,9 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: 
     strokes : DriveStrokes
     setting : Setting
     known : DrawResults
-        Of the first draws.
+        Results for the first samples.
     draws : ndarray, shape (n, len(DRAWN))
-        All draws.
+        All samples.
     """
     allowed, first = passed(len(draws)), len(known.air)
     design = np.column_stack([np.ones(len(draws)), draws])

@@ -1,4 +1,4 @@
-"""Catalogue parts for a task: cylinders, valves, tubes and flow controls, and assumed values of their sheets.
+"""Catalogue parts for a task: cylinders, valves, tubes and flow controls, and assumed values for gaps in their sheets.
 
 A value that a data sheet does not give is assumed by a rule of this module. Every file and result marks it as assumed.
 """
@@ -51,24 +51,24 @@ SAME_STROKE = 1e-3
 
 @dataclass(frozen=True)
 class PartChoice:
-    """Return a part of the catalogue as a component of the circuit for a task.
+    """Part of the catalogue as a component of the circuit for a task.
 
     Attributes
     ----------
     name : str
-        In the catalogue.
+        Name in the catalogue.
     table : dict
         Table of the component, each value with its origin.
     numbers : dict
-        Its numbers by their keys, SI; of its friction with ``friction.parameters.`` in front.
+        Numbers of the part by key, SI. Keys of its friction begin with ``friction.parameters.``.
     form : tuple
-        What it is beside its numbers: parts of one form differ in numbers alone.
+        Properties that are not numbers. Parts of equal form differ only in their numbers.
     assumed : frozenset of str
         Keys of assumed values.
     printed : dict
         Further figures of the sheet.
     alike : tuple of str
-        Names of parts of the catalogue that no run tells from this one.
+        Names of parts of the catalogue that give the same results as this one.
     """
 
     name: str
@@ -152,7 +152,7 @@ class DriveChoice:
 
     @property
     def valve_paths(self) -> dict[str, dict[str, float]]:
-        """Paths that the valve opens for a stroke, from the supply and to the exhaust: name -> numbers, SI."""
+        """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers, SI."""
         valve = self.valve.numbers
         alike = {key: valve[key] for key in ("subsonic_index", "linear_above")}
         ends = {"feed": ("conductance", "critical_pressure_ratio")}
@@ -181,7 +181,7 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     Raises
     ------
     DescriptionError
-        A part of the catalogue is not valid, or a slot has none left.
+        A part of the catalogue is not valid, or no part is left for a slot.
     """
     known = [entry for entry in entries().values() if not entry.is_drive]
     found: dict[str, list[PartChoice]] = {}
@@ -199,12 +199,12 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
 
 
 def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
-    """Return one part of each group of parts that differ only in their names, with the names of the others.
+    """Return one part of each group of parts with equal data, with the names of the others.
 
     Parameters
     ----------
     parts : sequence of PartChoice
-        Those that the limits of their sheets leave.
+        Parts that keep the limits of their sheets.
     """
     groups: dict[tuple[Any, ...], list[PartChoice]] = {}
     for one in parts:
@@ -333,7 +333,7 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
 def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
     """Return assumed values of adjustable cushions that the sheet does not give.
 
-    Empty without cushions, or without room for them.
+    Empty if the cylinder has no cushions or no room for them.
     """
     if any(value.key.startswith("cushion") for value in entry.values):
         return {}

@@ -1,4 +1,4 @@
-"""Folder of a sizing: finished choices, one line each, so that an interrupted search continues there."""
+"""Folder of a sizing with a line for each finished choice, so that an interrupted search can be resumed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class SizingFolder:
     Raises
     ------
     CommandError
-        The folder holds another task or something else, or cannot be written to; or another process searches there.
+        The folder holds another task or other files, cannot be written to, or is used by another process.
     """
 
     def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
@@ -111,7 +111,7 @@ class SizingFolder:
             write_whole(self.folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
 
     def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
-        """Return the stored drive of a choice with a number of draws, or its tuned settings; None without them."""
+        """Return the stored drive of a choice for a number of samples, or its tuned settings; None if not stored."""
         return self._stages.get((name, draws), ("", None))[1]
 
     def store(self, name: str, stage: SizedDrive | Tuned) -> None:
@@ -129,9 +129,9 @@ class SizingFolder:
 
 
 def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
-    """Return the finished stages of choices: name and number of draws -> line, and drive or, for 0 draws, `Tuned`.
+    """Return the finished stages of choices: name and number of samples -> line, and drive (`Tuned` for 0 samples).
 
-    An incomplete line is left out: the search was killed while it wrote the line, or is still writing it.
+    An incomplete line is left out. The search was killed while it wrote the line, or is still writing it.
     """
     stages: dict[tuple[str, int], tuple[str, Any]] = {}
     for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
@@ -167,6 +167,6 @@ def read_drive(content: dict[str, Any]) -> SizedDrive:
 
 
 def _catalogue() -> str:
-    """Return the SHA-256 of all parts."""
+    """Return the SHA-256 of all parts of the catalogue."""
     said = sorted(f"{one.name} {one.kind} {one.values} {one.printed}" for one in entries().values() if not one.is_drive)
     return hashlib.sha256("\n".join(said).encode()).hexdigest()

@@ -36,9 +36,9 @@ class SafeBounds:
     ----------
     task : SizingTask
     tubes : sequence of PartChoice
-        Tubes that occur.
+        All tubes of the search.
     conductances : dict, optional
-        Theirs, where they are known, m3/(s Pa).
+        Known conductances of the tubes, m3/(s Pa).
     """
 
     def __init__(
@@ -114,9 +114,9 @@ class SafeBounds:
         return None
 
     def fits(self, choice: DriveChoice) -> Shortage | None:
-        """Return whether a part does not fit the tube, or the gas cannot leave the cylinder in time.
+        """Return the reason why a part does not fit the tube, or why the gas cannot leave the cylinder in time.
 
-        A part that is not given is ideal.
+        A missing part counts as ideal.
         """
         return misfit(choice) or self._time(choice)
 
@@ -148,7 +148,7 @@ class SafeBounds:
         return math.sqrt(2.0 * self.task.stroke_m * mass / force) if force > 0.0 else math.inf
 
     def _flow_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
-        """Return the least time in which the gas ahead of the piston leaves: choked, and compressed throughout."""
+        """Return the least time in which the gas ahead of the piston leaves; its flow is always choked."""
         wide = 1.0 + 2.0 * self.task.spread.conductance
         valve = choice.valve.numbers
         sizes = [self.tubes[choice.tube.name]]
@@ -244,7 +244,7 @@ def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) ->
 
 
 def misfit(choice: DriveChoice) -> Shortage | None:
-    """Return the part whose connectors take another tube; sheets without a diameter fit."""
+    """Return the part whose connectors need another tube diameter. A part without a stated diameter fits any tube."""
     tube = choice.tube.tube_diameter_m
     for part in (choice.cylinder, choice.valve, choice.flow_control):
         takes = part.tube_diameter_m
@@ -272,7 +272,7 @@ def _dead(choice: DriveChoice, end: str) -> float:
 
 
 class Pruning:
-    """Parts of the catalogue for a task, without those that cannot do it with any settings.
+    """Parts of the catalogue for a task, without parts that cannot do it with any settings.
 
     Parameters
     ----------

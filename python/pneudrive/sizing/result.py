@@ -1,4 +1,4 @@
-"""Result of a sizing: its answer in words, open checks, the nearest miss, savings of air, and its folder."""
+"""Result of a sizing: answer in words, open checks, nearest miss, savings of air, and folder."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
 
 @dataclass(frozen=True)
 class NearestMiss:
-    """Choice that comes nearest to an infeasible task, and the change that would make it feasible.
+    """Choice that comes nearest to an infeasible task, and the change that would make the task feasible.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class NearestMiss:
     gives : str
         Change that would make the task feasible, in words.
     possible : tuple of str
-        The nearest possible value of each quantity of the task, changed alone.
+        Nearest possible value of each quantity of the task if only this quantity is changed.
     """
 
     parts: Mapping[str, str]
@@ -129,30 +129,30 @@ class SizingResult(Viewed):
     enumerated, left : int
         Choices of parts before and after pruning.
     pruned : dict
-        Limit -> number of choices that cannot keep it whatever their settings.
+        Limit -> number of choices that cannot keep it with any settings.
     tuned : int
         Choices whose settings were searched.
     simulated : tuple of SizedDrive
-        Those that were simulated over the spreads.
+        Choices that were simulated over the spreads.
     ranked : tuple of SizedDrive
-        Those that meet the task, best first. All that may rank first have 1,024 draws.
+        Choices that meet the task, best first. All choices that may rank first have 1,024 samples.
     miss : NearestMiss or None
-        Where nothing meets the task.
+        Nearest miss, if nothing meets the task.
     complete : bool
-        Whether no choice that was left out can rank before those shown.
+        Whether it is certain that no choice left out ranks before the best one.
     provisional : tuple of Provisional
         Ranking by nominal runs, before the spreads were simulated.
     dropped : tuple of Dropped
-        What was left out, with its reason.
+        Choices that were left out, with the reason.
     savings : tuple of Saving
-        Changes that were tried on the best to save air.
+        Changes that were tried on the best choice to save air.
     checks : tuple of MachineCheck
-        Of the best, open ones first: side load, buckling, energy, life, hanging load.
+        Checks of the best choice, open ones first: side load, buckling, energy, life, hanging load.
     interrupted : bool
         Whether the search was cancelled before its end.
     notes : tuple of str
     asked : dict
-        Numbers of the search by the names of `pneudrive.size`: least, most, draws, draws_best.
+        Arguments of `pneudrive.size` by name: least, most, draws, draws_best.
     """
 
     task: SizingTask
@@ -192,7 +192,7 @@ class SizingResult(Viewed):
 
     @property
     def state(self) -> str:
-        """Feasible and ready, in words."""
+        """Whether the task is feasible and the best drive ready, in words."""
         if not self.feasible or self.ready:
             return f"feasible = {str(self.feasible).lower()}, ready = {str(self.ready).lower()}"
         return f"feasible = true, but ready = false (open checks: {len(self.open_checks)})"
@@ -219,7 +219,7 @@ class SizingResult(Viewed):
 
     @property
     def answer(self) -> str:
-        """Answer in one sentence. Without a ranking it is provisional, by nominal runs."""
+        """Answer in one sentence. Without a ranking, it is a provisional answer from nominal runs."""
         task, best = self.task, self.best
         if best is not None:
             figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
@@ -256,7 +256,7 @@ class SizingResult(Viewed):
 
     @property
     def remarks(self) -> list[str]:
-        """State, air of a year, savings, cheaper choices, second-best cylinder, possible values, and the search."""
+        """State, yearly air, savings, cheaper choices, second-best cylinder, possible values, and the search."""
         lines, cheaper = [f"{self.task.name}: {self.state}", *yearly(self)], self.cheaper
         lines += [f"{saving}." for saving in self.savings]
         lines += [
@@ -272,7 +272,7 @@ class SizingResult(Viewed):
 
     @property
     def extent(self) -> str:
-        """Number of choices that each stage of the search has left."""
+        """Number of choices that are left after each stage of the search."""
         cut = ", ".join(f"{name} {count}" for name, count in sorted(self.pruned.items(), key=lambda cut: -cut[1]))
         return (
             f"{self.enumerated} choices of parts, {self.left} left after pruning ({cut or 'none pruned'}); "
@@ -285,7 +285,7 @@ class SizingResult(Viewed):
         return [self.answer, *(f"{f.text} {f.remedy}".rstrip() for f in self.findings), *self.remarks]
 
     def circuit(self, place: int = 0) -> Circuit:
-        """Return the circuit at a rank, from 0, with its settings, ready to run."""
+        """Return the circuit of a drive of the ranking (rank from 0) with its settings, ready to run."""
         drive = self.ranked[place]
         return circuit_of(self.task, drive.parts, Setting(**drive.setting))
 
@@ -299,7 +299,7 @@ class SizingResult(Viewed):
 
     @classmethod
     def load(cls, folder: str | Path) -> SizingResult:
-        """Read the result from the folder of a search, without the choices that were left out.
+        """Read the result from the folder of a search; `dropped` is then empty.
 
         Raises
         ------
@@ -318,7 +318,7 @@ class SizingResult(Viewed):
 
 
 def yearly(found: SizingResult) -> list[str]:
-    """Return air, energy and cost of a year; empty if the task does not give the cycles per hour."""
+    """Return yearly air, energy and cost; empty if the task does not give the cycles per hour."""
     task, best = found.task, found.best
     if task.cycles_per_hour is None or best is None:
         return []
@@ -346,16 +346,16 @@ def nearest_miss(
     short: list[tuple[Any, Any]],
     pruned: list[Dropped],
 ) -> NearestMiss:
-    """Return the nearest choice: from the simulated, else the tuned, else the pruned choices.
+    """Return the choice that is nearest to the task: a simulated one, otherwise a tuned one, otherwise a pruned one.
 
     Parameters
     ----------
     task : SizingTask
     simulated : list of SizedDrive
     short : list of (DriveChoice, Tuned)
-        Tuned, but short of the task even in the nominal case.
+        Tuned choices that miss the task even in the nominal case.
     pruned : list of Dropped
-        By the safe bounds.
+        Choices that the safe bounds exclude.
     """
     if simulated:
         drive = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
@@ -467,13 +467,13 @@ RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
 
 
 class Saving(NamedTuple):
-    """A change that keeps the task and saves air.
+    """A change of the best drive that is tried to save air.
 
     Attributes
     ----------
     change : str
     share : float
-        Share of the air that it saves; 0 where the change does not keep the task.
+        Fraction of the air that the change saves; 0 if the task is then not met.
     is_kept : bool
         Whether the task is met with the change.
     """

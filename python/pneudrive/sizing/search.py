@@ -54,9 +54,9 @@ LISTED, TRIED = 4, 2
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
-    """Whether the command line can set these parameters.
+    """Return whether the command line can set these parameters.
 
-    The command has no option for the samples of the best choice.
+    The command has no option for `draws_best`.
     """
     return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"]
 
@@ -74,21 +74,21 @@ def size(
     cancel: Flag | None = None,
     provisional: Callable[[SizingResult], None] | None = None,
 ) -> SizingResult:
-    """Find the drives of the catalogue that do a task, by simulation over the spreads that it gives.
+    """Find the drives of the catalogue that do a task, by simulation over the spreads of the task.
 
     Parameters
     ----------
     task : SizingTask, dict or path-like
-        Or a TOML file.
+        The task, its keys as a dict, or its TOML file.
     least : int
-        Choices of parts that are simulated over the spreads at least.
+        Least number of choices of parts that are simulated over the spreads.
     most : int
-        Choices that are tuned at most; the result says where that ended the search.
+        Largest number of choices that are tuned. The result states if this limit ended the search.
     draws, draws_best : int
-        Draws of each leader and of those that may be the best: points of a scrambled Sobol sequence, the same for all;
-        powers of 2.
+        Numbers of samples, powers of 2: of each leading choice, and of each choice that may be the best. Samples are
+        points of a scrambled Sobol sequence, the same for all choices.
     out : path-like, optional
-        Folder for the results. A search that was interrupted goes on there.
+        Folder for the results. An interrupted search is resumed from it.
     threads : int, optional
         Default: all processors.
     progress, cancel : optional
@@ -142,7 +142,7 @@ class Search:
     task : SizingTask
     least, most : int
     asked : tuple of int
-        Draws of each leader, and of those that may be the best.
+        Numbers of samples of each leading choice, and of each choice that may be the best.
     threads : int or None
     watch : Watch
     folder : SizingFolder or None
@@ -231,7 +231,7 @@ class Search:
         )
 
     def _notes(self, complete: bool, interrupted: bool) -> tuple[str, ...]:
-        """Return remarks on a search that did not come to its end."""
+        """Return remarks on a search that was not completed."""
         if interrupted:
             return ("The search was interrupted: the ranking is that of the results so far.",)
         more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
@@ -336,7 +336,7 @@ class Search:
     def _others(self) -> bool:
         """Advance a choice of another cylinder, or any choice while fewer than `least` are simulated.
 
-        False at the end.
+        Return False if there is nothing to advance.
         """
         tried: dict[str, int] = {}
         met = set()
@@ -383,7 +383,7 @@ class Search:
         ----------
         every : sequence of SizingCandidate
         is_leading : bool
-            Whether they may be the best: these run the draws with the longest strokes next, then all draws.
+            Whether they may be the best. Such choices run the samples with the smallest margins next, then all samples.
         """
         stages: list[list[SizingCandidate]] = [[], [], []]
         for one in every:

@@ -1,11 +1,9 @@
 """Both strokes of one choice of parts in the core, from samples and settings to times, speeds and air.
 
 Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
-first
-contact with the end. The speed at the end is that of the first contact. This module computes these numbers in the core,
-without trajectories, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A
-test checks
-that both agree within 1e-6.
+first contact with the end. The speed at the end is that of the first contact. This module computes these numbers in
+the core, without trajectories, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a
+recording. A test checks that both agree within 1e-6.
 """
 
 from __future__ import annotations
@@ -69,9 +67,9 @@ class Setting(NamedTuple):
     Attributes
     ----------
     needle_out, needle_back : float
-        Of the flow controls at chamber b and chamber a, which throttle the outward stroke and the way back.
+        Needles of the flow controls at chambers b and a, which throttle the outward stroke and the return stroke.
     cushion_out, cushion_back : float
-        Of the needles of the cushions at the ends of these strokes.
+        Needles of the cushions at the ends of these strokes.
     """
 
     needle_out: float = 1.0
@@ -90,15 +88,15 @@ class StrokeResults(NamedTuple):
     Attributes
     ----------
     time : ndarray
-        From the command to the end; infinite where the run ended before.
+        Time from the command to the first contact with the end; infinite if the run ended before.
     end_speed, energy : ndarray
-        At the first contact with the end; 0 where there was none.
+        Speed and energy at the first contact with the end; 0 without a contact.
     peak_pressure : ndarray
-        Largest one of both chambers, absolute.
+        Largest pressure of both chambers, absolute.
     air : ndarray
         Mass drawn from the supply.
     force : ndarray
-        With which the piston presses against the end at the end of the run.
+        Force of the piston on the end stop at the end of the run.
     """
 
     time: Array
@@ -120,7 +118,7 @@ class DriveStrokes:
     threads : int, optional
         Default: all processors.
     return_share : float
-        Gauge pressure of the supply on the way back, over that of the supply: below 1 behind a regulator.
+        Gauge pressure for the return stroke over that of the supply; below 1 with a regulator.
     """
 
     choice: DriveChoice
@@ -136,8 +134,8 @@ class DriveStrokes:
         """Return the ratio of load to supply force at rest, shape (n,); above 1 the load does not move.
 
         The load is the weight of load and piston, the external force, and the friction of cylinder and guide. For the
-        outward stroke it is at least the holding force. The supply's force is its gauge pressure on the piston, with
-        the other chamber at ambient.
+        outward stroke it is at least the holding force. The supply's force is its gauge pressure times the piston
+        area, with the other chamber at ambient.
 
         Parameters
         ----------
@@ -188,8 +186,8 @@ class DriveStrokes:
     def opens_after(self, outward: bool, draws: Array) -> Array:
         """Return the time from the command until the valve is open, s, shape (n,).
 
-        The edges of a switching valve open over the second half of its travel. The time until three quarters of the
-        travel is used.
+        The edges of a switching valve open over the second half of its travel. The result is the time until three
+        quarters of the travel.
         """
         valve, factors = self.choice.valve, self._factors(draws)
         if valve.kind == PROPORTIONAL:  # a servo valve
@@ -297,9 +295,9 @@ class StrokeRuns(NamedTuple):
     ----------
     strokes : DriveStrokes
     outward : bool
-        Towards the end of chamber b, else back.
+        Whether the stroke is towards the end of chamber b, not back.
     draws : ndarray, shape (n, len(DRAWN))
-        Shares of each range, 0 to 1.
+        Positions in each range, 0 to 1.
     settings : ndarray, shape (n, 4)
         Rows of `Setting`.
     """
@@ -332,8 +330,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     """Run strokes whose circuits differ only in numbers.
 
     The command is constant, so a valve is described by two fixed paths that open at one time. Nothing moves before.
-    Without a
-    schedule of commands, members run in the lanes of a register.
+    Without a schedule of commands, members run in the lanes of a register.
     """
     first, outward = asked[0].strokes, asked[0].outward
     limit = first.task.outward_s if outward else first.task.back_s
@@ -363,12 +360,12 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
 
 
 def held_s(limit: float) -> float:
-    """Return the time for which a command is held, s, from the longest time that the task allows for the stroke."""
+    """Return the time for which a command is held, s, from the longest allowed time of the stroke."""
     return LONGEST * limit + LONGER_S
 
 
 def cycle_s(task: SizingTask) -> float:
-    """Return the period of the cycle to which the air belongs, s."""
+    """Return the period of a cycle, s, for which the air is stated."""
     return held_s(task.outward_s) + held_s(task.back_s)
 
 
@@ -396,7 +393,7 @@ def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> 
 def points(n: int) -> Array:
     """Return points of a scrambled Sobol sequence, shape (n, len(DRAWN)).
 
-    A smaller n gives the first of the same points.
+    A smaller n gives the first points of the same sequence.
     """
     from scipy.stats import qmc
 

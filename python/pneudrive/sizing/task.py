@@ -69,7 +69,7 @@ class TaskSupply(Described):
 
 
 class TaskSpreads(Described):
-    """Ranges of values that differ from drive to drive and from day to day; samples are uniform over each range."""
+    """Ranges of values that vary between drives or over time; samples are uniform over each range."""
 
     table_name: ClassVar[str] = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")
@@ -244,7 +244,7 @@ class TaskValue(NamedTuple):
 
 
 def values_of(task: SizingTask) -> list[TaskValue]:
-    """Return every value of a task, defaults included, in the order of its file."""
+    """Return every value of a task, including defaults, in the order of its file."""
     given = dict(leaves(task.to_dict()))
     meanings = dict(_meanings(task))
     return [

@@ -1,4 +1,4 @@
-"""Settings of needles and cushions of one choice of parts, such that the worst of a few cases keeps the largest margin.
+"""Settings of needles and cushions of one choice of parts that maximise the least margin of a few cases.
 
 The search uses a grid that is refined twice, without derivatives: arrivals, impacts and check valves cause kinks. All
 grid points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are slower than the slow
@@ -56,15 +56,15 @@ class Tuned(NamedTuple):
     ----------
     setting : Setting
     nominal : float
-        Least margin of the nominal case, both ways; below 0 where no setting does the task.
+        Least margin of the nominal case over both strokes; below 0 if no setting does the task.
     short : tuple
-        The limit that it misses or comes nearest to, its limit and its value, SI.
+        Name of the limit with the least margin, the limit, and the value, SI.
     least : float
         Least margin of all cases.
     air : float
-        Mass drawn from the supply in the nominal case, both ways, kg.
+        Mass drawn from the supply in both strokes of the nominal case, kg.
     times : tuple of float
-        Of the strokes in the nominal case, s.
+        Times of the strokes in the nominal case, s.
     """
 
     setting: Setting
@@ -97,7 +97,7 @@ def tune(strokes: DriveStrokes) -> Tuned:
 
 
 def is_worth_more(rough: Tuned) -> bool:
-    """Return whether refining rough settings can help."""
+    """Return whether refined settings may meet the task."""
     return rough.nominal >= 0.0 and rough.least >= FAR
 
 
@@ -108,7 +108,7 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
     ----------
     every : sequence of DriveStrokes
     rough : sequence of Tuned, optional
-        Their rough settings, which are refined; absent: rough settings are found.
+        Rough settings to refine. By default, rough settings are searched.
     """
     searches = [_rough(one) for one in every]
     if rough is not None:

@@ -1,1 +1,1 @@
-"""One module per characteristic."""
+"""Modules of the characteristics."""

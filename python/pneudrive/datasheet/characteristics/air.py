@@ -1,4 +1,4 @@
-"""Air and exergy that a cycle takes from the supply, and the losses of exergy by component."""
+"""Air and exergy that a cycle takes from the supply, and the exergy losses of each component."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "e
 
 
 class Accounts(NamedTuple):
-    """Accounts of the last of several equal cycles, by name, and the mass that the cycle drew."""
+    """Accounts of the last of several equal cycles, by name, and the mass drawn in this cycle."""
 
     values: dict[str, float]
     drawn_kg: float
@@ -92,7 +92,7 @@ def _supplied(
 def specific_exergy(plant: HeldDrive, pressure: float, temperature: float) -> float:
     """Return the flow exergy of the supplied gas against ambient, J/kg.
 
-    Enthalpy and entropy come from the core: they are those of the gas that a small tank takes from a reservoir.
+    Enthalpy and entropy come from the core, for gas that flows from a reservoir into a small tank.
     """
     p_0, t_0 = plant.ambient
     (h, s), (h_0, s_0) = (_entering(plant, p, t) for p, t in ((pressure, temperature), (p_0, t_0)))
@@ -150,7 +150,7 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     """Air per cycle.
 
     Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference atmosphere.
-    One value is that of chambers that fill and vent completely, the other that of the cycle of the square
+    One value holds if the chambers fill and vent completely, the other for the cycle of the square
     response.
 
     Settings
@@ -194,8 +194,8 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
 def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S) -> Found:
     """Exergy and its losses.
 
-    Exergy of the air drawn in one periodic cycle against ambient, and what each component loses: ambient temperature
-    times the entropy that it produces.
+    Exergy of the air drawn in one periodic cycle, relative to ambient, and exergy lost in each component: ambient
+    temperature times the entropy that it produces.
 
     Settings
     --------
@@ -250,9 +250,9 @@ class EnergyBalance(Viewed):
     accounts_j : dict of str to float
         Component and account -> heat, work and enthalpy over the boundary, J, positive inward.
     open_share : float
-        Change of energy that the balances do not explain, relative to the energy throughput.
+        Residual of the energy balance, relative to the energy throughput.
     lost_j : dict of str to float
-        Component and cause -> exergy lost, J: ambient temperature times the entropy produced; the largest first.
+        Component and cause -> exergy lost, J: ambient temperature times the entropy produced. The largest comes first.
     air_kg : dict of str to float
         Reservoir -> mass that it supplied, kg. Negative if it received more.
     anr_density_kg_m3 : float
@@ -271,7 +271,7 @@ class EnergyBalance(Viewed):
         return {name: litres_anr(mass, self.anr_density_kg_m3) for name, mass in self.air_kg.items()}
 
     def view(self) -> View:
-        """Return the accounts, the lost exergy and the air."""
+        """Return the view of the accounts, the lost exergy and the air."""
         lost = self.lost_j | {"all": sum(self.lost_j.values())}
         groups = (("across boundary, positive inward", self.accounts_j, "J"), ("exergy lost", lost, "J"))
         groups += (("air given, litres ANR", self.air_litres_anr, ""),)
@@ -310,7 +310,7 @@ def energy_balance(
     Raises
     ------
     PneudriveError
-        As `pneudrive.simulate`.
+        As for `pneudrive.simulate`.
 
     Examples
     --------

@@ -62,8 +62,8 @@ def _bode(
 ) -> Found:
     """Frequency response.
 
-    Response of velocity, position and pressures to a small command about an operating point. It is mid stroke with
-    the pressures of slow steady motion, the edge at which the valve opens to positive commands, and viscous friction.
+    Response of velocity, position and pressures to a small command about an operating point: mid stroke, pressures
+    of slow steady motion, the positive command at which the valve begins to open, and viscous friction.
 
     Settings
     --------
@@ -123,8 +123,8 @@ def _bode(
 def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
     """Response to large sines.
 
-    First harmonic of the velocity over a sinusoidal command, for amplitudes and frequencies, and the other
-    harmonics over it. The piston starts at mid stroke and does not meet an end.
+    First harmonic of the velocity over a sinusoidal command, and the other harmonics over the first, for several
+    amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
 
     Settings
     --------
@@ -158,7 +158,7 @@ def _over_grid(
 
 
 def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the velocity. NaN if the piston meets an end."""
+    """Return gain, phase and distortion of the velocity. NaN if the piston reaches an end."""
     rate = STEPS * frequency
 
     def sine(t: float) -> float:  # held from a step to the next: the value at its middle
@@ -201,8 +201,8 @@ def _load_describing(
 ) -> Found:
     """Response to large sines of the load.
 
-    First harmonic of the position over a sinusoidal load with the valve shut, for amplitudes and frequencies, and
-    the other harmonics over it. The piston starts at mid stroke and does not meet an end.
+    First harmonic of the position over a sinusoidal load with the valve shut, and the other harmonics over the first,
+    for several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
 
     Settings
     --------
@@ -236,7 +236,7 @@ def _load_describing(
 def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
     """Return gain, phase and distortion of the position under a load, with the valve shut.
 
-    NaN if the piston meets an end.
+    NaN if the piston reaches an end.
     """
     rate, periods = STEPS * frequency, SETTLING + COUNTED
     session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
@@ -350,8 +350,8 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
 def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
     """Speed against the tubes.
 
-    Choked speed, stroke times, mean and end speed with steady tubes of equal length and bore at both chambers, from
-    rest, emptying chamber at supply pressure.
+    Choked speed, stroke times, mean speed and end speed with steady tubes of equal length and bore at both chambers.
+    Strokes start from rest, with the emptying chamber at supply pressure.
 
     Settings
     --------

@@ -38,7 +38,7 @@ REPEATS = 3  # cycles after which a fast cycle repeats itself
 
 
 class StrokeRun(NamedTuple):
-    """A run and its strokes: columns by a drive's names, one stroke for each command."""
+    """Columns of a run, by the names of a drive, and its strokes, one for each command."""
 
     columns: dict[str, Array]
     strokes: tuple[StrokeNumbers, ...]
@@ -51,7 +51,7 @@ class StrokeRun(NamedTuple):
 
 
 def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
-    """Simulate the circuit of a drive without its warnings, which belong to the user's own runs."""
+    """Simulate the circuit of a drive without warnings, which concern only runs that the user requests."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
         return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
@@ -93,7 +93,7 @@ def one_stroke(
 
 
 def start_of(plant: HeldDrive, position: float, pressures: tuple[float, float]) -> dict[str, str]:
-    """Return a start at ambient temperature; lines have the pressure of their chamber."""
+    """Return a start state at ambient temperature; lines have the pressure of their chamber."""
     own = plant.piston
     start = {f"{own}.position": f"{position!r} m"}
     sides = [(side, p) for side, p in zip("ab", pressures, strict=True) if f"{own}.{side}" in plant.nodes]
@@ -123,9 +123,9 @@ def cycle(
 
 
 def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
-    """Return the strokes between the edges.
+    """Return the strokes between the changes of the command.
 
-    The first stroke has the direction of the command, and the next stroke is back.
+    The first stroke has the direction of the command, and the next stroke the opposite direction.
     """
     columns = short_columns(plant, run)
     impacts = run.attrs["impacts"]
@@ -177,8 +177,8 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     """Response to a step.
 
     One stroke from rest. The stroke time runs from the command to the first contact with the end, the dead time
-    until 0.2 % of the way. The rise time runs from 10 % to 90 % of the way. The settling time ends where the
-    position stays within 1 % of the way.
+    until 0.2 % of the distance. The rise time runs from 10 % to 90 % of the distance. The settling time ends when
+    the position stays within 1 % of the distance.
 
     Settings
     --------
@@ -206,7 +206,7 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
 def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
     """Response to a square command.
 
-    Periodic strokes out and back under a square command. Results as for a step.
+    Periodic strokes out and back under a square command. The results are defined as for a step.
 
     Settings
     --------
@@ -239,7 +239,7 @@ def _impact(plant: HeldDrive) -> Found:
     """Impact at the ends.
 
     Speed and kinetic energy of the moving mass at the first contact with the end, and the total energy that the
-    end stop absorbs. Each is that of a full stroke from rest with the emptying chamber at supply pressure.
+    end stop absorbs. The stroke is a full one from rest, with the emptying chamber at supply pressure.
 
     Results
     -------
@@ -310,8 +310,8 @@ def _cushion(
 ) -> Found:
     """Capacity of the cushion.
 
-    Speed at the end and peak pressure of a piston that enters its cushion with a speed, over mass, speed, and the
-    opening of the needle. The command is full, and the pressures are those of slow steady motion.
+    End speed and peak pressure of a piston that enters its cushion at a given speed, over mass, entry speed and
+    needle opening. The valve is fully open, and the pressures at entry are those of slow steady motion.
 
     Settings
     --------
@@ -377,7 +377,7 @@ def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float]
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
-    """Return end speed and peak pressure of a piston that enters a cushion with a speed."""
+    """Return end speed and peak pressure of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
@@ -411,7 +411,7 @@ REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
 def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) -> Found:
     """Times of the valve.
 
-    From the command on, and off, until the pressure of 10 cm3 at the outlet has changed by 10 % of its way to the end.
+    Time from switching on, or off, until the pressure of 10 cm3 at the outlet has made 10 % of its total change.
 
     Settings
     --------

@@ -1,4 +1,4 @@
-"""Static curves: steady speed over force, stiffness of held air, and what starts a motion."""
+"""Static curves: steady speed over force, stiffness of enclosed air, and conditions for the start of a motion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken
 
 
 def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
-    """Return blocked and stall force at full command, N, positive in the direction.
+    """Return blocked and stall force at full command, N, positive in the direction of the command.
 
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
     breakaway, the largest load that a piston at rest can move.
@@ -51,8 +51,8 @@ def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
 def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a sequence of numbers
     """Steady velocity against command and load.
 
-    Velocity at which pressures, temperatures and velocity are constant, at mid stroke; load against the motion.
-    Velocity gain and dead zone: line through commands 0.05 and 0.1 beyond the overlap, without load.
+    Velocity at mid stroke at which pressures, temperatures and velocity are constant. The load acts against the motion.
+    Velocity gain and dead zone come from a line through commands 0.05 and 0.1 beyond the overlap, without load.
 
     Settings
     --------
@@ -127,8 +127,8 @@ def velocity_gain(plant: HeldDrive, direction: float, position: float) -> tuple[
 def _force(plant: HeldDrive, points: int = 12) -> Found:
     """Force against speed at full command.
 
-    Load against which a steady speed is reached at command 1 and -1. Blocked force: of gas, weight, springs and the
-    described load on a pinned piston. Stall force: blocked force less breakaway.
+    Load against which a steady speed is reached at command 1 and -1. Blocked force: force of gas, weight, springs and
+    described load on a pinned piston. Stall force: blocked force minus breakaway force.
 
     Settings
     --------
@@ -146,7 +146,7 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     blocked_force : N over direction
         force on the pinned piston at full command
     stall_force : N over direction
-        largest load that the resting piston can move: blocked force less breakaway
+        largest load that the resting piston can move: blocked force minus breakaway force
     """
     x = 0.5 * plant.stroke_m
     directions = (1.0, -1.0)
@@ -183,7 +183,7 @@ def _blocked(plant: HeldDrive, command: float, position: float) -> float:
 def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
     """Pressure gain.
 
-    Pressure difference of the chambers against the command with a blocked piston, and its slope at the centre.
+    Pressure difference of the chambers over the command, with a blocked piston, and its slope at the centre.
 
     Settings
     --------
@@ -195,7 +195,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
     command : 1
         command of the valve
     pressure_difference : Pa over command
-        pressure a less pressure b, piston blocked
+        pressure a minus pressure b, piston blocked
     pressure_gain : Pa
         its slope at a small command; infinite without leakage
     centre_pressure_a : Pa
@@ -245,7 +245,7 @@ SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by r
 def dynamic_stiffness(linear: Linear, piston: str, s: complex) -> complex:
     """Return the ratio of gas force to displacement at a complex frequency s, 1/s, without the mass, N/m.
 
-    The rows and columns of the chambers are eliminated from A.
+    The states of the gas are eliminated from the linear model.
     """
     x, v = linear.states.index(f"{piston}.position_m"), linear.states.index(f"{piston}.velocity_m_s")
     rest = [k for k in range(len(linear.states)) if k not in (x, v)]
@@ -262,7 +262,7 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
     """Return the stiffness of the gas without heat exchange, N/m, at the natural frequency of a multiple of the mass.
 
-    Gas in lines contributes as far as the lines let it flow at this frequency.
+    Gas in the lines contributes only as far as it can flow through them at this frequency.
     """
     found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
@@ -292,7 +292,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     """Stiffness of the air spring.
 
     Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall temperature.
-    A fast motion is without heat exchange, a slow one at the temperature of the wall.
+    The gas exchanges no heat in a fast motion, and keeps the temperature of the wall in a slow one.
 
     Settings
     --------
@@ -434,7 +434,7 @@ def least_pressure(plant: HeldDrive, direction: float) -> float:
     Raises
     ------
     SimulationError
-        Even the supply of the drive does not move it.
+        The piston does not move even at the described supply pressure.
     """
     low, high = plant.ambient[0], plant.supply_pa
     if not _reaches(plant, high, direction):
@@ -456,8 +456,8 @@ def least_pressure(plant: HeldDrive, direction: float) -> float:
 def _minimum(plant: HeldDrive) -> Found:
     """Minimum pressure and breakaway.
 
-    Least supply pressure, above ambient, at which the piston, with its load, covers 99 % of its stroke within 660
-    s from rest at full command. The pressure rises from ambient over 600 s and is then held.
+    Least supply pressure, above ambient, at which the piston with its load moves over 99 % of the stroke within 660 s
+    from rest at full command. The pressure rises from ambient over 600 s and is then held.
 
     Results
     -------
