@@ -37,7 +37,7 @@ LOST_M = 0.02  # a run with a larger error is lost
 class Score(Viewed):
     """Score of a run; error is reference less position.
 
-    A measure that does not apply to the reference is None. A time is infinite if its event never occurs.
+    Measures that do not apply to the reference are None. A time is infinite if its event never occurs.
 
     Attributes
     ----------
