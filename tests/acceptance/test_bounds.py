@@ -82,7 +82,7 @@ COMMANDS = {
 }
 BRACKETS = "[" * 1000 + "]" * 1000
 FOLDERS = {
-    "cycles is a file": ("cycles", "x", "a file has the name of the folder of the cycles"),
+    "cycles is a file": ("cycles", "x", "must be the folder of the cycles"),
     "the rig is nothing": ("rig.json", "{}", "area_a_m2 is missing"),
     "the rig is a list": ("rig.json", "[1]", "not a JSON object"),
     "the head is empty": ("campaign.json", "", "not JSON"),

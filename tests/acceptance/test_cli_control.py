@@ -98,12 +98,12 @@ WRONG = {
     "two laws": (
         ["--reference", STEP, "--law", "inversion", "--controller", "pid"],
         "--law inversion and --controller pid",
-        "Give one",
+        "Keep one",
     ),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
     "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R6"),
     "record of no number": (["--reference", "nan.csv"], "sample 3 is not valid", "position_m = nan"),
-    "record that goes back": (["--reference", "back.csv"], "sample 4 is not valid", "times rise"),
+    "record that goes back": (["--reference", "back.csv"], "sample 4 is not valid", "times must rise"),
     "unit": (["--reference", "sine 60 mm 0.5 kg around 250 mm"], '"kg"', "a frequency is needed"),
     "unknown law": (["--controller", "nmcp"], 'no law "nmcp"', "'nmpc'"),
     "unknown setup": (["--setup", "reel"], 'no setup "reel"', "'real'"),
@@ -113,7 +113,7 @@ WRONG = {
 FILES = {
     "law": ('law = "pdi"', "law: 'pdi' is not known", "'pid'"),
     "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
-    "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
+    "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "not a gain of nmpc", "'bandwidth'"),
     "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),
     "gain of no number": ('law = "nmpc"\n[gains]\nmove_penalty = nan', "out of bounds", ":4"),
     "unit of a gain": ('law = "nmpc"\n[gains]\nbandwidth = "90 mm"', '"mm"', ":4"),
@@ -231,7 +231,7 @@ def test_tune_says_which_parts_of_cylinder_valve_and_supply_no_law_knows(tmp_pat
     (tmp_path / "axis.toml").write_text(text.replace("moving_mass", 'leakage = "0.01 dm3/(s bar)"\nmoving_mass'))
     assert run(["control", "tune", str(tmp_path / "axis.toml"), "--law", "inversion"]) == 0
     said = capsys.readouterr().out
-    words = ("knows nothing of", "cylinder.leakage", "valve.stroke_time", "leakage 0.006 in place of")
+    words = ("does not model", "cylinder.leakage", "valve.stroke_time", "leakage 0.006 in place of")
     assert all(own in " ".join(said.split()) for own in words)
     told = {"reference": "250 mm", "duration": "20 ms"}
     assert pn.control.run(pn.Circuit.load(tmp_path / "axis.toml"), "inversion", mismatch="sag", **told).attrs["air"]
@@ -290,7 +290,7 @@ def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(t
     assert run([*told, "--reference", "150 mm; 0.1 s: 160 mm in 0.3 s", "--duration", "0.5 s"]) == 0
     said = capsys.readouterr()
     assert "inversion, told of controlled axis, on bench" in said.out
-    assert said.err.count("Note: period = 8 ms: a law follows badly") == 1
+    assert said.err.count("Note: period = 8 ms is too long") == 1
 
 
 COMPARE = ["--laws", "inversion,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]
@@ -326,7 +326,7 @@ def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys):
     ]
     assert run([*head, "--mismatch", "load-step"]) == 0
     said = capsys.readouterr()
-    assert "disturbances: what begins at 6.2 s has no effect, as the run ends at 2.4 s" in said.err
+    assert "disturbances: the entry at 6.2 s has no effect, because the run ends at 2.4 s" in said.err
     assert "end at 11.01 bar abs, below the supply of 16 bar abs" in said.err
     assert "! Lost: an error exceeded 20 mm." in said.out
     assert run(["control", "tune", str(high)]) == 0

@@ -147,7 +147,7 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
         (["design", "nothing.toml"], "there is no file nothing.toml"),
         (["design", "{fit}", "--points", "5", "--time", "1 h"], "cannot be given together"),
         (["design", "{fit}", "--criterion", "A"], "there is no criterion 'A'"),
-        (["design", "{fit}", "--speeds", "1 mm/s .. 90 m/s"], "exceeds the speed that the rig can hold"),
+        (["design", "{fit}", "--speeds", "1 mm/s .. 90 m/s"], "the rig cannot hold the highest speed"),
         (["design", "{fit}", "--stops", "logarithm"], "there is no dwell law 'logarithm'"),
         (["design", "{fit}", "--out", "next.txt"], "a protocol cannot be written there"),
     ],

@@ -140,7 +140,7 @@ def test_numbers_of_switching_valves_go_through_a_file_into_a_run(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('[valves]\nstiffnes = "2 N/mm"', "valves.stiffnes is no gain of these valves"),
+        ('[valves]\nstiffnes = "2 N/mm"', "valves.stiffnes is not a gain of these valves"),
         ('[valves]\nstiffness = "-2 N/mm"', "out of bounds"),
     ],
 )
@@ -162,23 +162,23 @@ def test_the_screen_has_the_numbers_of_the_file(capsys):
 def test_what_has_no_several_valves_says_so(tmp_path):
     file = tmp_path / "controller.toml"
     file.write_text('schema = 1\nlaw = "inversion"\n[valves]\nstiffness = "2 N/mm"\n')
-    with pytest.raises(DescriptionError, match=r"the drive one proportional 5/3 valve"):
+    with pytest.raises(DescriptionError, match=r"the drive has one proportional 5/3 valve"):
         pn.control.tune(pn.Circuit.load(AXES / "controlled_axis.toml"), controller=file)
     tuning = pn.control.tune(pn.Circuit.load(SWITCHING), "inversion")
     with pytest.raises(CommandError, match="one command"):
         pn.control.export(tuning, "c", tmp_path / "law")
     with pytest.raises(CommandError, match="one command"):
         pn.control.export(tuning, "fmu", tmp_path / "law.fmu")
-    with pytest.raises(DescriptionError, match="no spool that could deviate"):
+    with pytest.raises(DescriptionError, match="spool is not modelled"):
         pn.control.run(pn.Circuit.load(SWITCHING), "inversion", reference=MOVE, mismatch="slow-spool")
 
 
 def test_tune_says_what_no_observer_tells_apart():
     drive = pn.Circuit.load(AXES / "controlled_axis.toml")
     said = {setup: " ".join(pn.control.tune(drive, "inversion", setup=setup).limits) for setup in ("real", "cheap")}
-    assert "friction that differs between the directions" in said["real"]
-    assert "not both pressures" not in said["real"]
-    assert "At rest the position tells the force of the gas, not both pressures" in said["cheap"]
+    assert "difference of friction between the directions" in said["real"]
+    assert "but not both pressures" not in said["real"]
+    assert "At rest the position shows the force of the gas, but not both pressures" in said["cheap"]
 
 
 @pytest.mark.parametrize("at", [[], ["2 s"]])
@@ -202,5 +202,5 @@ def test_a_valve_whose_flow_is_a_table_is_refused_with_a_way_out(tmp_path):
     for key in ("overlap = 0.02", "leakage = 0.003"):
         text = text.replace(key, "")
     (tmp_path / "table.toml").write_text(text)
-    with pytest.raises(DescriptionError, match=r"valve has a flow_table[\s\S]*in place of the table"):
+    with pytest.raises(DescriptionError, match=r"valve has a flow_table[\s\S]*leakage instead"):
         pn.control.tune(pn.Circuit.load(tmp_path / "table.toml"))

@@ -72,7 +72,7 @@ WRONG = {
     "no number": (["--law", "mine.py:NoNumber"], "it returns nan", "a finite number"),
     "nothing": (["--law", "mine.py:Forgets"], "fails at t = 0 s: it returns None", "on_fault"),
     "an exit": (["--law", "mine.py:Exits"], "fails at t = 0 s: SystemExit: 3", "mine.py:39"),
-    "an input twice": (["--law", "mine.py:Twice"], "'position' stands twice", "each input once"),
+    "an input twice": (["--law", "mine.py:Twice"], "'position' is listed twice", "each input once"),
     "no arguments": (["--law", "mine.py:Alone"], "step cannot be called", "step(t, sample, preview)"),
     "input": (["--law", "mine.py:Asks"], "there is no input 'positon'", "'position'"),
     "inputs": (["--law", "mine.py:Text"], "inputs is the text 'position'", "inputs = ('position',)"),

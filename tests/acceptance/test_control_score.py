@@ -273,9 +273,9 @@ WRONG = {
     "h.toml": (POINTS.format("pass") + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times rise"),
     "o.toml": (
         POINTS.format("pass") + LIMITED[LIMITED.index("[limits]") : LIMITED.index("[[moves]]")],
-        "nothing is held",
+        "limits have no effect",
     ),
-    "p.toml": (LIMITED + 'duration = "1 s"\n', "nothing is held"),
+    "p.toml": (LIMITED + 'duration = "1 s"\n', "limits have no effect"),
     "q.toml": (POINTS.format("pass").replace("schema = 1", "schema = 1\norder = 9"), "order = 9 and a spline"),
     "n.csv": (
         "time_s,position_m\n0,0.2\n0.1,0.25\n0.2,0.2\n0.3,0.25\n3,0.2\n3.1,0.25\n3.2,0.2\n",
@@ -502,7 +502,7 @@ def test_wrong_spreads_give_one_message(case, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("given.toml").write_text('schema = 1\nmoving_mass = "1.6 .. 1"\n')
     options, said = SPREADS[case]
-    said = "the first end lies below" if said == "LOW .. HIGH" else said
+    said = "the first end must not exceed" if said == "LOW .. HIGH" else said
     assert run(["control", "benchmark", str(AXIS), "--laws", "inversion", *options, "--out", "out"]) == 2
     error = capsys.readouterr().err
     assert error.count("Error:") == 1
@@ -532,7 +532,7 @@ WRONG_CALLS = {
     "seeds = 2.0 is not a whole number": lambda axis: pn.control.benchmark(
         axis, "inversion", [STEP], out=".", seeds=2.0
     ),
-    "R1 is a standard reference": lambda _: pn.control.reference("R1"),
+    "the standard reference R1 depends on the drive": lambda _: pn.control.reference("R1"),
     "law and a tuning of inversion for controlled axis cannot be given together": lambda axis: pn.control.run(
         axis, "pid", reference=STEP, controller=pn.control.tune(axis, "inversion")
     ),
@@ -547,7 +547,7 @@ WRONG_CALLS = {
     "believes and a tuning of pid": lambda axis: pn.control.benchmark(
         axis, [pn.control.tune(axis, "pid")], [STEP], out=".", believes=axis
     ),
-    "the friction of the drive is lugre already": lambda axis: pn.control.run(
+    "the drive already has lugre": lambda axis: pn.control.run(
         axis, reference=STEP, mismatch=Mismatch(friction_law="lugre")
     ),
 }

@@ -457,7 +457,7 @@ def test_an_actuator_gives_the_force_of_the_drive_on_what_moves_it(tmp_path):
     told = {"start_values": {"command": 0.1, "position": 0.1, "velocity": 0.1}, "stop_time": 1e-3}
     alone, without = simulate_fmu(other, **told), simulate_fmu(path, **told)
     assert alone["force"].tobytes() == without["force"].tobytes(), "the load is the tool's"
-    with pytest.raises(DescriptionError, match="the law coulomb has a mode for sticking"):
+    with pytest.raises(DescriptionError, match="the law coulomb has a sticking mode"):
         pn.export_fmu(STICKY, tmp_path / "no.fmu", actuator=True)
 
 

@@ -96,7 +96,7 @@ def test_a_user_exports_a_law_as_an_fmu_and_is_told_what_is_missing(tmp_path, ca
     )
     assert read_model_description(str(out)).coSimulation is not None
     assert read_model_description(str(out)).modelExchange is None
-    with pytest.raises(CommandError, match="takes no reference"):
+    with pytest.raises(CommandError, match="gets the reference as an input"):
         pn.control.export(pn.control.tune(AXIS, "pid"), "c", tmp_path, along=MOVE)
     tuning = pn.control.tune(AXIS, "nmpc")
     with pytest.raises(CommandError, match="stroke"):

@@ -99,5 +99,5 @@ def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
 
 
 def test_a_controller_in_c_has_its_reference_as_an_input(tmp_path):
-    with pytest.raises(CommandError, match="takes no reference"):
+    with pytest.raises(CommandError, match="gets the reference as an input"):
         pn.control.export(pn.control.tune(AXIS, "pid"), "fmu", tmp_path / "law.fmu", along="R1")

@@ -132,9 +132,9 @@ def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys):
     for rig in ("opc.tcp://127.0.0.1:1", str(tmp_path / "evil.toml")):
         assert "which axis moves" in resume(rig=rig)
     assert resume("--allow-code", code.upper(), rig=own) == ""
-    assert "with other code" in resume("--allow-code", "0" * 64, rig=own)
+    assert "not the allowed code" in resume("--allow-code", "0" * 64, rig=own)
     evil_code = sha256((tmp_path / "evil.py").read_bytes()).hexdigest()
-    assert "with other code" in resume("--allow-code", code, rig=evil, made_with=evil_code)
+    assert "not the allowed code" in resume("--allow-code", code, rig=evil, made_with=evil_code)
     assert "differs from the allowed one" in resume("--allow-code", code, rig=evil)
     # a compiled copy beside the file is of whoever made it, and modules beside it have no hash
     cache = tmp_path / "__pycache__"
@@ -246,7 +246,7 @@ def test_a_campaign_that_somebody_else_wrote(recorded, tmp_path):
         ('folder = "nowhere"', "nowhere is not a campaign folder"),
         ('folder = "x"\nlayout = "layout.toml"', "layout is not a known key"),
         ("", "folder is missing"),
-        ('folder = "x"\nspeed_tolerance = "5"', r"speed_tolerance: '5' is not a share"),
+        ('folder = "x"\nspeed_tolerance = "5"', r"speed_tolerance: '5' is not a percentage"),
         ('folder = "x"\ntolerance = "5 %"', "tolerance is not a known key"),
     ],
 )
@@ -257,7 +257,7 @@ def test_rig_files_that_are_wrong(tmp_path, text, words):
 
 
 def test_a_folder_that_is_not_a_campaign(tmp_path):
-    with pytest.raises(RigError, match=r"(?s)is not a campaign folder.*characterised without a campaign"):
+    with pytest.raises(RigError, match=r"(?s)is not a campaign folder.*pneudrive characterise"):
         load_rig(tmp_path)
 
 

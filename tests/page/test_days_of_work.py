@@ -58,7 +58,7 @@ def test_a_drive_that_deviates_is_not_said_to_be_as_described(server: Server, op
     page.select_option("label:has-text('True drive') select", "other-friction")
     page.wait_for_selector("text=The drive my axis, changed by other-friction. Friction of another law")
     page.select_option("label:has-text('True drive') select", "load-step")
-    page.wait_for_selector(".note:has-text('what begins at 13.3 s has no effect')")
+    page.wait_for_selector(".note:has-text('the entry at 13.3 s has no effect')")
     page.wait_for_selector("label:has-text('integral_time')")
     field = page.locator("input[aria-label='integral_time, s']")
     field.fill("0.2")

@@ -94,7 +94,7 @@ FAULTS = {
     ),
     "kind": (
         changed(("fc_la -> left.a", "fc_la -> left.rod")),
-        ("fc_la.2 is gas, left.rod is an axis", "left.rod", "a gas port is joined to a gas port", ""),
+        ("fc_la.2 is gas, left.rod is an axis", "left.rod", "a gas port joins a gas port", ""),
     ),
     "twice": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "valve_l.4 -> tank",')),
@@ -143,7 +143,7 @@ FAULTS = {
             '"6 bar abs"',
         ),
         ("inlet.critical_pressure_ratio: 1.4 is out of bounds", "ratio = 1.4", "less than 1", ""),
-        ("valve: the flow is given 2 times: conductance, nominal_flow", "nominal_flow", "", "Keep one"),
+        ("valve: the flow path is given 2 times: conductance, nominal_flow", "nominal_flow", "", "Keep one"),
         ("flow_control.throttles = 'uot' is not known", "uot", "", "Did you mean 'out'?"),
         ('cylinder.bore: unit "bar" is a pressure', "bore = ", "a length is needed", ""),
         ('cylinder.dead_volume_b: unit "cm2" is an area', "dead_volume", "a volume is needed", ""),

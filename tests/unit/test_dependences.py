@@ -109,7 +109,7 @@ WRONG = [
     ('"5 %/m"', '"5 mm"', 'unit "mm" is a length', "a share per length"),
     ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01, so friction would change its sign", "less than 1"),
     ('{ period = "50 mm",', '{ period = "0 mm",', "friction.position.harmonics.period: ", "greater than 0"),
-    ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm follows 200 mm", "positions rise"),
+    ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm follows 200 mm", "positions must rise"),
     ("factor = 0.95", "factor = 0", "friction.position.table.factor: 0 is out of bounds", "greater than 0"),
     ("positive = 1.1", "positive = 0", "friction.direction.positive: 0 is out of bounds", "greater than 0"),
     ("coefficient = 0.1", "", "friction.side_load.coefficient is missing", "a number"),

@@ -137,7 +137,7 @@ WRONG = [
         "chamber b is missing",
         "dead_volume",
     ),
-    ('(s bar)"', '(s bar)"\ncv = 0.5', "flow is given 2 times: conductance, cv", "Keep one"),
+    ('(s bar)"', '(s bar)"\ncv = 0.5', "flow path is given 2 times: conductance, cv", "Keep one"),
     ('conductance = "2 dm3/(s bar)"\n', "", "valve.conductance is missing", "exactly one of"),
     ("schema = 1", "schema = 2", "schema = 2 is not known", "1"),
     ('stroke = "500 mm"\n', "", "cylinder.stroke is missing", "a length is needed"),

@@ -95,7 +95,7 @@ def test_what_a_terminal_warns_of_is_told(served: Served, monkeypatch: pytest.Mo
     with pytest.warns(PneudriveWarning) as told:
         exec(head["python"], {})
     assert head["warnings"] == [str(one.message) for one in told]
-    assert "what begins at 6.2 s has no effect" in head["warnings"][0]
+    assert "the entry at 6.2 s has no effect" in head["warnings"][0]
 
 
 def test_a_controller_file_is_run_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -232,7 +232,7 @@ def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Pat
         (tmp_path / "comparison.json").write_text(json.dumps(damaged))
         with pytest.raises(CommandError, match="damaged"):
             pn.control.read_comparison(tmp_path)
-    with pytest.raises(CommandError, match="no comparison"):
+    with pytest.raises(CommandError, match="not a comparison"):
         pn.control.read_comparison(tmp_path / "runs")
 
 

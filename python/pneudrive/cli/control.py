@@ -136,7 +136,7 @@ def run(
     """
     is_file = controller is not None and controller.endswith(".toml")
     if law and controller and not is_file and law != controller:
-        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
+        raise CommandError(f"--law {law} and --controller {controller} are both given", remedy="Keep one.")
     law, file = (law, controller) if is_file else (law or controller, None)
     options: dict[str, Any] = {"setup": setup, "duration": duration, "controller": file, "mismatch": mismatch}
     options["rtol"] = rtol
@@ -148,7 +148,7 @@ def run(
         _run_platform(described.circuit, reference, payload, out, plot, options)
         return
     if payload is not None:
-        raise CommandError(f"--payload {payload} is only for platforms", remedy="Give a mismatch, such as mass+30.")
+        raise CommandError(f"--payload {payload} is only for platforms", remedy="Use --mismatch, such as mass+30.")
     check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
     found = loop.run_prepared(prepared, seed, watch())

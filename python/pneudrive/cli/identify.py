@@ -480,7 +480,7 @@ def design(
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
         raise CommandError.of("cli.protocol", out=out)
     if points and time:
-        raise CommandError("--points and --time cannot be given together")
+        raise CommandError("--points and --time cannot be given together", remedy="Keep one of them.")
     found, machine = static_fits.FrictionFit.from_toml(fit), rig_file.load_rig(rig)
     identity, envelope = machine.identity(), machine.limits()
 

@@ -191,7 +191,7 @@ def sweep(
         rtol=rtol,
     )
     if out.suffix == ".csv" and any(reduction.word == "samples" for reduction in study.outputs):
-        raise CommandError("a CSV file has no place for samples", remedy="Write .parquet or .nc.")
+        raise CommandError("a CSV file cannot hold sampled outputs", remedy="Write .parquet or .nc.")
     fits_memory = study.rows.size <= many.IN_MEMORY
     if is_file and not fits_memory:
         raise CommandError.of("cli.too-many", members=study.rows.size)
@@ -223,9 +223,9 @@ def _design(
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, designs.SAMPLERS))
     files = [text for text in vary if "=" not in text]
     if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
-        raise CommandError("--correlation has no effect", rule="each varied number has a distribution")
+        raise CommandError("--correlation has no effect", rule="each varied number needs a distribution")
     if files and len(vary) > 1:
-        raise CommandError("--vary mixes a file and texts", rule="give one file, or NAME = VALUES for each number")
+        raise CommandError("--vary mixes a file and values", rule="give one file, or NAME = VALUES for each number")
     if files:
         path = Path(files[0])
         if path.suffix == ".toml":
@@ -343,7 +343,7 @@ def platform(
     check_outputs(out, (*PICTURES, *OF_RUNS))
     machine = pn.platform(cast("pn.Circuit", load.load_described(circuit)), name)
     if out is not None and run is None and out.suffix.lower() in OF_RUNS:
-        raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
+        raise CommandError(f"{out.name} needs a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
     if out is not None and run is None:
         platform_page.draw_platform(machine, path=out, dark=dark)
     elif run is None:

@@ -165,7 +165,7 @@ def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
         return int(value)
     is_list = isinstance(default, tuple) or (default is None and name.endswith("s"))
     if len(values) > 1 and not is_list:
-        raise CommandError(f"{name} = {text} is more than one value", rule=f"{kind.name} takes one {name}")
+        raise CommandError(f"{name} = {text} has several values", rule=f"{kind.name} takes one {name}")
     return values if is_list else value
 
 

@@ -297,7 +297,7 @@ def read_comparison(folder: str | Path) -> ControlComparison:
     place = Path(folder)
     path = place / ABOUT
     if not path.is_file():
-        raise CommandError(f"{place} is no comparison", rule=f"a folder with {ABOUT}", remedy="Name its --out.")
+        raise CommandError(f"{place} is not a comparison", rule=f"a folder with {ABOUT}", remedy="Name its --out.")
     about = read_json(path, CommandError)
     try:
         asked: Plain = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
@@ -637,14 +637,14 @@ def _threads(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
 
 def _folder(out: object) -> Path:
     if not isinstance(out, str | PathLike):
-        raise CommandError(f"out is a {type(out).__name__}", rule="a folder for scores and runs", remedy='out="laws"')
+        raise CommandError(f"out is a {type(out).__name__}", rule="out must name a folder", remedy='out="laws"')
     return Path(out)
 
 
 def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mismatch, str] | None:
     """Read a spread. A spread and a mismatch exclude each other."""
     if spread is not None and mismatch is not None:
-        remedy = "Write the values of the mismatch into the spread's file."
+        remedy = "Write the values of the mismatch into the file of the spread."
         raise CommandError("a spread and a mismatch cannot be given together", remedy=remedy)
     return None if spread is None else read_mismatch(spread)
 
@@ -706,13 +706,13 @@ def _tunings(
             raise CommandError(f"two laws are called {name}", remedy="Keep one of them, or rename its file.")
         out[name] = tuning
     if not out:
-        raise CommandError("no law is given", remedy='For instance "pid, nmpc", or "all".')
+        raise CommandError("no law is given", remedy='Give for instance "pid, nmpc", or "all".')
     return out
 
 
 def _references(drive: Drive | Circuit, asked: References) -> dict[str, Reference]:
     if not asked:
-        raise CommandError("no reference is given", remedy='For instance "standard".')
+        raise CommandError("no reference is given", remedy='Give for instance "standard".')
     if isinstance(asked, Mapping):
         return {name: reference(one) for name, one in asked.items()}
     usual = standard(drive)

@@ -201,7 +201,7 @@ def prepare(
     seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
     samples = seconds / tuning.period_s
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
-        what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms makes {samples:.3g} samples"
+        what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms gives {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     warnings = [*_missed(to_follow, read), *_beyond_switches(read, to_follow, plant.stroke_m)]
     start = _start(drive, plant, float(to_follow.at([0.0])[0, 0]), initial)
@@ -332,11 +332,11 @@ def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterato
     low_m, high_m = setup.switches.low_m, setup.switches.high_m
     said = f"setup: switches from {1e3 * low_m:g} mm to {1e3 * high_m:g} mm"
     if not (low_m < stroke_m and high_m > 0.0):
-        raise CommandError(said, rule=f"about a part of the stroke, 0 mm to {1e3 * stroke_m:g} mm")
+        raise CommandError(said, rule=f"their range must include a part of the stroke, 0 mm to {1e3 * stroke_m:g} mm")
     reach = along.reach()
     if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
         leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
-        yield f"{said}: the reference is from {leads}; beyond a switch only commands back are allowed"
+        yield f"{said}: the reference goes from {leads}; beyond a switch only commands back are allowed"
 
 
 def _missed(along: Reference, setup: Setup) -> Iterator[str]:

@@ -46,7 +46,7 @@ class ValueOrRange(Mark):
             raise WrongValueError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
         low, high = (self._end(ends[0]), self._end(ends[-1]))
         if not low <= high:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end must not exceed the second")
         return low, high
 
     def _end(self, given: object) -> float:
@@ -230,7 +230,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     _valves(valves, drawn)
     if mismatch.friction_law is not None:
         if mismatch.friction_law == cylinder["friction"]["law"]:
-            what = f"friction_law: the friction of the drive is {mismatch.friction_law} already"
+            what = f"friction_law: the drive already has {mismatch.friction_law}"
             raise wrong("friction_law", what, remedy="Choose another law.")
         cylinder["friction"] = _other_law(mismatch.friction_law, cylinder["friction"])
     start = _supply(form, drawn, conductance)
@@ -242,7 +242,7 @@ def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
     """Change the valves of a drive in place; a law assumes equal valves."""
     for name, key in OF_VALVE.items():
         if name in drawn and "frequency" not in valves[0]["numbers"]:
-            what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
+            what = f"{name}: {valves[0]['name']} is a switching valve, whose spool is not modelled"
             raise wrong(name, what, remedy="Leave it out of the mismatch.")
         for numbers in (valve["numbers"] for valve in valves if name in drawn):
             numbers[key] = drawn[name]
@@ -254,7 +254,7 @@ def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
 def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: float) -> None:
     has = [key for key in keys if key in numbers]
     if not has:
-        what = f"{name}: the drive has no {' and no '.join(keys)} that could deviate"
+        what = f"{name} has no effect: the drive has no {' and no '.join(keys)}"
         raise wrong(name, what, remedy="Leave it out of the mismatch.")
     for key in has:
         numbers[key] *= factor
@@ -272,7 +272,7 @@ def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
             parameters[name] = has[name]
         elif usual is None:
             what = f"friction_law: {word} needs {name}, which the friction of the drive does not have"
-            raise wrong("friction_law", what, remedy="Choose a law with the same numbers.")
+            raise wrong("friction_law", what, remedy="Choose a law without that number.")
     lacks = {"formula", "elements"}
     lacks |= set() if law["evolves"] else {"evolution"}
     lacks |= set() if has_stribeck_curve(word) else {"stribeck_shape"}
@@ -381,5 +381,5 @@ def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
     if mismatch.is_spread:
         wide = next(key for key, (low, high) in mismatch.ranges.items() if low < high)
         what = f"the mismatch {name} is a spread: {wide} has a range"
-        raise CommandError(what, remedy=f"Give it as --spread {name}, or a value in place of each range.")
+        raise CommandError(what, remedy=f"Use --spread {name}, or replace each range by a value.")
     return mismatch.drawn(0, 0)

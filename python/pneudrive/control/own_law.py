@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 #: The word of the core for a law that it does not have.
 OWN = "own"
-_FAILS = 'Mend it, or let another law take over: [on_fault] law = "inversion" in a controller file.'
-_RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which returns the command"
+_FAILS = 'Correct the law, or let another one take over: [on_fault] law = "inversion" in a controller file.'
+_RULE = "a law has inputs, a tuple of names, and step(t, sample, preview), which returns the command"
 
 
 class Preview(Protocol):
@@ -76,7 +76,7 @@ class RunningLaw:
     def _fails(self, t: float, what: str, where: str | None, cause: BaseException | None) -> None:
         if self.failure is None:
             what = f"the law {self.name} fails at t = {t:g} s: {what}"
-            self.failure = OwnLawError(what, where=where, rule="a command is a finite number", remedy=_FAILS)
+            self.failure = OwnLawError(what, where=where, rule="a command must be a finite number", remedy=_FAILS)
             self.failure.__cause__ = cause
 
 
@@ -173,13 +173,13 @@ def check_inputs(name: str, inputs: object) -> list[str]:
     if not isinstance(inputs, (tuple, list)):
         is_text = isinstance(inputs, str)
         what = f"inputs is {'the text ' if is_text else ''}{inputs!r}"
-        remedy = f"inputs = ({inputs!r},)" if is_text else f"The names: {', '.join(known)}."
-        raise CommandError(f"{name}: {what}", rule="a tuple of names", remedy=remedy)
+        remedy = f"inputs = ({inputs!r},)" if is_text else f"Known names: {', '.join(known)}."
+        raise CommandError(f"{name}: {what}", rule="inputs must be a tuple of names", remedy=remedy)
     for one in inputs:
         if one not in known:
             raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
         if inputs.count(one) > 1:
-            raise CommandError(f"{name}: the input {one!r} stands twice", rule="each input once")
+            raise CommandError(f"{name}: the input {one!r} is listed twice", remedy="List each input once.")
     return list(inputs)
 
 

@@ -82,11 +82,11 @@ class ReferenceFile(Described):
     @model_validator(mode="after")
     def _one_kind(self) -> ReferenceFile:
         if self.points and (self.moves or self.start_m is not None):
-            raise wrong("points", "points exclude start and moves", remedy="Give either points, or start and moves.")
+            raise wrong("points", "points, start and moves are given", remedy="Give either points, or start and moves.")
         if not self.points and self.start_m is None:
             raise wrong("start", "start is missing", remedy='For instance start = "220 mm".')
         if len(self.points) == 1:
-            raise wrong("points", "there is one point", rule="two points or more")
+            raise wrong("points", "there is one point", rule="at least two points")
         for number, (before, after) in enumerate(pairwise(self.points), start=1):
             if not after.at_s > before.at_s:
                 raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times rise")
@@ -94,8 +94,8 @@ class ReferenceFile(Described):
             if move.duration_s is None and self.limits is None:
                 raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
         if self.limits is not None and all(move.duration_s is not None for move in self.moves):
-            rule = "they are for moves without a duration"
-            raise wrong("limits", "limits that nothing is held to are given", rule=rule, remedy="Leave them out.")
+            rule = "limits are for moves without a duration"
+            raise wrong("limits", "the limits have no effect", rule=rule, remedy="Leave them out.")
         if self.points and self.through == "pass" and self.order != motion.ORDER:
             what = f"order = {self.order} and a spline through the points, which has order {motion.ORDER}, are given"
             raise wrong("order", what, remedy='Leave it out, or write through = "stop".')
@@ -141,10 +141,10 @@ def reference(given: motion.Reference | str | Path) -> motion.Reference:
     if text.lower().startswith("sine"):
         return _sine_of(text)
     if _STANDARD.fullmatch(text):
-        remedy = f'Take it from those of the drive: pn.control.standard(drive)["{text}"].'
-        raise CommandError(f"{text} is a standard reference, which is made for a drive", remedy=remedy)
+        remedy = f'Make it for this drive: pn.control.standard(drive)["{text}"].'
+        raise CommandError(f"the standard reference {text} depends on the drive", remedy=remedy)
     if text.isidentifier():
-        raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R6, the standard ones, {FORMS}.")
+        raise CommandError(f'there is no reference "{text}"', remedy=f"Give a standard one, R1 to R6, or {FORMS}.")
     return moves_of_text(text, "m")
 
 
@@ -159,7 +159,7 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
     ordered = _ORDER.match(text)
     order = int(ordered[1]) if ordered else 7
     if order not in motion.BLENDS:
-        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
+        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="order 7 or 9")
     first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
     start = _quantity(first, si_unit, text)
     return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry], order)
@@ -246,7 +246,7 @@ def _of_record(path: Path) -> motion.Reference:
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
         shown = f"columns: {', '.join(there)}"
-        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s and position_m, in s and m")
+        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s, s, and position_m, m")
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)
@@ -258,7 +258,7 @@ def _of_record(path: Path) -> motion.Reference:
     rises = np.diff(time, prepend=-1.0) > 0.0
     for bad, rule in (
         (~(np.isfinite(time) & np.isfinite(position)), "a finite time and a finite position in each sample"),
-        (~rises | (time < 0.0) | (time > LONGEST_S), f"times rise, 0 to {LONGEST_S:g} s"),
+        (~rises | (time < 0.0) | (time > LONGEST_S), f"times must rise, from 0 to {LONGEST_S:g} s"),
     ):
         if bad.any():
             first = int(np.argmax(bad))

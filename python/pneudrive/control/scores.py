@@ -162,7 +162,7 @@ def view_of_score(about: Keyed) -> View:
     values = {name: ShownValue(name, SHOWN[name][0], VALUE, text) for name, text in texts.items() if text}
     findings = [Finding(f"Lost: an error exceeded {1e3 * LOST_M:g} mm.", "bad")] if score.lost else []
     if "law_failure" in about:
-        findings.append(Finding(f"{about['law_failure']} Another law took over.", "bad"))
+        findings.append(Finding(f"{about['law_failure']} Another controller took over.", "bad"))
     is_sine = about.get("motion", {}).get("kind") == "sine"
     return View(
         run_title(about) if "law" in about else "Score, simulated",

@@ -88,7 +88,7 @@ class ControlSensors(Described):
         if (self.pressure_a is None) != (self.pressure_b is None):
             one, other = "ba" if self.pressure_a is None else "ab"
             what = f"sensors.pressure_{one} is given without sensors.pressure_{other}"
-            raise wrong(f"pressure_{one}", what, remedy="Give both, or neither: both are then simulated.")
+            raise wrong(f"pressure_{one}", what, remedy="Give both, or none: the law then computes the pressures.")
         return self
 
 
@@ -160,13 +160,13 @@ class ControlFault(Described):
         acts_on_channel = unit == "channel" or self.kind in ("stuck", "nan")
         if acts_on_channel != (self.channel is not None):
             what = f"a fault of kind {self.kind} {'needs a' if acts_on_channel else 'has no'} channel"
-            raise wrong("channel", what, remedy=f"One of {', '.join(CHANNEL_UNITS)}." if acts_on_channel else "")
+            raise wrong("channel", what, remedy=f"Give one of {', '.join(CHANNEL_UNITS)}." if acts_on_channel else "")
         if unit == "-" and self.value is not None:
             raise wrong("value", f"a fault of kind {self.kind} has no value")
         if unit != "-" and self.value is None and self.kind not in MAY_LACK_A_VALUE:
             raise wrong("value", f"a fault of kind {self.kind} needs a value")
         if self.until_s is not None and not self.until_s > self.at_s:
-            raise wrong("until", f"until = {self.until_s:g} s", rule=f"after at = {self.at_s:g} s")
+            raise wrong("until", f"until = {self.until_s:g} s", rule=f"later than at = {self.at_s:g} s")
         self.core()
         return self
 
@@ -244,14 +244,14 @@ class Setup(Described):
         ranges = [one.range_pa for one in (self.sensors.pressure_a, self.sensors.pressure_b) if one is not None]
         top = ambient_pa + min(ranges, default=math.inf)
         ends = f"The pressure sensors of the setup end at {1e-5 * top:.4g} bar abs, below the supply"
-        said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: beyond, they count as faulty"
+        said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: at higher pressures they count as faulty"
         return [said] if top < supply_pa else []
 
     def later_than(self, end_s: float) -> list[str]:
         """Return warnings of entries that begin only after the end of a run."""
         tables = {"disturbances": self.disturbances, "faults": self.faults}
         return [
-            f"{name}: what begins at {min(late):g} s has no effect, as the run ends at {end_s:g} s"
+            f"{name}: the entry at {min(late):g} s has no effect, because the run ends at {end_s:g} s"
             for name, each in tables.items()
             if (late := [one.at_s for one in each if one.at_s >= end_s])
         ]

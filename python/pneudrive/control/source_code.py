@@ -95,7 +95,7 @@ def export(
             raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
         return [_unit(tuning, along, read, Path(out), version)]
     if along is not None:
-        raise CommandError(f"{to} of {tuning.law} takes no reference: its inputs contain it", remedy="Leave it out.")
+        raise CommandError(f"{to} of {tuning.law} gets the reference as an input", remedy="Leave the reference out.")
     if to == "fmu":
         from pneudrive.fmu.package import check_fmu, write_fmu
 

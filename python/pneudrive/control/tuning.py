@@ -579,8 +579,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     plant["left_out"] += unknown_numbers(belief)
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
     if table.valves and not ruled[1]:
-        what = "the controller has a table [valves], and the drive one proportional 5/3 valve"
-        raise wrong("valves", what, rule="it is for several or switching valves", remedy="Leave it out.")
+        what = "the controller has a table [valves], but the drive has one proportional 5/3 valve"
+        raise wrong("valves", what, rule="[valves] is for several or switching valves", remedy="Leave it out.")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
     chosen = factors_form(table.factors)
     if chosen:
@@ -600,8 +600,8 @@ def _numbers_of(
     given: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            remedy = nearest(key, known) if known else "There is none: leave the table out."
-            raise wrong(f"{table}.{key}", f"{table}.{key} is no gain of {whose}", remedy=remedy)
+            remedy = nearest(key, known) if known else "It has no gains: leave the table out."
+            raise wrong(f"{table}.{key}", f"{table}.{key} is not a gain of {whose}", remedy=remedy)
         given[key] = known[key].read_at(f"{table}.{key}", value)
         try:
             check({key: given[key]})
@@ -668,23 +668,23 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
     if needs > MOST_OF_FORCE:
         warn(
             f"weight and friction take {100.0 * needs:.0f} % of the force of the supply: "
-            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} at least one way"
+            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} in at least one direction"
         )
     if tuning.period_s > longest:
-        slow = f"period = {1e3 * tuning.period_s:g} ms: a law follows badly or loses the drive"
-        of = f"the lag of its valve or 1/{LEAST_SAMPLES} (assumed) of a period of its mass on the air"
-        warn(f"{slow} beyond {1e3 * longest:.3g} ms, {of}")
+        slow = f"period = {1e3 * tuning.period_s:g} ms is too long: above {1e3 * longest:.3g} ms, the valve's lag or"
+        of = f"1/{LEAST_SAMPLES} (assumed) of a period of the mass on its air spring"
+        warn(f"{slow} {of}, a law follows badly or loses the drive")
     if setup.computer.time_s > 0.0:
-        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
+        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores.")
     if setup.sensors.pressure_a is None:
-        said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
+        said.append("The setup has no pressure sensors: the law computes the pressures with its model of the drive.")
     said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
     supply_pa, _ = supply_of(tuning.belief.core_json())
     said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
     if plant.left_out:
         said.append(
-            f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes "
-            "the valve to stand at the cylinder, at a supply of constant pressure; speed and lag leave them out."
+            f"The law does not model {', '.join(plant.left_out)}, except the volume of tubes at the chambers: it "
+            "assumes a valve at the cylinder and a constant supply pressure; speed and lag leave these parts out too."
         )
     said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
@@ -696,16 +696,15 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
 def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
     """Return the unobservable quantities of this drive, in words."""
     said = [
-        "Not told apart by any observer: a force on the piston, friction that differs between the directions, and "
-        "zeros of the sensors; conductance of the valve and supply pressure; mass and force, while nothing "
-        "accelerates."
+        "No observer can separate: a force on the piston, a difference of friction between the directions, and zeros "
+        "of the sensors; conductance of the valve and supply pressure; mass and force at constant speed."
     ]
     if not measured:
         rates = sorted(tuning.plant.pressure_decay_1_s)
         apart = rates[1] - rates[0]
         if apart <= EQUAL_DECAY * rates[1]:
-            why = f"both shut chambers return at {rates[1]:.2g} 1/s by leakage and heat"
+            why = f"in both shut chambers, leakage and heat restore the pressure at {rates[1]:.2g} 1/s"
         else:
-            why = f"only their return by leakage and heat, at {rates[0]:.2g} and {rates[1]:.2g} 1/s, tells them apart"
-        said.append(f"At rest the position tells the force of the gas, not both pressures: {why}.")
+            why = f"only leakage and heat, which restore them at {rates[0]:.2g} and {rates[1]:.2g} 1/s, separate them"
+        said.append(f"At rest the position shows the force of the gas, but not both pressures: {why}.")
     return said

@@ -102,7 +102,9 @@ def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
             raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
         found.append(float(part.mean()))
     if found[1] >= found[0]:
-        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive empties the tank")
+        raise RecordingError(
+            "the pressure of the tank does not fall", where=where, rule="the drive must empty the tank"
+        )
     return found[0], found[1]
 
 

@@ -385,7 +385,7 @@ class HeldDrive:
         """Name of the input that is the pressure of the supply."""
         inputs = [name for name, *_ in self.core.inputs if name.endswith(".pressure_pa")]
         if len(inputs) != 1:
-            raise CommandError(f"{self.name} has {len(inputs)} supplies", rule="one reservoir feeds the valve")
+            raise CommandError(f"{self.name} has {len(inputs)} supplies", rule="one reservoir must feed the valve")
         return inputs[0]
 
     @cached_property
@@ -586,7 +586,7 @@ def _search(circuit: Circuit) -> Actuation:
     others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
     if others or len(kinds) > MOST_VALVES:
         what = f"{others[0]} takes a command, but is not a valve" if others else f"it has {len(kinds)} valves"
-        rule = f"characteristics are those of one piston under 1 to {MOST_VALVES} valves"
+        rule = f"a characteristic needs one piston and 1 to {MOST_VALVES} valves"
         raise CommandError(f"{circuit.name}: {what}", rule=rule)
     positions = {name: positions_of(kind, circuit.components[name].plain()) for name, kind in kinds.items()}
     held = {name: positions[name] for name, kind in kinds.items() if kind in HELD}

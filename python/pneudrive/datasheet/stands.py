@@ -304,6 +304,6 @@ def _published(plant: HeldDrive) -> Found:
                 value = units.parse(printed, one.unit) if one.unit else units.parse_pressure(printed).value_pa
                 rows.append((title, value, one))
     if not rows:
-        raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
+        raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
     return [row[0] for row in rows], printed, computed, computed / printed - 1.0

@@ -136,7 +136,7 @@ class Component(Described):
         for parameter in self.entry["parameters"]:
             key, table = parameter["key"], parameter["within"]
             if table and is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
-                raise wrong(key, f"{key} is missing", rule=f"all keys of {table} are given, or none")
+                raise wrong(key, f"{key} is missing", rule=f"give all keys of {table}, or none")
         return self
 
     def _has(self, parameter: Keyed) -> bool:

@@ -248,7 +248,7 @@ class Wiring:
                 f"{port if isinstance(port, str) else port.id} is {_a(port if isinstance(port, str) else port.kind)}"
                 for port in (one, other)
             )
-            raise wrong(key, said, rule="a gas port is joined to a gas port, an axis to an axis")
+            raise wrong(key, said, rule="a gas port joins a gas port, an axis joins an axis")
         is_line = any(port.is_pilot for port in ports)
         for port in ports:
             if (port.is_pilot if is_line else port.is_single) and port in self.named:

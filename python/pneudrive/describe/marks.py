@@ -319,7 +319,7 @@ class Percent(Quantity):
         """Convert and check."""
         share = units.share_of(given)
         if share is None:
-            raise WrongValueError(f"{given!r} is not a share", remedy='Write "5 %".')
+            raise WrongValueError(f"{given!r} is not a percentage", remedy='Write "5 %".')
         rule = self.bounds.broken(100.0 * share)
         if rule:
             raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} %")
@@ -368,7 +368,7 @@ class PressureBetween(StatedPressure):
             raise WrongValueError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
         low, high = (super(PressureBetween, self).read(end.strip()) for end in ends)
         if low.gauge == high.gauge and not low.value_pa < high.value_pa:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end lies below the second")
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end must be below the second")
         return low, high
 
     def show(self, value: tuple[Pressure, Pressure]) -> str:  # type: ignore[override]
@@ -457,12 +457,12 @@ class PointRows(Quantity):
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
                 what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
-                raise WrongValueError(what, rule=f"{key} increases from point to point")
+                raise WrongValueError(what, rule=f"{key} must increase from point to point")
         return rows
 
     def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
         if not set(self.needed) <= set(table) <= {key for key, _ in self.columns}:
-            rest = f"; only {' and '.join(self.needed)} needed" if len(self.needed) < len(self.columns) else ""
+            rest = f"; only {' and '.join(self.needed)} must be given" if len(self.needed) < len(self.columns) else ""
             raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
         return tuple(
             default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")

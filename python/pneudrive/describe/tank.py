@@ -68,7 +68,7 @@ def _tube(table: object) -> object:
     if not isinstance(table, dict):
         return table
     if table.get("kind", TUBE) != TUBE:
-        raise wrong("tube.kind", f"tube.kind = {table['kind']!r}", rule=f'a tube of a tank is a "{TUBE}"')
+        raise wrong("tube.kind", f"tube.kind = {table['kind']!r}", rule=f'the tube of a tank must be a "{TUBE}"')
     try:
         return component(table | {"kind": TUBE})
     except DescriptionError as error:

@@ -121,7 +121,7 @@ def text_of(data: bytes, where: str, kind: type[PneudriveError]) -> str:
         The file is binary, or in another encoding; the message gives the line.
     """
     if b"\0" in data:
-        raise kind("the file is binary, not text", where=where, rule="text in UTF-8")
+        raise kind("the file is binary, not text", where=where, rule="the file must be text in UTF-8")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -213,7 +213,7 @@ def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
                     name = key if isinstance(table, dict) else f"number {key} of a list"
                     digits = round(number.bit_length() * math.log10(2.0))
                     raise kind(
-                        f"{name} is out of bounds: a whole number of {digits} digits",
+                        f"{name} is out of bounds: it is a whole number of {digits} digits",
                         where=where,
                         rule="whole numbers have up to 64 bits",
                         remedy="Write a decimal point, or an exponent.",

@@ -227,7 +227,7 @@ def open_tdms(path: Path) -> Opened:
         found = {name: np.asarray(channels[name][:]) for name in wanted if name in channels}
         times = _waveform_times({name: channels[name] for name in found if name in clocked}) if timed else {}
         if timed and "time" in wanted and not times:
-            raise RecordingError("none of the channels in use has times")
+            raise RecordingError("no channel of the layout has times")
         if times:
             base, found = _on_one_clock(times, found)
             found |= {"time": base} if "time" in wanted else {}
@@ -257,7 +257,7 @@ def open_mf4(path: Path) -> Opened:
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
         chosen = [name for name in wanted if name != "time"]
         if not chosen:
-            raise RecordingError("the time is the only channel in use")
+            raise RecordingError("the layout names no channel except the time")
         signals = {n: data.get(places[n][0], group=places[n][1], index=places[n][2]) for n in chosen}
         times = {name: signal.timestamps for name, signal in signals.items()}
         base, values = _on_one_clock(times, {name: np.asarray(signal.samples) for name, signal in signals.items()})

@@ -74,7 +74,7 @@ class ForceCalibration:
         if reference.size != shown.size or reference.size == 1:
             raise DescriptionError.of("signals.points-unequal", size=reference.size, size2=shown.size)
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
-            raise DescriptionError("force calibration: points cannot be combined with gain or zero", rule="one of both")
+            raise DescriptionError("force calibration: points cannot be combined with gain or zero", remedy="Keep one.")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
             raise DescriptionError.of("signals.points-do-not-rise")
         slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
@@ -82,7 +82,7 @@ class ForceCalibration:
             worst = float(slopes[np.argmax(np.abs(np.log(np.maximum(slopes, 1e-300))))])
             raise DescriptionError.of("signals.implausible-gain", worst=worst, ends=PLAUSIBLE_GAIN)
         if self.creep_n > 0.0 and self.largest_n == 0.0:
-            raise DescriptionError("force calibration: creep without a range", remedy='range = "100 N"')
+            raise DescriptionError("force calibration: creep needs a range", remedy='range = "100 N"')
 
     @property
     def largest_n(self) -> float:

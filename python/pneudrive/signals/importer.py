@@ -282,8 +282,8 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
     if unread := unread_pressures(layout, table.unread):
         shown = ", ".join(f"'{name}'" for name in unread)
         warn(
-            f"{path.name}: the layout takes a chamber as open to ambient and does not use {shown}: "
-            "name it as pressure_a or pressure_b if it is the pressure of a chamber"
+            f"{path.name}: by the layout a chamber is open to ambient, so {shown} is not used: "
+            "if it is the pressure of a chamber, name it pressure_a or pressure_b"
         )
     raw = {channel: values[layout.skip_samples :] for channel, values in channels.items()}
     if raw["time"].size == 0:

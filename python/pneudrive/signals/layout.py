@@ -158,7 +158,7 @@ class TimeColumn(Column):
         if self.column is not None and self.unit is None:
             raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
         if "date_format" in self.model_fields_set and self.date is None:
-            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it belongs to a column: date = 0")
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it needs a column: date = 0")
         return self
 
 
@@ -352,7 +352,7 @@ class FileLayout(Described):
             if getattr(self.columns, channel) is None:
                 unit = f', unit = "{EXAMPLES[UNITS[channel]]}"' if UNITS[channel] else ""
                 remedy = f"{channel} = {{ column = 0{unit} }}"
-                yield wrong("columns", f"[columns] does not say where the {channel} is", remedy=remedy)
+                yield wrong("columns", f"[columns] does not name the column of the {channel}", remedy=remedy)
         if kind == "rig":
             for side in "ab":
                 if not self._ways(side):
@@ -481,7 +481,7 @@ class Layout(Shown):
                 f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
                 *(["kind"] if "kind" in self.tree else []),
                 rule=KINDS[kind].needs,
-                remedy='a fixed volume (kind = "fixed-volume") is for `pneudrive identify TANK.toml RECORDING`',
+                remedy='use kind = "fixed-volume" for `pneudrive identify TANK.toml RECORDING`, and only there',
             )
         names = (path.name, stem(path))
         chosen = tuple(

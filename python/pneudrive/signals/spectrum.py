@@ -42,7 +42,7 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     steps = np.diff(time_s)
     step = float(np.median(steps))
     if not step > 0.0 or np.abs(steps - step).max() > UNEVEN * step:
-        raise RecordingError("the samples are not evenly spaced in time", rule="a spectrum needs equal steps to 1 %")
+        raise RecordingError("the samples are not evenly spaced in time", rule="steps must be equal within 1 %")
     if not np.isfinite(values).all():
         raise RecordingError("a value is missing", remedy="Choose a part without gaps.")
     frequency, power = welch(np.asarray(values, float), 1.0 / step, nperseg=min(SEGMENT, len(values)))

@@ -290,7 +290,7 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[Machin
     gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
     if gauge > USUAL_SUPPLY_PA:
         rule = "usual cylinders and valves allow 10 bar gauge"
-        regulator = "a regulator and its lower supply.pressure"
+        regulator = "a regulator, and the lower supply.pressure behind it"
         yield _check("supply pressure", 1e-5 * gauge, None, "bar gauge", rule, regulator)
     if (buckles := buckling_n(cylinder, task)) is not None:
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"

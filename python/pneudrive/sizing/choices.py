@@ -192,7 +192,7 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
-            raise wrong("exclude", f"exclude leaves no {slot} of the catalogue", remedy="Exclude less.")
+            raise wrong("exclude", f"exclude removes each {slot} of the catalogue", remedy="Exclude less.")
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found

@@ -144,7 +144,7 @@ def test_all_violations_are_counted(planned):
 NOTES = {
     "burst_rate is 1000 Hz": '[sampling]\nburst_rate = "1 kHz"\n',
     "5000 samples per stroke give 17 samples per second": "",
-    "more than the 5 % that the means ignore": '[speed]\nlist = "500 mm/s"\n',
+    "more than the 5 % that the means leave out": '[speed]\nlist = "500 mm/s"\n',
     "repeatability cannot be determined": "",
     "cannot be separated from an offset": 'directions = "+x"\n',
     "separated from that of a new set-up": '[mounting]\nlevels = ["a", "b"]\n',

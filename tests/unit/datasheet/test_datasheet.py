@@ -170,7 +170,7 @@ synthetic = "circuit"
             beside(DRIVE, [recording], None, UNWATCHED)
     layout.write_text(text)
     np.savetxt(recording, table[:310], delimiter=",", header="t,p", comments="")
-    with pytest.raises(pn.PneudriveError, match="not at rest where its recording ends"):
+    with pytest.raises(pn.PneudriveError, match="not at rest when its recording ends"):
         beside(DRIVE, [recording], None, UNWATCHED)
 
 
@@ -205,6 +205,6 @@ def test_hazards_are_the_first_lines_of_a_sheet(monkeypatch):
     assert "is harder than a cylinder of this bore usually takes, 1.96 J" in level.findings[0].text
     assert len(level.hazards) == 1
     weight = 9.80665 * (9.0 + DRIVE.cylinder.moving_mass)
-    assert f"hang with {weight:.3g}" in upright.findings[0].text
+    assert f"weight pulls the piston with {weight:.3g}" in upright.findings[0].text
     assert "friction at rest holds 45 N" in upright.findings[0].text
     assert all(finding.text.startswith("Hazard: ") for finding in upright.hazards)

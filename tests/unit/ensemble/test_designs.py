@@ -158,7 +158,7 @@ def test_correlations_that_contradict_each_other_are_refused():
 def test_a_share_of_what_does_not_count_from_zero_is_refused(name, mean, sd):
     """10 % of 20 degC are 2 K to one and 29 K to another."""
     for word in ("normal", "lognormal"):
-        with pytest.raises(CommandError, match="where its scale begins"):
+        with pytest.raises(CommandError, match="on the zero of the scale"):
             rows_of(pn.EnsembleDesign.random({name: f"{word}({mean}, 10 %)"}, 4))
     assert rows_of(pn.EnsembleDesign.random({name: f"normal({mean}, {sd})"}, 4)).size == 4
     assert rows_of(pn.EnsembleDesign.random({"supply.pressure": "normal(7 bar abs, 10 %)"}, 4)).size == 4

@@ -161,7 +161,7 @@ def test_a_film_has_the_frames_of_the_run(tripod_run, tmp_path, monkeypatch, cap
 
 
 WRONG = {
-    "film at rest": (["--out", "motion.gif"], "motion.gif shows a run"),
+    "film at rest": (["--out", "motion.gif"], "motion.gif needs a run"),
     "no such run": (["--run", "run.parquet"], "run.parquet"),
     "suffix": (["--out", "motion.avi"], ".mp4"),
 }

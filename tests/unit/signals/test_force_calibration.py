@@ -132,7 +132,7 @@ def test_a_layout_corrects_what_the_sensor_shows_before_it_turns_the_sign():
         ('reference = ["0 N", "50 N"]\nshown = ["0 N", "500 N"]', "10 N per N"),
         ('hysteresis = "0.1 mm"', "force_calibration"),
         ('hysterisis = "0.1 N"', "Did you mean"),
-        ('creep = "0.1 N"', "without a range"),
+        ('creep = "0.1 N"', "needs a range"),
     ],
 )
 def test_what_is_no_calibration_is_refused_with_its_place(lines, words):

@@ -137,7 +137,7 @@ MISTAKES = [
     ('kind = "rodless"', 'kind = "rodles"', 12, "Did you mean 'rodless'"),
     ('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "30 mm"', 13, "Were bore and rod swapped"),
     ('kind = "rodless"', 'kind = "single-rod"', 11, "rod_diameter is missing"),
-    ('kind = "rodless"', 'area_a = "5 cm2"', 11, "gives no piston areas, or more than once"),
+    ('kind = "rodless"', 'area_a = "5 cm2"', 11, "must give the piston areas exactly once"),
     ("open_to_ambient = true", "", 15, "does not state the pressure in chamber a"),
     ("open_to_ambient = true", 'open_to_ambient = true\npressure = "3 bar abs"', 15, "more than once"),
     ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "not a valid pattern"),
@@ -220,5 +220,5 @@ def test_a_for_says_a_whole_column_anew_and_the_base_need_not_be_whole(tmp_path)
         f'\n[[for]]\nmatch = "{name}_*"\ncolumns.{force}' for name in ("lip", "cup")
     )
     assert read(tmp_path, each).force_n[0] == pytest.approx(102)
-    with pytest.raises(LayoutError, match="does not say where the force is"):
+    with pytest.raises(LayoutError, match="does not name the column of the force"):
         read(tmp_path, each, name="none_2bar.csv")

@@ -135,7 +135,7 @@ def test_records_that_cannot_be_used_say_why(tmp_path):
         validate(truth, tmp_path / "run.csv")
     layout = tmp_path / "own.toml"
     layout.write_text(LAYOUT.replace('position = { column = "x", unit = "mm", positive = "-x" }\n', ""))
-    with pytest.raises(LayoutError, match="does not say where the position is"):
+    with pytest.raises(LayoutError, match="does not name the column of the position"):
         validate(truth, tmp_path / "run.csv", layout=layout)
 
 

@@ -128,10 +128,10 @@ def check_path(
     times = needs.times_s
     row = int(np.argmin(needs.singular_values))
     if needs.singular_values[row] < least:
-        what = f"the path of {platform.name} comes to a nearly singular pose at t = {times[row]:.4g} s"
+        what = f"the path of {platform.name} reaches a nearly singular pose at t = {times[row]:.4g} s"
         value = f"smallest singular value {needs.singular_values[row]:.3g}"
         rule = f"at least {least:g}"
-        raise CommandError(what, value=value, rule=rule, remedy="Tilt less, or move the path towards half strokes.")
+        raise CommandError(what, value=value, rule=rule, remedy="Tilt less, or move the path to mid stroke.")
     coupled = float(np.abs(needs.couplings).max())
     if coupled > MOST_COUPLED:
         said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
@@ -160,9 +160,9 @@ def _within(
     margins = np.minimum(values - low, high - values)
     row = int(np.argmin(margins))
     if margins[row] < 0.0:
-        said = f"the path asks {name} for a {what} of {values[row]:.4g} {unit} at t = {times[row]:.4g} s"
+        said = f"the path requires of {name} a {what} of {values[row]:.4g} {unit} at t = {times[row]:.4g} s"
         rule = f"{low:.4g} {unit} to {high:.4g} {unit}"
-        raise CommandError(said, value=f"beyond by {-margins[row]:.3g} {unit}", rule=rule, remedy=remedy)
+        raise CommandError(said, value=f"{-margins[row]:.3g} {unit} outside", rule=rule, remedy=remedy)
 
 
 def _viscous(tuning: Tuning) -> float:
@@ -279,7 +279,7 @@ def leg_tunings(
         tuning = tune(own, law, believes=own, **told)
         if tuning.own is not None:
             what = f"{leg.name}: {tuning.law} cannot be given the mass and load of a leg"
-            raise CommandError(what, rule="a controller of pneudrive")
+            raise CommandError(what, remedy="Choose a controller of pneudrive.")
         out.append(tuning)
     return out
 

@@ -186,7 +186,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         for kind, keys in pairs.items():
             if len(keys) not in (0, 2):
                 what = f"{keys[0]}: a {kind} of {len(keys)} coordinates"
-                raise wrong(keys[0], what, rule="two coordinates", remedy=f"Write the {kind} at two coordinates.")
+                raise wrong(keys[0], what, rule="two coordinates", remedy=f"Give the {kind} for two coordinates.")
         return PosePath(name, platform.coordinates, platform.units, tuple(lines))
 
 
@@ -210,7 +210,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         edge = 0.0 if wave[4] is None else units.parse(wave[4], "s")
         longest = 0.25 / frequency
         if (kind == "square") != (wave[4] is not None) or (kind == "square" and not 0.0 < edge <= longest):
-            rule = f'"in DURATION" for a square alone, of at most a quarter of the period, here {longest:.4g} s'
+            rule = f'only a square has "in DURATION", at most a quarter of its period, here {longest:.4g} s'
             raise DescriptionError(f'"{text}" has no valid duration of its edges', rule=rule)
         return CoordinatePath(kind, centre, amplitude, 1.0 / frequency, edge)
     every, period = _EVERY.search(text), math.inf
@@ -218,11 +218,12 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         text, period = text[: every.start()], units.parse(every[1], "s")
     moves = moves_of_text(text, unit)
     if moves.pieces:
-        raise DescriptionError(f'"{text}" has an order', rule="moves of a pose have blends of degree 7")
+        raise DescriptionError(f'"{text}" gives an order', rule="moves of a pose always have blends of degree 7")
     if every is not None:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
-            raise DescriptionError(f'"{given}" cannot be repeated', rule="the last move ends in time, at the start")
+            rule = "the last move must end at the start, within the period"
+            raise DescriptionError(f'"{given}" cannot be repeated', rule=rule)
         return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
     return CoordinatePath("moves", moves.start_m, moves=moves.moves)
 

@@ -310,7 +310,7 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     """
     drive: Any = plant.described
     if not hasattr(drive, "cylinder"):
-        raise CommandError(f"{plant.name} is a circuit", rule="sensitivities are those of a drive file")
+        raise CommandError(f"{plant.name} is a circuit", rule="sensitivities need a drive file")
     names, rows = [], []
     known = values(drive)
     for name in numbers or ():

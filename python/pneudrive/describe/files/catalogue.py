@@ -97,7 +97,7 @@ def catalogue_folders(*paths: str | Path) -> Iterator[None]:
     """
     for path in map(Path, paths):
         if not path.is_dir():
-            raise DescriptionError(f"there is no folder {path}", remedy="A catalogue is a folder of TOML files.")
+            raise DescriptionError(f"there is no folder {path}", remedy="Name a folder of TOML files.")
     before = _own.set((*_own.get(), *map(Path, paths)))
     try:
         yield

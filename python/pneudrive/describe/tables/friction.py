@@ -333,11 +333,11 @@ class Friction(Described):
         elif not self.entry["elements"]:
             raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
         elif "bristle_stiffness" in self.given:
-            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Give one of the two.")
+            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Keep one of the two.")
         elif not 2 <= len(self.elements) <= MOST_ELEMENTS:
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         elif abs(total - 1.0) > SHARES_WITHIN:
-            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum is 1")
+            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum must be 1")
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
         """Return a parameter of the law by its key, as a quantity that shows its unit."""
