@@ -102,9 +102,7 @@ def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
             raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
         found.append(float(part.mean()))
     if found[1] >= found[0]:
-        raise RecordingError(
-            "the pressure of the tank does not fall", where=where, rule="the drive must empty the tank"
-        )
+        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive must empty it")
     return found[0], found[1]
 
 

@@ -121,7 +121,7 @@ MISTAKES = [
     ('"bar gauge"', '"bar"', 8, "does not state gauge or abs"),
     ('"bar gauge"', '"mm"', 8, "is a length"),
     ('unit = "ms"', 'unit = "blorb"', 6, "not known"),
-    ('unit = "ms"', 'unit = "ms", format = "%H:%M"', 6, 'for a time with unit = "date-time" only'),
+    ('unit = "ms"', 'unit = "ms", format = "%H:%M"', 6, 'only for a time with unit = "date-time"'),
     ('unit = "mm"', 'unit = "date-time"', 7, "not known"),
     ('unit = "mm"', 'units = "mm"', 7, "Did you mean 'unit'"),
     ("skip_samples", "skip_sample", 3, "Did you mean 'skip_samples'"),

@@ -222,8 +222,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
     if every is not None:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
-            rule = "the last move must end at the start, within the period"
-            raise DescriptionError(f'"{given}" cannot be repeated', rule=rule)
+            raise DescriptionError(f'"{given}" cannot be repeated', rule="it must end at the start, in the period")
         return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
     return CoordinatePath("moves", moves.start_m, moves=moves.moves)
 
