@@ -1,4 +1,4 @@
-"""``run.pneu``: a run in selected units, its picture, numbers, strokes and energy. xarray calls this an accessor."""
+"""Accessor ``run.pneu`` of xarray: a run in selected units, its picture, numbers, strokes and energy."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ class Pneu:
         return self.view(drive)
 
     def strokes(self, drive: Drive) -> list[StrokeNumbers]:
-        """Return the numbers of each stroke: from each change of the command to the next.
+        """Return the numbers of each stroke. A stroke lasts from one change of the command to the next.
 
         Parameters
         ----------
@@ -246,7 +246,7 @@ class Pneu:
         Returns
         -------
         dict of str to UnitFloat
-            Balance, such as ``"cylinder: friction heat"`` -> J, integrated with the motion.
+            Name of a balance, such as ``"cylinder: friction heat"`` -> energy, J, integrated with the motion.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Bulk work: many small objects, work ahead of a loop that waits for a disk or a process, and worker processes."""
+"""Bulk work: many small objects, work in advance of a loop that waits for a disk or a process, and worker processes."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def share_out(
     *rest
         Further arguments, equal for all.
     least : int
-        Items below which starting processes costs more than it saves.
+        Number of items below which starting processes costs more time than it saves.
     processes : int, optional
         None: one for each available processor, at most 8.
 

@@ -54,7 +54,7 @@ def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
 
 @cache
 def package_table(module: str, name: str) -> dict[str, Any]:
-    """Return the tables of a TOML file in the folder of a module, which has the path `module`.
+    """Return the tables of a TOML file in the folder of the module file `module`.
 
     The file is read once, and all callers share its tables: do not change them.
     """
@@ -248,11 +248,11 @@ def within(
     Parameters
     ----------
     error : DescriptionError
-        Error, with those that it carries.
+        Error, with the errors that it contains.
     name : str
         Key of the table, and its name in messages.
     above : str
-        Prefix of the key, but not of the message: a table that messages need not name.
+        Prefix of the key that messages leave out.
     written : callable
         Key of an error -> key as the user wrote it.
     """
@@ -312,7 +312,7 @@ class Cancelled(PneudriveError):  # noqa: N818 - not an error
 
 
 class PneudriveWarning(UserWarning):
-    """A result has a limitation that its user should know, for instance a friction law that is not passive."""
+    """A result has a limitation that its user should know, such as a friction law that is not passive."""
 
 
 def warn(message: str) -> None:
@@ -324,7 +324,7 @@ def warn(message: str) -> None:
 
 
 def is_severe(finding: str) -> bool:
-    """Return whether a finding endangers people, the machine or the order; the core marks its findings alike."""
+    """Return whether a finding concerns a danger to people or the machine, or forbids an order."""
     return finding.removeprefix("! ").startswith(SEVERE)
 
 

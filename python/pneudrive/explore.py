@@ -158,7 +158,7 @@ def explore(
     drive : Drive or Circuit
         Drive or circuit to simulate.
     command, duration, initial
-        As for `pneudrive.simulate`. The run must be short enough to follow a slider: 2 s on the clock.
+        As for `pneudrive.simulate`. A run must be fast enough to follow a slider: 2 s of computing time.
     sliders : str or sequence of str
         Number or numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
 

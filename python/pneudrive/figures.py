@@ -81,7 +81,7 @@ class Axis:
     is_si : bool
         False for values that are already in the unit of the label.
     is_named : bool
-        False for a label that the title of the panel shows.
+        False if the title of the panel already shows the label.
     unit : str
         Unit of the label, without parentheses.
     size : float
@@ -237,7 +237,7 @@ class PenStroke:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Strokes on paper with ends (x, x) and (y, y), without axes; `equal` for one scale in both directions."""
+    """Pen strokes on paper with ranges `x` and `y`, without axes; `equal` for one scale in both directions."""
 
     strokes: Sequence[PenStroke]
     x: tuple[float, float]
@@ -251,7 +251,7 @@ Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Heat | Drawing
 
 @dataclass(frozen=True)
 class Panel:
-    """Marks on two axes; an axis without a label is that of the figure. `right` has its own axis on the right."""
+    """Marks on two axes; an axis without a label is that of the figure. Marks of `right` have an axis on the right."""
 
     marks: Sequence[Mark]
     title: str = ""
@@ -271,27 +271,27 @@ class Figure:
     panels : sequence of Panel or None
         None leaves its place empty.
     x, y : Axis or str
-        Axes of the panels that have none of their own.
+        Axes of the panels that do not define axes.
     columns : int
-        Most panels side by side.
+        Largest number of panels side by side.
     row_in, rest_in, width_in : float
         Height of a row, height around all rows, and width, inch.
     share_x, share_y : str
-        "all", "col" or "row" for panels with equal ends; "" if each panel has its own.
+        "all", "col" or "row" for panels with equal ranges; "" if each panel has its own range.
     heights, widths : sequence of float
         Ratios of rows and columns; empty for equal ones.
     legend : str
         "above" for one legend above all panels, "panel" for one in each, "inside" for one above the data of each,
         "over" for one above each panel, "under" for one below a drawing, or "".
     entries : int
-        Most entries of a legend side by side.
+        Largest number of legend entries side by side.
     title : str
     text_scale : float
         Size of labels relative to the usual one.
     has_margins : bool
         False for a drawing that fills its paper.
     tall : Panel or None
-        A panel over all rows, in a column of its own: the first one if `tall_first`, or else the last one.
+        A panel over all rows in a separate column: the first column if `tall_first`, otherwise the last.
     """
 
     panels: Sequence[Panel | None]
@@ -329,7 +329,7 @@ class Figure:
 
 
 def axis(given: Axis | str) -> Axis:
-    """Return an axis, also of its label."""
+    """Return an axis, given as an axis or as its label."""
     return Axis(given) if isinstance(given, str) else given
 
 
@@ -344,7 +344,7 @@ def stack(
     x: Axis | str = "time / s",
     **more: Any,  # noqa: ANN401 - fields of the figure
 ) -> Figure:
-    """Return a figure of panels below each other on one axis, `height_in` in total."""
+    """Return a figure of panels below each other with a common x axis, of total height `height_in`."""
     return Figure(
         panels, x, row_in=height_in / max(len(panels), 1), rest_in=0.0, share_x="all", heights=heights, **more
     )
@@ -356,7 +356,7 @@ def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
 
 
 def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # noqa: ANN401
-    """Return values, lower and upper ends of estimates."""
+    """Return values, lower bounds and upper bounds of estimates."""
     import numpy as np
 
     rows = [(e.value, e.low, e.high) for e in estimates if e is not None]

@@ -32,7 +32,7 @@ def lazily(package: str) -> Iterator[dict[str, str]]:
     Parameters
     ----------
     package : str
-        ``__name__`` of the package, whose modules keep their own names.
+        ``__name__`` of the package. Its modules keep their names.
 
     Yields
     ------
@@ -91,7 +91,7 @@ def used_later(importer: str) -> Iterator[None]:
 
 @contextmanager
 def _imports(importer: str, answer: Callable[[str, Sequence[str]], SimpleNamespace]) -> Iterator[None]:
-    """Replace each ``from module import names`` of one module within a block by an answer."""
+    """Replace each ``from module import names`` in the block of one module by the result of a function."""
     with _LOCK:
         usual = builtins.__import__
 

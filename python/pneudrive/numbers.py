@@ -43,7 +43,7 @@ def with_u(value: float, expanded: float, unit: str = "N") -> str:
 
 
 def places(uncertainty: float) -> int:
-    """Return the decimal places at which an uncertainty has two digits."""
+    """Return the number of decimal places with which an uncertainty has two significant digits."""
     if not uncertainty > 0.0:
         return 2
     return min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)

@@ -244,7 +244,7 @@ def _run_view(run: xr.Dataset) -> View:
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
-    """Yield both laws over the speeds that both have measured, or over the pressure if that was varied more."""
+    """Yield both laws over the speeds that both recordings contain, or over the pressure if it was varied more."""
     low, high = common(before, after, "speed_m_s")
     (a, a_most), (b, b_most) = gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(least > most + SAME_PA for least, most in gauges):
@@ -315,12 +315,12 @@ class ValuePair(NamedTuple):
     key : str
         Name in the description, or in the result.
     before, after : str
-        Values in one unit; empty where one side lacks the value.
+        Values in one unit; empty if one result lacks the value.
     interval_before, interval_after : str
         95 % intervals. Empty without an interval.
     change : float or None
-        (after - before) / |before|, from the numbers in SI. None where one is not known, `before` is 0, or one pressure
-        is absolute and the other a gauge pressure.
+        (after - before) / |before| in SI. None if a number is not known, if `before` is 0, or if only one of two
+        pressures is a gauge pressure.
     """
 
     key: str
@@ -332,7 +332,7 @@ class ValuePair(NamedTuple):
 
 
 class CurvePair(NamedTuple):
-    """A curve of two results, and the difference second - first with half of its 95 % band at common places, SI."""
+    """A curve of two results, and the difference second - first with its 95 % half band at common abscissas, SI."""
 
     first: ShownCurve
     second: ShownCurve
@@ -341,9 +341,9 @@ class CurvePair(NamedTuple):
     half_band: Array | None
 
     def rows(self) -> Iterator[tuple[str, ...]]:
-        """Yield label, place, difference and its 95 % interval, in usual units.
+        """Yield label, abscissa, difference and its 95 % interval, in usual units.
 
-        A curve with a band has several places, any other one the place of its largest difference.
+        A curve with a band has several abscissas. Any other curve has that of its largest difference.
         """
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
         most = [int(np.argmax(np.abs(self.difference)))]
@@ -354,7 +354,7 @@ class CurvePair(NamedTuple):
             yield self.first.label, f"{self.x[at] / x_size:.3g} {x_unit}", f"{value / size:+.3g} {unit}", ends
 
     def sentence(self, names: tuple[str, str]) -> str:
-        """Return which curve is larger where the band of the difference excludes zero, and by how much."""
+        """Return which curve is larger, and by how much, where the band of the difference excludes zero."""
         if self.half_band is None or not np.isfinite(self.half_band).all():
             return ""
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
@@ -383,7 +383,7 @@ class ResultComparison(Shown):
     kind : str
     names : tuple of str
     values : tuple of ValuePair
-        Those that differ.
+        Values that differ.
     same : int
         Number of equal values.
     curves : tuple of CurvePair
@@ -446,7 +446,7 @@ class ResultComparison(Shown):
         return Figure(panels, columns=2, share_x="all")
 
     def curve_rows(self) -> list[tuple[str, ...]]:
-        """Return label, place, difference and its 95 % interval of each curve that differs."""
+        """Return label, abscissa, difference and its 95 % interval for each curve that differs."""
         return [row for pair in self.curves if pair.difference.any() for row in pair.rows()]
 
     def _card(self) -> Card:
@@ -561,7 +561,7 @@ def _curves(result: Any) -> tuple[ShownCurve, ...]:  # noqa: ANN401 - any result
 
 
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
-    """Return two curves at the places of both within their common range."""
+    """Return two curves at the abscissas of both within their common range."""
     both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
     x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
     before, after = (np.interp(x, curve.x, curve.y) for curve in both)

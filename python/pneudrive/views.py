@@ -42,7 +42,7 @@ class ShownValue:
     Attributes
     ----------
     key : str
-        Identifies it within the result.
+        Identifier within the result.
     label : str
         Name of the object that has it: the row of a table.
     quantity : str
@@ -51,9 +51,9 @@ class ShownValue:
     unit : str
         SI; "" for text and counts.
     interval : tuple of float or None
-        Ends of the 95 % interval, or of U (k = 2).
+        Bounds of the 95 % interval, or value minus and plus U (k = 2).
     origin : str
-        Its source: data, stated, assumed.
+        Source of the value: data, stated, assumed.
     """
 
     key: str
@@ -109,7 +109,7 @@ class ShownCurve:
     band : tuple of ndarray or None
         Lower and upper end of the 95 % band.
     measured : ndarray of bool, shape (m,)
-        False between the measured points.
+        Whether a point was measured; False for points in between.
     group : str
         Curves of one group have one colour.
     excluded : tuple of ndarray or None
@@ -139,7 +139,7 @@ class ShownCurve:
 
 @dataclass(frozen=True)
 class LeadingValue:
-    """One of the few numbers that decide: a value, its limit in SI, and whether it keeps the limit."""
+    """One of the few decisive numbers of a result: a value, its limit in SI, and whether it keeps the limit."""
 
     value: ShownValue
     limit: float | None = None
@@ -169,7 +169,7 @@ class Finding:
 
 
 def worst(findings: Iterable[Finding | LeadingValue]) -> State:
-    """Return the state of the worst finding or value; good without any."""
+    """Return the state of the worst finding or value; "good" if there are none."""
     states: list[State] = [finding.state for finding in findings]
     return max(states, key=STATES.index) if states else "good"
 
@@ -295,7 +295,7 @@ class View(Shown):
     leading : tuple of LeadingValue
         At most five.
     findings : tuple of Finding
-        The worst ones first, whatever their order when the view is made.
+        Findings, sorted with the worst first.
     tables : tuple of ShownTable
     figures : tuple of ShownFigure
     """

@@ -1,4 +1,4 @@
-"""Base of all tables of a description: typed quantities, and one clear message for each error."""
+"""Base class of all tables of a description: typed quantities, and one clear message for each error."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_
 
 
 class Described(Shown, BaseModel):
-    """Base of every table of a description: frozen, closed to unknown keys, one message for each error.
+    """Base class of every table of a description: frozen, rejects unknown keys, gives one message for each error.
 
     A field is stored in SI under a name with its unit (``bore_m``). The key of the file (``bore``) gives the same
     number as a quantity that shows its unit.
@@ -111,7 +111,7 @@ class Described(Shown, BaseModel):
     def explain(cls, error: ValidationError) -> list[DescriptionError]:
         """Convert pydantic's errors to messages, one for each field.
 
-        Unknown keys come first: a misspelt key gives one message, not a second one for the missing key.
+        Unknown keys come first. A misspelt key therefore gives one message, without a second one for the missing key.
         """
         complaints = error.errors(include_url=False)
         complaints.sort(key=lambda c: c["type"] != "extra_forbidden")
@@ -230,7 +230,7 @@ class Described(Shown, BaseModel):
         return {key: _written(value, mark) for key, value, mark in self._all()}
 
     def _card(self) -> Card:
-        """Return a card of every key with its value, defaults marked."""
+        """Return a card with the value of every key; defaults are marked."""
         given = self.to_dict()
         rows = [
             (key, inline(given.get(key, _written(value, mark))), "" if key in given else "default")

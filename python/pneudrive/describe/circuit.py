@@ -1,4 +1,4 @@
-"""Circuits: components by name, joined by their ports, from a file or from Python."""
+"""Circuits from a file or from Python: named components that are joined by their ports."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Circuit(Described):
     Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged` lists
     closed ports. `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
     Tables of a drive file (``supply``, ``valve``, ``cylinder``, ...) define the components of these names and their
-    usual joints.
+    default connections.
 
     Examples
     --------
@@ -170,7 +170,7 @@ class Circuit(Described):
 
     @classmethod
     def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Circuit:
-        """Make a circuit from the tables of a file; its text gives the lines of errors, its path the place of laws.
+        """Make a circuit from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Circuit(Described):
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
-        """Components with a command, each with its positions, or its electrical input if one is described."""
+        """Components with a command, each with its switching positions or its described electrical input."""
         taking = {
             name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
         }
@@ -273,7 +273,7 @@ class Circuit(Described):
 
     @property
     def circuit(self) -> Circuit:
-        """The circuit itself; this property exists because drives have `Drive.circuit`."""
+        """The circuit itself, for calls that accept drives (`Drive.circuit`) and circuits."""
         return self
 
     def circuit_values(self, given: object) -> Mapping[str, Any]:
@@ -305,7 +305,7 @@ class Circuit(Described):
 
     @property
     def description_hash(self) -> str:
-        """SHA-256 of the simulated values: name, labels and start state do not count."""
+        """SHA-256 of the simulated values, without name, labels and start state."""
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def core_initial(self, initial: Mapping[str, Any] | None = None) -> dict[str, float]:
@@ -332,7 +332,7 @@ class Circuit(Described):
         return starts.values(self.initial, initial or {})
 
     def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the circuit, which its caller advances.
+        """Start a session of the circuit, which the caller advances in time.
 
         Parameters
         ----------
@@ -430,7 +430,7 @@ class Circuit(Described):
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """Joints of gas without a component that has a volume: one port of each, and the volume of its ports, m3."""
+        """Gas joints without a component that has a volume: one port of each joint, and the volume of its ports, m3."""
         return compiled(self.core_json()).joint_volumes
 
     @property
@@ -463,7 +463,7 @@ def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
 
 
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
-    """Return an error of a component, which may be a copy, with its key in the file."""
+    """Return an error of a component or of a copy, with its key in the file."""
     key = getattr(error, "key", None) or ""
     table, _, rest = key.partition(".")
     name, dot, inner = rest.partition(".")

@@ -1,4 +1,4 @@
-"""Tables of components in a circuit file: merged with the catalogue and with tables of a drive file, copied, read."""
+"""Tables of components in a circuit file: merging with catalogue and drive tables, copies, reading."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
 def part_of(table: object, key: str, read: Component | None) -> Part:
-    """Return what the wiring needs to know of a component: its kind, its key in the file, stated pressures."""
+    """Return the data of a component for the wiring: its kind, its key in the file, stated pressures."""
     kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
     stated = ", ".join(map(str, read.pressures())) if read is not None else ""
     return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
@@ -53,7 +53,7 @@ class _Rejected(dict[str, Any]):
 
 
 def used(given: object, problems: Problems) -> object:
-    """Return the tables of components, each merged over the part of the catalogue that it uses, if any."""
+    """Return the tables of components. A table that uses a part of the catalogue is merged over that part."""
     if not isinstance(given, dict):
         return given
     out = dict(given)
@@ -74,7 +74,7 @@ def used(given: object, problems: Problems) -> object:
 
 
 def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
-    """Return the table and the key of each component, by name, and the names of copies by their table."""
+    """Return table and key of each component, by name, and the names of the copies of each table with copies."""
     tables: dict[str, Any] = {}
     keys: dict[str, str] = {}
     templates: dict[str, list[str]] = {}
@@ -107,7 +107,7 @@ def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str,
 
 
 def read_component(key: str, table: object, problems: Problems) -> Component | None:
-    """Read one component; errors of a table with copies are reported once."""
+    """Read one component; errors in a table with copies are reported only once."""
     if isinstance(table, Component):
         return table
     name = key.split(".")[1]

@@ -1,4 +1,4 @@
-"""Components of circuits as the core lists them, and the table in which a user describes one."""
+"""Components of circuits as the core lists them, and the tables in which users describe them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Component(Described):
 
     @classmethod
     def _lacks_ratio(cls, table: Keyed) -> bool:
-        """Return whether a size is given by a flow or a flow coefficient, without the critical pressure ratio."""
+        """Return whether a size is given as a flow or a flow coefficient without a critical pressure ratio."""
         if RATIO in table or not any(p["key"] == RATIO and is_needed(p) for p in cls.entry["parameters"]):
             return False
         sizes = {key for p in cls.entry["parameters"] for key in flow_keys(cls.entry, p["key"])[1:]}
@@ -100,7 +100,7 @@ class Component(Described):
     def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
         """Merge keys of a user over those of a part, each with its origin.
 
-        Another size of a flow path, or another friction law, replaces that of the part.
+        A size of a flow path, or a friction law, that the user gives in another form replaces that of the part.
         """
         out, own = cls.flat(base), cls.flat(own)
         for key, given in own.items():
@@ -140,7 +140,7 @@ class Component(Described):
         return self
 
     def _has(self, parameter: Keyed) -> bool:
-        """Return whether a parameter's table is given; True for a parameter without a table."""
+        """Return whether the table that contains a parameter is given; True for a parameter outside a table."""
         table = parameter["within"]
         own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
         return not table or any(self.fields[key] in self.model_fields_set for key in own)
@@ -204,7 +204,7 @@ class Component(Described):
 
     @property
     def command_input(self) -> Signal | Positions | None:
-        """Commands of a component that switches, or the electrical input if one is described."""
+        """Commands of a switching component, or the described electrical input."""
         if self.kind in SWITCHED and _PULSES not in self.plain():
             return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
         return getattr(self, COMMAND)
@@ -342,7 +342,7 @@ def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
 
 
 def _unless(parameter: Keyed) -> str:
-    """Return the condition under which a parameter is needed; empty without a condition."""
+    """Return in words when a parameter is needed, "needed unless ..."; empty without a condition."""
     unless = parameter["unless"]
     return unless and f"needed unless {unless}{'' if ' = ' in unless else ' is given'}"
 

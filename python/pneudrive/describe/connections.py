@@ -2,8 +2,7 @@
 
 The chain `a -> b -> c` enters a component with two ports by its first port and leaves by its second. Exhausts and
 optional ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on
-port 12 of b, without
-flow.
+port 12 of b, without flow.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Port(NamedTuple):
 
     @property
     def is_single(self) -> bool:
-        """Whether only one connection may name the port, like a hole for one fitting.
+        """Whether only one connection may name the port, because its thread takes one fitting.
 
         Pilot lines are not counted as connections.
         """
@@ -59,7 +58,7 @@ class Port(NamedTuple):
 
     @property
     def is_pilot(self) -> bool:
-        """Whether only a pilot line may join the port."""
+        """Whether only a pilot line may be connected to the port."""
         return self.kind == "pilot"
 
 
@@ -103,7 +102,7 @@ class Wiring:
     plugged : sequence of str
         Closed ports.
     templates : mapping
-        Name of a table with copies -> names of the copies.
+        Name of a table with copies -> names of these copies.
     problems : Problems
         Gathers the errors.
 
@@ -295,7 +294,7 @@ class Wiring:
         raise wrong(key, what, rule=rule, remedy=remedy)
 
     def _joint(self, port: Port | str, key: str) -> Joint:
-        """Return the joint of a port, or a new one; each connection to ambient air is a new joint."""
+        """Return the joint of a port, or a new joint; each connection to ambient air is a new joint."""
         found = self.at.get(port) if isinstance(port, Port) else None
         if found is None:
             found = Joint([port] if isinstance(port, Port) else [], ambient=port == AMBIENT, key=key)
@@ -362,7 +361,7 @@ class Wiring:
             self._islands()
 
     def _islands(self) -> None:
-        """Warn of gas without a path to a reservoir; for a joint without any volume this is an error."""
+        """Warn of gas without a path to a reservoir; this is an error for a joint without any volume."""
         for group in self._groups():
             if any(joint.is_constant for joint in group):
                 continue
@@ -401,6 +400,6 @@ def _a(kind: str) -> str:
 
 
 def is_platform(entry: Mapping[str, Any] | None) -> bool:
-    """Return whether a kind of component is a platform: axis ports alone, and more than two."""
+    """Return whether a kind of component is a platform: it has only axis ports, and more than two."""
     ports = entry["ports"] if entry else ()
     return len(ports) > 2 and all(port["kind"] == "axis" for port in ports)

@@ -119,7 +119,7 @@ class Drive(Described):
 
     @classmethod
     def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Drive:
-        """Make a drive from the tables of a file; its text gives the lines of errors, its path the place of laws.
+        """Make a drive from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class Drive(Described):
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
-        """Components as in a circuit file, each with its table or key in the drive file; the longest keys first."""
+        """Pairs of a component's key in a circuit file and its key in the drive file; the longest keys come first."""
         places = expanded(self.to_dict() | {"friction": self.friction}, Problems()).places
         out = sorted((places | {"components.supply.gas": "gas"}).items(), key=lambda one: -len(one[1]))
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
@@ -254,7 +254,7 @@ class Drive(Described):
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
-        """The valve, without a name, and its positions or electrical input, if described."""
+        """The valve, under an empty name, with its switching positions or its described electrical input."""
         return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}
 
     @property
@@ -263,7 +263,7 @@ class Drive(Described):
         return {} if self.is_plain else self.circuit.meanings
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
-        """Copy the drive without its cached values, which `update` may have made wrong."""
+        """Copy the drive without its cached values, because `update` may make them wrong."""
         copy = super().model_copy(update=update, deep=deep)
         for cached in ("system", "circuit", "description_hash", "all_assumptions"):
             vars(copy).pop(cached, None)
@@ -271,7 +271,7 @@ class Drive(Described):
 
     @cached_property
     def description_hash(self) -> str:
-        """SHA-256 of the simulated values: name and labels do not count."""
+        """SHA-256 of the simulated values, without name and labels."""
         if not self.is_plain:
             return self.circuit.description_hash
         return hashlib.sha256(json.dumps(self.short_form(), sort_keys=True).encode()).hexdigest()
@@ -334,7 +334,7 @@ class Drive(Described):
         return self.core_initial(read_initial(given))
 
     def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the drive, which its caller advances.
+        """Start a session of the drive, which the caller advances in time.
 
         Parameters
         ----------
@@ -429,7 +429,7 @@ class Drive(Described):
 def merge(base: Plain, changes: Plain) -> Plain:
     """Apply changes to base values, table by table.
 
-    A change removes keys that it excludes: another size of the valve, the parameters of another friction law.
+    A change removes keys that it excludes, such as another size of the valve or parameters of another friction law.
     """
     tables = {
         key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
@@ -439,7 +439,7 @@ def merge(base: Plain, changes: Plain) -> Plain:
 
 
 def _kept(table: str, old: Plain, own: Plain) -> Plain:
-    """Return the values of a table that remain valid after a user's changes."""
+    """Return the values of a table that remain valid after the changes of a user."""
     dropped: set[str] = set()
     if table == "valve" and set(FLOW_KEYS) & set(own):
         dropped = set(FLOW_KEYS)

@@ -1,4 +1,4 @@
-"""Kinds of components as the core lists them, and what their parameters need."""
+"""Kinds of components as the core lists them, and conditions on their parameters."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
 def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
     """Return whether a description must give a parameter: it has no default and does not follow from others.
 
-    Some parameters are needed unless another key or choice is given; without `given` they count as not needed.
+    Some parameters are needed unless another key or choice is given. They count as not needed if `given` is missing.
     """
     if parameter["within"] or not is_bare(parameter):
         return False

@@ -154,7 +154,7 @@ class Quantity(Mark):
         return units.write(value, self.si_unit, self.written) if self.si_unit else value
 
     def named(self, value: Any) -> Any:  # noqa: ANN401 - any type of the field
-        """Return the stored value as a quantity that shows its unit; a pure number unchanged."""
+        """Return the stored value as a quantity that shows its unit; a pure number stays unchanged."""
         if isinstance(value, float) and self.si_unit:
             return UnitFloat(value, self.si_unit, self.written)
         if isinstance(value, tuple):
@@ -281,7 +281,7 @@ class Choice(Mark):
     choices: tuple[str, ...]
 
     def read(self, given: object) -> str:
-        """Check the word."""
+        """Check that the value is one of the words."""
         if given not in self.choices:
             raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
         return str(given)
@@ -377,7 +377,7 @@ class PressureBetween(StatedPressure):
 
 
 def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
-    """Return both ends of a range of pressures, absolute, Pa."""
+    """Return both ends of a range of pressures as absolute pressures, Pa."""
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
 
 
@@ -552,13 +552,13 @@ class Signal(NamedTuple):
 
 
 class Positions(NamedTuple):
-    """Commands of a component that switches, and its electrical input if one is described."""
+    """Commands of a switching component, and its electrical input if one is described."""
 
     values: tuple[float, ...]
     signal: Signal | None = None
 
     def check(self, value: float, what: str, where: str | None = None) -> None:
-        """Refuse a command between the positions.
+        """Reject a command between the positions.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Short form of a circuit: the tables of a drive file as components with their usual joints.
+"""Short form of a circuit: the tables of a drive file as components with their default connections.
 
 ``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names. ``[friction]`` belongs to the cylinder, and
 ``[load]`` moves with it. ``[tubing]`` and ``[flow_control]`` are between valve and cylinder, for each chamber. Keys are
@@ -31,7 +31,7 @@ _SAME = "assumed as large as that of the needle"
 
 @dataclass
 class Short:
-    """Components that the tables of a drive file describe.
+    """Components and connections that the tables of a drive file describe.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Short:
 
 
 def expanded(data: Keyed, problems: Problems) -> Short:
-    """Return the components of the tables of a drive file, and the usual joints that `connections` leaves open."""
+    """Return the components of the tables of a drive file, and default connections that `connections` leaves open."""
     short = Short()
     given = _tables(data, problems)
     if "supply" in given:
@@ -82,7 +82,7 @@ def expanded(data: Keyed, problems: Problems) -> Short:
 
 
 def _tables(data: Keyed, problems: Problems) -> Plain:
-    """Return the given tables of a drive file, without tables whose [cylinder] or [valve] is missing."""
+    """Return the given tables of a drive file, without those that need a missing [cylinder] or [valve]."""
     given = {key: data[key] for key in TABLES if key in data}
     for key, table in list(given.items()):
         if hasattr(table, "to_dict") and key != "friction":
@@ -102,7 +102,7 @@ def _tables(data: Keyed, problems: Problems) -> Plain:
 
 
 def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
-    """Add the component of a line before a chamber."""
+    """Add the component of a line to a chamber."""
     part, kind, renamed = _LINES[key]
     where = f"{key}.{chamber}"
     if chamber not in CHAMBERS:
@@ -145,7 +145,7 @@ def _flow_control(table: Keyed) -> Plain:
 
 
 def beside_control(old: Keyed, own: Keyed) -> Plain:
-    """Return the keys of a flow control without sizes that a user's size of the same flow path replaces."""
+    """Return the keys of a flow control without the sizes that the user's size of the same flow path replaces."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
@@ -180,7 +180,7 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 
 
 def _join(short: Short, data: Keyed) -> None:
-    """Add the usual joints, except for ports that `connections` or `plugged` name."""
+    """Add the default connections, except those whose valve port or line `connections` or `plugged` names."""
     lists = [data.get(key) for key in ("connections", "plugged")]
     words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
     named = words | {word.partition(".")[0] for word in words if "." in word}

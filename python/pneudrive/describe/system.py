@@ -1,4 +1,4 @@
-"""A described system: its circuit in the core's form, and the names that its file has for the circuit's variables."""
+"""A described system: its circuit in the core's form, and the names of the circuit's variables in its file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class System(NamedTuple):
     json : str
         Circuit in the core's form, in SI.
     names : tuple, optional
-        Component whose name is left out, pairs of short and full name, and whether other columns are left out.
+        Component whose name is left out, pairs of short and full name, and whether all other columns are left out.
     """
 
     json: str

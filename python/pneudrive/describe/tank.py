@@ -1,6 +1,6 @@
 """Tanks: a fixed volume on a line, optionally through a tube, with a leak.
 
-It describes tests of leakage, discharge and charging.
+Tanks describe tests of leakage, discharge and charging.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class MotionResult(NamedTuple):
 
 
 class Dragged:
-    """Components and joints of a rig; its chambers are the joints ``a`` and ``b``.
+    """Components and joints of a rig. The joints ``a`` and ``b`` are its chambers.
 
     Parameters
     ----------
@@ -140,11 +140,11 @@ class Dragged:
             A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
         rtol : float
         released : bool
-            The carriage moves freely until the sensor shows no force. Then its actual position becomes the command.
+            Whether the carriage first moves freely until the sensor force is zero. Its position then becomes the command.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional
-            Called with the simulated time now and then; an exception that it raises ends the run.
+            Called from time to time with the simulated time; an exception that it raises ends the run.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Dragged:
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
     """Return the state in which the next motion begins, and its commanded position.
 
-    At the end of a command, remainders of rounding are removed. A released carriage has its actual position as command.
+    Rounding errors at the end of a command are removed. The actual position of a released carriage becomes the command.
     """
     position, *rates = [name for name in state if name.startswith("carriage.")][:3]
     if released:

@@ -1,6 +1,6 @@
 """Warnings for a run: outside the stated range of the model, with water in its gas, or with ice in its silencer.
 
-They do not change the simulation.
+The warnings do not change the simulation.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
 
 
 def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a note if the heat capacity of the hottest gas is far from the constant of the model."""
+    """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
     excesses = CAPACITY_EXCESS.get(_gas_name(described))
     worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
     if excesses is None or worst is None:
@@ -119,7 +119,7 @@ def _celsius(temperature_k: float, digits: int = 1) -> str:
 
 
 def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning if the second virial coefficient contributes more to the pressure than the gas law allows."""
+    """Yield a warning if the second virial coefficient contributes more pressure than the gas law in use allows."""
     gas, name = described.gas, _gas_name(described)
     coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
     if coefficients is None:
@@ -377,7 +377,7 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
 
 
 def _ice(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
-    """Yield a note if ice can form in the silencer: a mean below 0 degC, and a supply that is not dry enough."""
+    """Yield a note if ice can form in the silencer: mean temperature below 0 degC, and supply not dry enough."""
     if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
         return
     air = exhaust_air(columns, described.ambient.pressure_pa)

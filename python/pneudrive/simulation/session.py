@@ -403,7 +403,7 @@ def _address(controller: object) -> int:
 
 
 def core_error(error: Exception, kind: type[PneudriveError]) -> PneudriveError:
-    """Return an error of the core with its rule and remedy; one with a rule is about an input."""
+    """Return an error of the core with its rule and remedy. An error with a rule concerns an input."""
     what, _, rest = str(error).partition(_RULE)
     rule, _, remedy = rest.partition(_REMEDY)
     if not rule:

@@ -255,7 +255,7 @@ def _derivatives(
     columns: Keyed,
     watch: Watch,
 ) -> Sensitivities:
-    """Return the derivatives of the columns of a run, made under the same command, start state and tolerance."""
+    """Return the derivatives of the columns of a run, from a run with the same command, start state and tolerance."""
     from pneudrive.free.parameters import Differentiator
 
     differentiator = Differentiator(drive, names, *conditions)
@@ -265,7 +265,7 @@ def _derivatives(
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return the changes of a command for the provenance, because samples show a change late."""
+    """Return the exact times of the changes of a command for the provenance, because samples show a change late."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 
@@ -320,7 +320,7 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
     Raises
     ------
     CommandError
-        It cannot be read, or is not greater than 0.
+        The quantity cannot be read, or is not greater than 0.
     """
     try:
         with naming(what):

@@ -1,4 +1,4 @@
-"""Trajectories: meaning of their columns, and their files written and read.
+"""Trajectories: meaning of their columns, and reading and writing of their files.
 
 In memory a trajectory is an `xarray.Dataset`: each variable has its unit in its attributes. In a file the names of the
 columns carry the unit. A file is written completely or not at all.
@@ -64,7 +64,7 @@ def meaning(column: str) -> tuple[str, str, str]:
 
 
 def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the columns of a trajectory's file, time first. Data that do not depend on time only are left out.
+    """Return the columns of a trajectory's file, time first. Variables with other dimensions than time are left out.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def check_si(run: xr.Dataset) -> None:
-    """Raise a CommandError for a run in other units, because names of columns and labels of axes are in SI."""
+    """Raise a CommandError for a run that is not in SI, because names of columns and labels of axes assume SI."""
     for name, variable in run.variables.items():
         if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
             what = f"{name} of this run is in {variable.attrs.get('units')}"
@@ -155,7 +155,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     Warns
     -----
     PneudriveWarning
-        Parquet and CSV leave out data that do not depend on time only, such as derivatives.
+        Parquet and CSV leave out variables with other dimensions than time, such as derivatives.
     """
     target = check_target(path)
     check_si(run)
@@ -210,7 +210,7 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
 
 
 def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
-    """Return which of some columns a file written by `save` has; empty for another kind of file.
+    """Return those of the given columns that a file written by `save` has; empty for another kind of file.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def read_columns(
     wanted : iterable of str
         Names of existing columns, in the form of CSV and Parquet, for netCDF too.
     rows : tuple of int, optional
-        First row and the one behind the last, not of CSV; None: all.
+        First row and the row after the last, not for CSV; None: all rows.
     table : Table, optional
         The file, if it is already open.
 

@@ -125,7 +125,7 @@ def _row(drive: Drive) -> dict[str, float]:
 def _vent_conductance(drive: Drive) -> float:
     """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
 
-    The pressure behind the valve is so low that the flow is choked. Unit: m3/(s Pa).
+    The pressure after the valve is so low that the flow is choked. Unit: m3/(s Pa).
     """
     parts, pressure = drive.circuit.components, drive.supply_pressure_pa
     lines = {name: parts[name] for name in ("flow_control_b", "tube_b") if name in parts}
@@ -140,7 +140,7 @@ def steady_flow(
 ) -> float:
     """Return the steady mass flow through components in series between two pressures, kg/s.
 
-    The pressures between the components settle during a run.
+    The pressures between the components are found by a simulation until they are constant.
 
     Parameters
     ----------

@@ -2,9 +2,8 @@
 
 A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and
 ``source``, a key of references.bib or of ``[sources]`` in the same file. Without a source it has ``assumed``, the
-reason. The values of a
-part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
-missing values. The kinds of components are loaded only when a part is used: drives do not need them.
+reason. A part has the keys of its kind of component, a drive those of the drive file. A drive names its parts and
+adds missing values. The kinds of components are loaded only when a part is used: drives do not need them.
 """
 
 from __future__ import annotations
@@ -358,7 +357,7 @@ def find_parts(
     Raises
     ------
     DescriptionError
-        A quantity cannot be read, or no part is of this kind.
+        A quantity cannot be read, or the catalogue has no part of this kind.
 
     Examples
     --------

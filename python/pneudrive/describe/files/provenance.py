@@ -39,7 +39,7 @@ class _Ends(Quantity):
     """Annotation of a field for two texts."""
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Check only the form: the unit depends on the value."""
+        """Check only the form, because the unit depends on the value."""
         pair = isinstance(given, list | tuple) and len(given) == 2
         if not pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
             raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
@@ -97,7 +97,7 @@ class GivenNumber(NamedTuple):
 
 
 def values(drive: Described) -> dict[str, GivenNumber]:
-    """Return every number that a drive gives, by its dotted name in the drive file.
+    """Return every number that is given for a drive, by its dotted name in the drive file.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def values(drive: Described) -> dict[str, GivenNumber]:
 
 
 def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
-    """Return the annotation of every possible number of a drive, for example of another size of its valve."""
+    """Return the annotation of every possible number of a drive, given or not."""
     out: dict[str, Quantity | StatedPressure | None] = {}
     for table, field in type(drive).model_fields.items():
         part = getattr(drive, table)
@@ -143,7 +143,7 @@ def _walk(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
 
 
 def check(drive: Described, origins: Mapping[str, Origin]) -> None:
-    """Raise an error for the origin of an unknown value, or of a value outside its interval: it was changed by hand.
+    """Raise an error for the origin of an unknown value, or of a value that is outside its interval (changed by hand).
 
     Raises
     ------

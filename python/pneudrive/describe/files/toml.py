@@ -146,7 +146,7 @@ def has(source: str | Path, key: str) -> bool:
 
 @contextmanager
 def locating(path: str | Path, text: str, kind: type[PneudriveError] = DescriptionError) -> Iterator[None]:
-    """Add lines of a file to the errors raised in the block, as errors of a kind; see `located`."""
+    """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`."""
     try:
         yield
     except DescriptionError as error:
@@ -177,7 +177,7 @@ def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int,
 def line_of(text: str, key: str) -> int | None:
     r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
 
-    The key of an entry of a list of texts ends with its number, from 0.
+    For an entry of a list of texts, the key ends with the number of the entry, from 0.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def line_numbers(text: str) -> dict[str, int]:
 
 
 def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
-    """Return the name of a table; in an array of tables with its number."""
+    """Return the name of a table; for an array of tables, with the number of the table."""
     table = _dotted(header)
     if not is_one_of_many:
         return table
@@ -260,7 +260,7 @@ def write(tables: Plain) -> str:
 def blocks(tables: Plain, name: str = "", inline: int = 0) -> list[str]:
     """Write a table, then its inner tables of more than `inline` levels as separate tables.
 
-    Inner tables of a separate table stay on its lines if they have at most two levels, those of a deep one do not.
+    Within such a separate table, inner tables of at most two levels are written inline if `inline` is 0.
     """
     deep = {key: value for key, value in tables.items() if _depth(value) > inline}
     body = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if key not in deep]
@@ -271,7 +271,7 @@ def blocks(tables: Plain, name: str = "", inline: int = 0) -> list[str]:
 
 
 def sections(tables: Keyed, name: str = "") -> list[str]:
-    """Write tables as lines of TOML, each inner table under a separate header; `name` is already written as a key.
+    """Write tables as lines of TOML, each inner table under a separate header; `name` is already in the form of a key.
 
     None values are left out.
 

@@ -1,4 +1,4 @@
-"""Formula of a component: a mass flow or a force with its own parameters, from a file or from Python."""
+"""Formula of a component, from a file or from Python: a mass flow or a force with parameters."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class FrictionLaw(written.Written):
         Friction force, N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
     parameters : dict
         Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
-        ``below`` and ``at_most``. Bounds and default are in that SI unit, or quantities with a unit.
+        ``below`` and ``at_most``. Bounds and default are numbers in that SI unit, or quantities with a unit.
     states : dict
         Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``; they start at 0.
     let : dict
@@ -70,7 +70,7 @@ class FrictionLaw(written.Written):
     energy, slip, steady : str, optional
         Energy stored in the states, J. Rate of irreversible slip, m/s. Force in steady sliding, N.
     odd : bool
-        Claims that the force changes its sign with v and all states; checked.
+        Whether the force changes its sign with v and all states. The claim is checked.
     title, source : str
         Title, and source: a key of references.bib or free text.
 
@@ -172,7 +172,7 @@ def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
     given : FrictionLaw, dict or str
         A law, its tables, or ``file:NAME.toml``.
     folder : Path, optional
-        Folder to which the file's name is relative, that of the drive file; the default is the working folder.
+        Folder to which the file's name is relative: the folder of the drive file. The default is the working folder.
     """
     if isinstance(given, FrictionLaw):
         return given

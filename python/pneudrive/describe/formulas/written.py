@@ -100,7 +100,7 @@ class Written(Described):
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], outputs: tuple[str, ...], unit: str) -> dict[str, Any]:
-        """Return the tables of a file, with the keys of [output] at the top level; the first output is needed.
+        """Return the tables of a file, with the keys of [output] at the top level; the first output must be given.
 
         Raises
         ------

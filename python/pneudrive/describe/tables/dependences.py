@@ -38,7 +38,7 @@ class Acting(Described):
 
 
 class SealPressure(Acting):
-    """Seal lips: additional friction for each unit of gauge pressure in a chamber, with any law; stored in N/Pa."""
+    """Seal lips: additional friction per gauge pressure in each chamber, with any law; stored in N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
     coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
@@ -66,7 +66,7 @@ class Dwell(Acting):
 
 
 class Relaxation(Acting):
-    """Elastic force of held bristles that relaxes, with laws of bristles; sliding renews the bristles."""
+    """Relaxation of the elastic force of bristles at rest, with bristle laws; sliding renews the bristles."""
 
     table_name: ClassVar[str] = "friction.relaxation"
     share: marks.Fraction
@@ -75,7 +75,7 @@ class Relaxation(Acting):
 
 
 class Harmonic(Acting):
-    """One period of friction along the stroke."""
+    """One harmonic of friction along the stroke."""
 
     table_name: ClassVar[str] = "friction.position.harmonics"
     period_m: Length
@@ -145,7 +145,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """A force across the axis on a guide, which adds coefficient * |force| to the friction, with any law."""
+    """Lateral force on a guide, which adds coefficient * |force| to the friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: marks.Force

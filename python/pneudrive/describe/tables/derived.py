@@ -1,6 +1,6 @@
 """Derived defaults: values of a drive that follow from other values if they are not given.
 
-A caller that changes a value (a search, the application of a fit) must update the values derived from it.
+Code that changes a value (a search, the application of a fit) must update the values derived from this value.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Derived:
 
 
 def derived(drive: Drive) -> list[Derived]:
-    """Return the derived values of a drive; each comes after the values on which it depends.
+    """Return the derived values of a drive. Each comes after the values on which it depends.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def _derived(drive: Drive) -> Iterator[Derived]:
 
 
 def derived_in_circuit(circuit: Circuit) -> Iterator[Derived]:
-    """Yield the numbers of a circuit that follow from others: gauge pressures, and conductances by another size."""
+    """Yield the numbers of a circuit that follow from others: gauge pressures, and conductances from other sizes."""
     for name, one in circuit.components.items():
         for key in (parameter["key"] for parameter in one.entry["parameters"]):
             value, *sizes = (getattr(one, one.fields[size]) for size in flow_keys(one.entry, key))

@@ -129,9 +129,9 @@ def _following(known: Mapping[str, float]) -> dict[str, float]:
 
 
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
-    """Return the parameters with their assumed value, with sources and rule of each.
+    """Return the parameters that have their assumed value, with sources and rule of each.
 
-    Values are compared, so this also works for a file that contains assumed values.
+    Only values are compared, so this also works for a file that contains the assumed values.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -148,7 +148,7 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
 
 
 def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
-    """Return the new values of assumed parameters after a change of others."""
+    """Return the new values of assumed parameters after a change of other parameters."""
     rules = assumed_from(friction)
     if not rules:  # includes laws with other parameters
         return {}
@@ -301,7 +301,7 @@ class Friction(Described):
 
     @property
     def note(self) -> str:
-        """Warning on a table without a law, as a continuation of the table's name; empty for a table with a law."""
+        """Warning on a table without a law, to be put after the table's name; empty for a table with a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 

@@ -82,7 +82,7 @@ def chamber_sizes(core_json: str) -> dict[str, ChamberSizes]:
 
 
 def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:
-    """Check the rod: none for a rodless cylinder, otherwise given and smaller than the bore.
+    """Check that a rodless cylinder has no rod, and that any other has one smaller than the bore.
 
     Raises
     ------

@@ -159,7 +159,7 @@ class Supply(Described):
 
 
 def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any:  # noqa: ANN401 - input of any type
-    """Refuse a kind that circuits have, but drive files do not."""
+    """Reject a kind that exists in circuits, but not in drive files."""
     kind = data.get("kind") if isinstance(data, dict) else None
     short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
     if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
@@ -172,8 +172,8 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
-    Missing values follow from the drive (docs/theory/end_stops.md): stiff enough that a usual drive never reaches a
-    cover; `Drive.end_stop` has the values.
+    Missing values follow from the drive (docs/theory/end_stops.md). They make the stop so stiff that a usual drive
+    never reaches a cover. `Drive.end_stop` has the values.
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
@@ -192,8 +192,8 @@ def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[flo
     given : collection of str
         Keys that the description gives: ``"stiffness"``, ``"damping"``, ``"damping_depth"``.
     stops : tuple
-        End stops (stiffness N/m, damping N s/m, damping depth m) and their load cases (mass kg, speed m/s, force N, and
-        its depth m), as the core returns them.
+        End stops (stiffness N/m, damping N s/m, damping depth m) and their load cases (mass kg, speed m/s, force N,
+        depth of the force m), as the core returns them.
 
     Returns
     -------
@@ -216,7 +216,7 @@ _ELSEWHERE = package_table(__file__, "elsewhere.toml")
 
 
 def _elsewhere(table: str) -> dict[str, str]:
-    """Return the keys that belong to circuits, or have another name, with what to write."""
+    """Return the keys that belong to circuits, or have another name, with the correct notation."""
     return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
@@ -226,10 +226,10 @@ class Cylinder(Described):
     `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
     is assumed to be 0.2.
 
-    The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` is its
-    factor, which is known within a factor of 2. `port_diameter` is the bore of the ports. Its default is that of a
-    nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient instead. The dead
-    volumes then have no wall.
+    The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` multiplies
+    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. Its default is that of a
+    nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the law.
+    The dead volumes then have no wall.
     """
 
     table_name: ClassVar[str] = "cylinder"

@@ -60,7 +60,7 @@ def angles(platform: Platform, q: Array) -> Array:
 
 
 def start_place(initial: Mapping[str, object], name: str) -> dict[str, float]:
-    """Return the numbers of the core for the place of a platform in a start table, m; a wrong value is left out."""
+    """Return the core's coordinates for the place of a platform in a start table, m; a wrong value is left out."""
     own = initial.get(name)
     nested = own if isinstance(own, dict) else {}
     found = {}
@@ -82,7 +82,7 @@ def pose_text(platform: Platform, pose: Array) -> str:
 
 
 def singular_values(platform: Platform, q: Array) -> Array:
-    """Return the singular values of the pose Jacobian at rows of coordinates of the core, largest first.
+    """Return the singular values of the pose Jacobian at each row of core coordinates, largest first.
 
     The twist is the velocity of the origin of the platform, and its angular velocity times the mean radius of its
     joints. The values therefore have no unit.
@@ -147,7 +147,7 @@ class Poses:
         Parameters
         ----------
         otherwise : callable
-            Default position of a leg, m. Coordinates without a start value follow from the defaults.
+            Default position of a leg, m. Coordinates without a start value follow from these defaults.
         stroke : callable
             Stroke of a leg, m, or None.
 
@@ -280,7 +280,7 @@ class Starts:
                 self._place(of)
 
     def _place(self, of: str) -> None:
-        """Find the joint of a start value of gas, and add the names of all ports of the joint."""
+        """Find the joint of a start value of gas, and add the names of all its ports."""
         for port, joint in self.wiring.at.items():
             if of == port.id or (of == port.component and port.holds == "volume"):
                 self.places[of] = joint
@@ -358,7 +358,7 @@ class Starts:
         return getattr(self.components.get(of), "stroke_m", None)
 
     def _stroke_of_leg(self, leg: str) -> float | None:
-        """Return the stroke of the cylinder at a leg, which a coupling may join to it."""
+        """Return the stroke of the cylinder at a leg, also if a coupling joins them."""
         return next((stroke for name in self._moves_with(leg) if (stroke := self._stroke(name)) is not None), None)
 
     def _otherwise(self, of: str, last: str) -> float:
@@ -380,7 +380,7 @@ class Starts:
         return self._otherwise(of, last)
 
     def _moves_with(self, of: str) -> Iterator[str]:
-        """Yield a component or a port, and the components coupled with it. A platform couples nothing."""
+        """Yield a component or a port, and the components coupled with it. A platform does not couple components."""
         found = [of]
         for name in found:  # grows during the loop
             yield name
@@ -413,7 +413,7 @@ class Starts:
         return value
 
     def _before(self, cell: str) -> Joint | None:
-        """Return the joint at the first port of the component of a gas volume, if the path to it is always open."""
+        """Return the joint at the first port of a component with a gas volume, if the path to it is always open."""
         own = cell.rpartition(".")[0]
         if own not in self.components or not self.components[own].entry["open"]:
             return None
@@ -499,7 +499,7 @@ def start_values(given: object) -> Mapping[str, object]:
 
 
 def start_table(given: object) -> Mapping[str, object]:
-    """Return a start state of a drive or a circuit as the table in which it was given."""
+    """Return a start state of a drive or a circuit as a table, in the form in which it was given."""
     return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
 
 
@@ -517,13 +517,13 @@ def _entries(text: str) -> dict[str, str]:
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> Plain:  # noqa: ANN401
-    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
+    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays describe many drives.
 
     Parameters
     ----------
     start : Initial
     stroke_m, ambient_pa, ambient_k : float or ndarray
-        m, Pa absolute, K.
+        Stroke, m, and ambient pressure, Pa absolute, and temperature, K.
     """
 
     def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
@@ -549,7 +549,7 @@ AXES = "xyz"
 
 
 def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], problems: Problems) -> None:
-    """Add the faults of platforms to `problems`.
+    """Add the errors of platforms to `problems`.
 
     Parameters
     ----------
@@ -581,7 +581,7 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
 
 
 def _movers(wiring: Wiring, port: Port, components: Keyed) -> list[str]:
-    """Return the components at a leg that have an axis of their own."""
+    """Return the components at a leg that have an axis."""
     names = [one.component for one in wiring.at[port].ports if one.component in components] if port in wiring.at else []
     return [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
 

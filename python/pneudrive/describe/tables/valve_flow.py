@@ -22,7 +22,7 @@ KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
 
 
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:
-    """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge behind the valve, at 20 degC.
+    """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge after the valve, at 20 degC.
 
     q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7. Gauge pressure and flow both refer to the 100 kPa of
     the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree to the
@@ -35,10 +35,9 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
 def conductance_from_kv(kv_m3_h: float) -> float:
     """Return C in m3/(s Pa) from Kv, the flow of water in m3/h at 1 bar [iec60534-1].
 
-    The effective area is assumed to be the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar)) and
-    C
-    = A psi / (rho_0 sqrt(R T_0)). One Kv gives 3.9 dm3/(s bar). Printed pairs of Cv and C are between 8 % below and 18
-    % above this [smc-eus11-83].
+    The effective area is assumed to be the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar))
+    and C = A psi / (rho_0 sqrt(R T_0)). Kv = 1 m3/h gives 3.9 dm3/(s bar). Printed pairs of Cv and C are between 8 %
+    below and 18 % above this [smc-eus11-83].
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
     choked = _core.choked_flow_factor(constants.AIR_HEAT_CAPACITY_RATIO) / math.sqrt(
@@ -99,9 +98,9 @@ def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
 
 
 def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
-    """Return size and shape of a path of a valve.
+    """Return size and shape of a flow path of a valve.
 
-    The exhaust has the values of the supply unless other values are given.
+    The exhaust path has the values of the supply path unless other values are given.
     """
     shape = {key: table[key] for key in ("critical_pressure_ratio", "subsonic_index", "linear_above") if key in table}
     out = {key: table[key] for key in FLOW_KEYS if key in table} | shape
