@@ -1,4 +1,4 @@
-"""A cycle: the unit that a campaign plans, runs, stores and repeats, and the header of its file."""
+"""Cycle, the unit that a campaign plans, runs, stores and repeats, and the header of its file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KINDS: dict[str, str] = WORDS["kinds"]
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle as planned, or as run in the header of its file. SI units, absolute pressures.
+    """One cycle as planned, or as run (in the header of its file). SI units, absolute pressures.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ class Cycle:
         Steps of the axis, in order.
     sampling : Sampling
     pressure_a_pa, pressure_b_pa : float
-        Set before the cycle, and held.
+        Pressures that are set before the cycle and held during it.
     block, repeat : int
-        Counted from 1.
+        Numbers of the block and of the repeat, from 1.
     speed_m_s : float or None
-        The speed that the cycle is for: of a sweep, of the restart after a stop.
+        Speed that the cycle measures: of a sweep, or of the restart after a stop.
     stop_s : float or None
-        Duration of the stop that the cycle is for.
+        Duration of the stop that the cycle measures.
     released : bool
         Whether the force is released during that stop.
     levels : dict
@@ -84,7 +84,7 @@ class Head:
         Place in the order in which the cycles were run, from 1.
     cycle : Cycle
     began_s : float
-        The rig's clock at time zero of the cycle; it shows drift.
+        Clock of the rig at time zero of the cycle. The analysis of drift uses it.
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
@@ -96,7 +96,7 @@ class Head:
     attempts : int
         Number of starts of the cycle. More than 1 if it was interrupted and repeated.
     reason : str
-        Why an adaptive campaign of an earlier version added the cycle.
+        Reason why an adaptive campaign of an earlier version added the cycle.
     sha256 : str
         Hash of the columns, see `pneudrive.campaign.storage.folder.digest`. Empty if the file does not contain one.
     """
@@ -162,7 +162,7 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
 
 
 def check_schema(version: object, where: str) -> None:
-    """Refuse a campaign file whose format this version of pneudrive cannot read.
+    """Reject a campaign file whose format this version of pneudrive cannot read.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""A campaign folder as a rig: it plays the recording that matches a cycle.
+"""Rig that replays a campaign folder: it plays the recording that matches a cycle.
 
-This module is in a layer above `pneudrive.rig` because it reads campaign folders. The registry of rigs has its name.
+This module is in a layer above `pneudrive.rig`, because it reads campaign folders. The registry of rigs names it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Tolerance:
     pressure_pa: float = 2000.0
 
     def as_fast(self, asked_m_s: float, recorded_m_s: float) -> bool:
-        """Return whether two speeds are equal."""
+        """Return whether two speeds are equal within the tolerance."""
         return abs(asked_m_s - recorded_m_s) <= self.speed * asked_m_s
 
     def alike(self, asked: Step, recorded: Step) -> bool:
@@ -55,9 +55,9 @@ class Tolerance:
         return False
 
     def matches(self, steps: Sequence[Step], cycle: Cycle) -> bool:
-        """Return whether the steps are those of a recorded cycle.
+        """Return whether the steps match those of a recorded cycle.
 
-        A cycle without steps matches by its purpose: longest stop, and speed after it.
+        A recorded cycle without steps matches by its purpose: longest stop, and speed after the stop.
         """
         if cycle.steps:
             return len(steps) == len(cycle.steps) and all(map(self.alike, steps, cycle.steps))
@@ -157,7 +157,7 @@ class ReplayRig:
         self._state = replace(self._state, pressure_a_pa=ambient, pressure_b_pa=ambient, moving=False)
 
     def begin_cycle(self, key: str) -> None:
-        """Prefer the recording with this key; the key has priority over the time."""
+        """Prefer the recording with this key over others that match."""
         self._key = key
         for file in self.files:
             if file.head.cycle.key == key:
@@ -252,7 +252,7 @@ def _described(file: CycleFile) -> str:
 
 
 class ReplayFile(RigFile):
-    """Rig file of a replay: a campaign folder, and how near a cycle must be to its recording."""
+    """Rig file of a replay: a campaign folder, and the tolerance between a cycle and its recording."""
 
     folder: str
     speed_tolerance: Accuracy = Tolerance.speed

@@ -36,7 +36,7 @@ class Result(Shown):
     ----------
     campaign : Campaign
     finished, planned : int
-        Cycles on the disk, and in total as far as known.
+        Number of cycles on disk, and planned number of cycles, if known.
     ended : str
         ``done``, or ``ended`` by a person. An ended campaign can be resumed.
     """
@@ -92,10 +92,10 @@ def run_campaign(
     Raises
     ------
     ProtocolError
-        The rig must not be asked to do that.
+        The plan exceeds the limits of the rig, or the protocol is not valid.
     CampaignError
-        If another process works in the folder, it holds something else, it cannot be written, or conditions were not
-        met in time.
+        If another process uses the folder, if the folder has other content or cannot be written, or if conditions were
+        not met in time.
     RigError
         If the rig fails. After every error the rig is at rest and finished cycles are kept.
     """
@@ -141,8 +141,8 @@ def resume_campaign(
     ----------
     folder : str or Path
     rig : Rig, str or Path, optional
-        Needed for custom code, and for a rig that moves an axis or needs a login. A folder does not decide which code
-        runs. Not needed for a simulated rig or a replay.
+        Required for custom code, and for a rig that moves an axis or needs a login, because a folder must not decide
+        which code runs. Optional for a simulated rig or a replay.
     allow_code : str, optional
         Instead of `rig`: SHA-256 of the file of the custom code that started the campaign.
     options, pace, display, prompt, subscribers, cancel
@@ -165,14 +165,14 @@ def resume_campaign(
 
 
 def can_be_resumed(error: BaseException) -> bool:
-    """Return whether an error ended a campaign after its start. Otherwise the request was wrong."""
+    """Return whether an error ended a campaign after its start. Other errors mean that the request was invalid."""
     return getattr(error, "while_running", False)
 
 
 def _run(
     campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, audience: dict[str, Any]
 ) -> Result:
-    """Run a campaign to its end. Its operator is that of the folder, unless the options name one."""
+    """Run a campaign to its end. The operator is taken from the folder, unless the options name one."""
     options = options or Options()
     operator = options.operator or str(campaign.about.get("operator", ""))
     run = CampaignRun(campaign, plan, bench, replace(options, operator=operator), lock, **audience)
@@ -183,7 +183,7 @@ def _run(
 def _rig_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Return the named rig, or the rig that the folder names if that is allowed."""
+    """Return the rig named by the user, or the rig that the folder names, if this is allowed."""
     seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
     if rig is not None:
         return _bench(rig, seed, pace)
@@ -245,7 +245,7 @@ def _digest(source: str) -> str:
 
 
 def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
-    """Refuse to resume with another rig, because the cycles would not be comparable."""
+    """Reject another rig for a resumed campaign, because the cycles would not be comparable."""
     here = as_json(identity.to_dict())
     there = as_json(campaign.identity.to_dict())
     # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.

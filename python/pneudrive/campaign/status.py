@@ -51,7 +51,7 @@ class Status(Shown):
         Flag -> number of cycles with it.
     problems : tuple of Problem
     holder : Holder or None
-        The process that works on it now.
+        Process that works on the campaign now.
     """
 
     campaign: Campaign
@@ -70,14 +70,14 @@ class Status(Shown):
 
 
 def status_of(folder: str | Path) -> Status:
-    """Return the status of a campaign folder, even while it runs; check every file by its checksum.
+    """Return the status of a campaign folder, even while the campaign runs; check every file by its checksum.
 
     Files from other programs have no checksum. Their samples are checked when they are read, and a note reports this.
 
     Raises
     ------
     CampaignError
-        If it is not a campaign.
+        If the folder is not a campaign.
     """
     campaign = Campaign.open(folder)
     files, problems = campaign.scan()

@@ -37,17 +37,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution of one number. Its parameters are quantities as in the drive file, or numbers in SI."""
+    """Distribution of one number. Its parameters are quantities as in the drive file, or numbers in SI."""
 
     WORD: ClassVar[str]
 
     def in_si(self, read: QuantityReader) -> Self:
-        """Return the same with all numbers in SI.
+        """Return the distribution with all numbers in SI.
 
         Raises
         ------
         CommandError
-            A quantity cannot be read, or the numbers do not make a distribution.
+            A quantity cannot be read, or the numbers do not define a distribution.
         """
         own = self._read(read)
         for rule, holds in own._rules().items():
@@ -60,7 +60,7 @@ class Distribution:
         raise NotImplementedError
 
     def _read(self, read: QuantityReader) -> Self:
-        """Return the same in SI, unchecked."""
+        """Return the distribution in SI, unchecked."""
         return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
 
     def _rules(self) -> dict[str, bool]:
@@ -127,8 +127,8 @@ class Normal(Distribution):
     ----------
     mean : str or float
     sd : str or float
-        Standard deviation. ``"10 %"`` refers to the mean, which must then count from zero: neither degC nor gauge
-        pressure.
+        Standard deviation. ``"10 %"`` refers to the mean, whose unit must then have a true zero: neither degC nor
+        gauge pressure.
     """
 
     WORD: ClassVar[str] = "normal"
@@ -343,7 +343,7 @@ class Rows:
         return cls(shape.names, size, about, points, shape)
 
     def wider(self, other: Rows) -> Rows:
-        """Return rows each of which is followed by that of another design."""
+        """Return rows that are each extended by the row of another design."""
 
         def points(first: int, last: int) -> Array:
             return np.column_stack([self.take(first, last), other.take(first, last)])
@@ -355,7 +355,7 @@ class Rows:
         return self.points(first, min(last, self.size))
 
     def part(self, first: int, last: int) -> Rows:
-        """Return these rows without the design, to be sent to another machine."""
+        """Return these rows without the description of the design, to be sent to another machine."""
         return replace(self, points=partial(_part, self.take(first, last), first), shape=None)
 
 
@@ -365,7 +365,7 @@ def _part(values: Array, begin: int, first: int, last: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Marginals:
-    """A distribution of each number, SI. Their normal scores may be correlated."""
+    """Distributions of all numbers, SI. Their normal scores may be correlated."""
 
     each: dict[str, Distribution]
     correlation: Array | None = None
@@ -419,7 +419,7 @@ class NormalCoordinates:
 
 
 def _mixed(scores: Array, by: Array) -> Array:
-    """Return ``scores by'`` row by row. The bits of a row do not depend on the number of rows, unlike those of BLAS."""
+    """Return ``scores by'``, computed row by row. Unlike with BLAS, its bits do not depend on the number of rows."""
     return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
 
 
@@ -561,7 +561,7 @@ class EnsembleDesign(Shown):
     def posterior(
         cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0, method: str = "sobol"
     ) -> EnsembleDesign:
-        """Draw members from the uncertainty of a fit: jointly normal in the coordinates of its intervals.
+        """Draw members from the posterior of a fit: jointly normal in the coordinates of its intervals.
 
         Values that the data do not determine, and values that were not free, keep the drive's value.
 
@@ -572,7 +572,7 @@ class EnsembleDesign(Shown):
         n : int
             Members.
         names : sequence of str, optional
-            Values that vary. Default: all that the data determine.
+            Names of the values that vary. Default: all values that the data determine.
         seed : int
         method : str
             ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.
@@ -679,7 +679,7 @@ def design_of(
     Raises
     ------
     CommandError
-        It mixes these, or its number of members differs from that of the values.
+        The mapping mixes these forms, or the number of members differs from the number of values.
     """
     if isinstance(vary, EnsembleDesign):
         given = (n is not None and n != vary.members) or (seed is not None and seed != vary.seed)

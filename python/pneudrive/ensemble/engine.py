@@ -1,4 +1,4 @@
-"""Interface to the core: members in, outputs of each run out. Only this module calls the core for ensembles."""
+"""Interface to the core, which gets members and returns outputs. Only this module calls the core for ensembles."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Kept(NamedTuple):
     Attributes
     ----------
     values : list of ndarray
-        One for each reduction, shape (n,) or (n, samples); NaN where a member failed.
+        An array for each reduction, shape (n,) or (n, samples); NaN if a member failed.
     status : ndarray of uint8, shape (n,)
         0 done, 1 the run failed, 2 the numbers are inconsistent.
     reasons : dict
@@ -74,7 +74,7 @@ def run(
     Raises
     ------
     CommandError
-        The core cannot vary one of the numbers, or a value is out of its bounds.
+        The core cannot vary one of the numbers, or a value is out of bounds.
     """
     core, n, done = _ensemble(system, *members.paths), len(members.values), 0
     parts: list[tuple[NDArray[np.intp], Kept]] = []
@@ -135,7 +135,7 @@ def processors() -> int:
 
 @lru_cache(maxsize=8)
 def _ensemble(system: System, *paths: str) -> Ensemble:
-    """Return the core's ensemble for members that differ in the numbers at these paths. It is made once."""
+    """Return the core's ensemble for members that differ in the numbers at these paths. It is made only once."""
     from pneudrive import _core
 
     try:

@@ -1,7 +1,7 @@
 """One drive in many variants: a study, its chunks, their execution and storage, and the labelled results.
 
-A study is everything that determines the results of its members. A chunk of it is a pure function of its first and last
-member.
+A study holds all inputs that determine the results of its members. The results of a chunk depend only on the study
+and the chunk's first and last member.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ class Chunk(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EnsembleStudy:
-    """The work of a study, in SI and checked. It can be pickled and sent to another machine.
+    """Checked inputs of a study, in SI. They can be pickled and sent to another machine.
 
     Attributes
     ----------
     variation : Variation
-        The drive and which of its numbers vary.
+        The drive, and the names of the numbers that vary.
     rows : Rows
     plans : MemberPlans
     rtol : float
@@ -87,7 +87,7 @@ class EnsembleStudy:
     begin: int = 0
 
     def about(self) -> Plain:
-        """Describe everything that determines the results, as plain data."""
+        """Describe all inputs that determine the results, as plain data."""
         return {
             "description_hash": self.variation.drive.description_hash,
             "initial": self.variation.start_said(),
@@ -100,11 +100,11 @@ class EnsembleStudy:
 
     @property
     def study_hash(self) -> str:
-        """SHA-256 of everything that determines the results."""
+        """SHA-256 of all inputs that determine the results."""
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
     def chunks(self, members: int | None = None) -> list[Chunk]:
-        """Return the chunks of this number of members."""
+        """Return chunks with this number of members each."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
         size, step = self.rows.size, members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
@@ -130,7 +130,7 @@ class EnsembleStudy:
         Returns
         -------
         polars.DataFrame
-            A row for each member: member, status, reason, varied numbers, outputs. Columns carry their units.
+            A row for each member: member, status, reason, varied numbers, outputs. Names of columns contain the unit.
 
         Raises
         ------
@@ -193,7 +193,7 @@ class Members:
 
     @property
     def values(self) -> list[Array]:
-        """One array for each output, shape (members,) or (members, samples)."""
+        """Array of each output, shape (members,) or (members, samples)."""
         return [self.frame[output.file_name].to_numpy(writable=True) for output in self.study.outputs]
 
     def view(self) -> View:
@@ -285,7 +285,7 @@ class Executor(Protocol):
 
 
 class InProcess:
-    """One item after the other. The members of each item run on all processors."""
+    """Executor that runs one item after the other. The members of each item run on all processors."""
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """Yield the results in order."""
@@ -293,7 +293,7 @@ class InProcess:
 
 
 class DaskExecutor:
-    """Items on the workers of a Dask cluster (``pip install pneudrive[dask]``).
+    """Executor that runs items on the workers of a Dask cluster (``pip install pneudrive[dask]``).
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ class DaskExecutor:
         self.client = client
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Yield the results as they arrive. Dask repeats an item of a lost worker on another one.
+        """Yield the results as they arrive. Dask repeats an item of a lost worker on another worker.
 
         Raises
         ------
@@ -360,7 +360,7 @@ STUDY = "study.json"
 
 
 class ChunkStore:
-    """Chunks of one study, by their members. Existing chunks are not run again.
+    """Folder with the chunks of one study. Existing chunks are not run again.
 
     Parameters
     ----------
@@ -529,10 +529,10 @@ def simulate_many(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a drive or a circuit in many variants, its members, and keep selected numbers of each run.
+    """Simulate many variants (members) of a drive or a circuit, and keep selected numbers of each run.
 
-    A member has, to the last bit, the result of `pneudrive.simulate` for the drive with its numbers. The result depends
-    only on the description and the row of the design, not on other members, chunks or the executor.
+    The result of a member equals, to the last bit, that of `pneudrive.simulate` for a drive with the member's numbers.
+    It depends only on the description and the row of the design, not on other members, chunks or the executor.
 
     Parameters
     ----------
@@ -543,7 +543,7 @@ def simulate_many(
         entries, 2) for times in s and commands. For a circuit, it is a dict by component with any of these forms, or a
         list of dicts. Members whose commands change at the same times run side by side. Others run one after the other.
     duration : str, float, or a list or array of them
-        One for all members, or one for each.
+        Duration of all members, or one duration for each.
     vary : mapping or Design
         Names that `pneudrive.identify` accepts as free, or ``initial.position`` and similar names. The value is one of
 
@@ -561,12 +561,12 @@ def simulate_many(
     outputs : sequence of str or Output, optional
         Outputs of each run: ``"final(position)"``, ``"max(velocity)"``, ``"min(pressure_b)"``, ``"mean(...)"``,
         ``"integral(mass_flow_a)"``, ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"``,
-        ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with a name of yours in front (``"top = max(velocity)"``),
+        ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with your own name in front (``"top = max(velocity)"``),
         or objects of `pneudrive.ensemble`, among them `pneudrive.ensemble.own`. The state at the end and the stroke
         time are kept by default.
     initial : Initial, dict or str, or a list of them, optional
-        Start state of all members, or one for each, with the same keys. Missing values follow from each member's own
-        stroke and ambient air.
+        Start state of all members, or one for each, with the same keys. Missing values follow from the stroke and
+        the ambient air of the member.
     rtol : float
         Relative tolerance of the solver.
     seed : int, optional
@@ -574,8 +574,8 @@ def simulate_many(
     executor : Executor, optional
         Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder into which finished chunks are written as Parquet. An interrupted study continues there: finished chunks
-        are not run again.
+        Folder into which finished chunks are written as Parquet. An interrupted study is resumed from it, without
+        running finished chunks again.
     chunk : int, optional
         Number of members that run, and are written, together.
     errors : str

@@ -45,7 +45,7 @@ class Alike(NamedTuple):
     places : ndarray of int, or slice
         Indices of the members.
     plans : list
-        Input, its times in s, and its values with shape (times,) or (members, times).
+        Tuples of input, its times in s, and its values with shape (times,) or (members, times).
     durations : ndarray
         s, shape (1,) or (members,).
     """
@@ -62,7 +62,7 @@ class MemberPlans:
     Attributes
     ----------
     steps : dict
-        Input of the core -> its steps, one for all or one for each member.
+        Input of the core -> steps for all members, or steps for each member.
     durations : ndarray
         s, shape (1,) or (n,).
     """
@@ -77,13 +77,13 @@ class MemberPlans:
 
     @property
     def moves_up(self) -> bool | None:
-        """Whether the first command other than 0 is positive. None if members differ or no command has this form."""
+        """Whether the first command other than 0 is positive. None if members differ or there is no such command."""
         every = (values for each in self.steps.values() for _, values in each)
         signs = {next((value > 0.0 for value in values if value), None) for values in every}
         return signs.pop() if len(signs) == 1 else None
 
     def check(self, size: int) -> None:
-        """Refuse commands or durations whose number differs from the number of members.
+        """Reject commands or durations whose number differs from the number of members.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class MemberPlans:
             yield Alike(np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own])
 
     def about(self) -> Plain:
-        """Describe them as plain data. Long data are represented by their SHA-256."""
+        """Describe commands and durations as plain data. Long data are represented by their SHA-256."""
         steps = self.steps.items()
         said = {name: [*map(list, each[0])] if len(each) == 1 else _digest(each) for name, each in steps}
         command = next(iter(said.values())) if list(said) == ["command"] else said
@@ -172,7 +172,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     Raises
     ------
     CommandError
-        One of them is not valid. The message names the member.
+        A command is not valid. The message names the member.
 
     Examples
     --------
@@ -222,7 +222,7 @@ def _durations(given: Any) -> Array:  # noqa: ANN401
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
-    """Split a start state into the part for all members, and a column for each key with one value for each member.
+    """Split a start state into the part common to all members, and a column of values of the members for each key.
 
     Raises
     ------
@@ -338,22 +338,22 @@ def final(signal: str, name: str = "") -> Output:
 
 
 def largest(signal: str, name: str = "") -> Output:
-    """Keep the largest value. As a text: ``"max(velocity)"``. Parameters as of `final`."""
+    """Keep the largest value. As a text: ``"max(velocity)"``. Parameters as for `final`."""
     return Output("max", (signal,), name)
 
 
 def smallest(signal: str, name: str = "") -> Output:
-    """Keep the smallest value. As a text: ``"min(pressure_b)"``. Parameters as of `final`."""
+    """Keep the smallest value. As a text: ``"min(pressure_b)"``. Parameters as for `final`."""
     return Output("min", (signal,), name)
 
 
 def mean(signal: str, name: str = "") -> Output:
-    """Keep the mean over time. Parameters as of `final`."""
+    """Keep the mean over time. Parameters as for `final`."""
     return Output("mean", (signal,), name)
 
 
 def integral(signal: str, name: str = "") -> Output:
-    """Keep the integral over time: a mass for ``mass_flow_a``. Parameters as of `final`."""
+    """Keep the integral over time: a mass for ``mass_flow_a``. Parameters as for `final`."""
     return Output("integral", (signal,), name)
 
 
@@ -377,7 +377,7 @@ def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: 
     ----------
     signal : str
     band : str or float
-        Largest distance: ``"0.5 mm"``, or in SI.
+        Largest distance from the final value: ``"0.5 mm"``, or in SI.
     rate : str or float
         Sampling rate of the signal, 1/s. The time is interpolated between two samples.
     name : str
@@ -393,7 +393,7 @@ def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
     ----------
     signal : str
     rate : str or float
-        Samples per second. All outputs have one rate.
+        Samples per second. All sampled outputs must have the same rate.
     name : str
         Name of the variable in the result. Default: that of the signal.
     """
@@ -482,7 +482,7 @@ WORDS = {
 
 
 def _reduction(output: Output, signals: SignalNames) -> Reduction:
-    """Return an output for the signals of a drive, without a name of the user's."""
+    """Return an output for the signals of a drive, without a user's name."""
     word, arguments = output.word, output.arguments
     if word == "time_when":
         return _time_when(signals, *arguments)
@@ -538,7 +538,7 @@ def _settling(column: str, signal: str, band: str | float, rate: str | float = R
 
 
 def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
-    """Return when a signal finally enters the band around its last value, by linear interpolation."""
+    """Return the time at which a signal finally enters the band around its last value, by linear interpolation."""
     (x,) = signals.values()
     away = np.abs(x - x[:, -1:])
     beyond = away > half
@@ -552,7 +552,7 @@ def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
 
 
 def read_output(text: str) -> Output:
-    """Read an output: ``"final(position)"``, ``"time_when(position > 0.45 m)"``, ``"stroke_time"``, or with a name in
+    """Read an output: ``"final(position)"``, ``"time_when(position > 0.45 m)"``, ``"stroke_time"``, also with a name in
     front, ``"top = max(velocity)"``.
 
     Raises
@@ -591,7 +591,7 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
     Raises
     ------
     CommandError
-        One of them is not valid, two have one name, or samples have several rates.
+        An output is not valid, two outputs have the same name, or samples have different rates.
     """
     if asked is None:
         outputs = [final(signal) for signal in signals.states]

@@ -56,19 +56,19 @@ def sensitivity(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Find the numbers of a drive that its outputs depend on.
+    """Find how much the outputs of a drive depend on each of its numbers.
 
     Sobol indices are the fraction of each output's variance that each number causes alone (first order) and with its
-    interactions (total) [saltelli2010,jansen1999]. They take n (d + 2) members for d numbers.
+    interactions (total) [saltelli2010,jansen1999]. They need n (d + 2) members for d numbers.
 
     Parameters
     ----------
     drive, command, duration, outputs, initial, rtol, executor, progress, cancel
-        As for `pneudrive.simulate_many`. Outputs that are samples do not have a sensitivity.
+        As for `pneudrive.simulate_many`. Outputs that are samples are not possible.
     vary : mapping
         Name -> distribution, ``"normal(30 N, 10 %)"``. The numbers vary independently.
     n : int
-        Base points, best a power of 2. A small number such as 32 screens many numbers.
+        Number of base points, preferably a power of 2. For a screening of many numbers, 32 can suffice.
     seed : int
         Random seed of the design and of the bootstrap.
     confidence : float
@@ -89,7 +89,7 @@ def sensitivity(
     Raises
     ------
     CommandError
-        As `pneudrive.simulate_many`, or a number without a distribution.
+        As for `pneudrive.simulate_many`, or a number has no distribution.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def sobol_indices(
     points : ndarray, shape (n (d + 2), d)
         Points from `sobol_points`.
     values : ndarray, shape (n (d + 2), s)
-        Values of s outputs there.
+        Values of s outputs at these points.
     confidence : float
         Nominal coverage probability of an interval, from a percentile bootstrap over base points.
     resamples : int
@@ -190,7 +190,7 @@ def sobol_indices(
     -------
     dict
         ``first`` and ``total``, shape (d, s), with ``first_interval`` and ``total_interval``, shape (2, d, s).
-        ``used``: base points of each output. NaN for an output that does not vary, or with less than 2 base points.
+        ``used``: number of base points of each output. NaN if an output does not vary or has fewer than 2 base points.
     """
     d, s = points.shape[1], values.shape[1]
     each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
@@ -225,7 +225,7 @@ def _indices(f: Array) -> Array:
     Parameters
     ----------
     f : ndarray, shape (d + 2, ..., m)
-        Values at A, B, and A with each argument of B.
+        Values at A, at B, and at A with each argument in turn taken from B.
     """
     b = f[1] - f[:2].mean(axis=(0, -1))[..., None]
     moved = f[2:] - f[0]

@@ -1,4 +1,4 @@
-"""Numbers of a drive or a circuit that vary: names, reading of quantities, and members in the core's form."""
+"""Varied numbers of a drive or a circuit: names, reading of quantities, and members in the core's form."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Variation:
     ----------
     drive : Drive
     names : sequence of str
-        As in the drive file. ``initial.position`` and similar names belong to the start state.
+        Names as in the drive file. ``initial.position`` and similar names belong to the start state.
     initial : Initial, mapping or str, optional
         Start state of all members.
 
@@ -110,7 +110,7 @@ class Variation:
 
     @cached_property
     def family(self) -> DriveFamily:
-        """Drives for any values of the numbers, without those of the start state."""
+        """Drives for any values of the numbers, except numbers of the start state."""
         names = [name for name in self.names if not name.startswith(free.INITIAL)]
         return free.family_of(self.drive, free.find(self.drive, names))
 
@@ -133,7 +133,7 @@ class Variation:
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[Plain, Plain]:
-        """Return a member's changes to the description (see `Drive.replace`) and its start state, as in their files."""
+        """Return a member's changes to the description (see `Drive.replace`) and its start state, in file form."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
         start |= {
@@ -152,18 +152,18 @@ class Variation:
         Raises
         ------
         DescriptionError
-            They are not valid.
+            The description or the start state is not valid.
         """
         changes, start = self.changes(row)
         return self.drive.replace(changes) if changes else self.drive, self._made_start(start)
 
     def try_row(self, row: Array) -> None:
-        """Read a member.
+        """Check a member by reading it.
 
         Raises
         ------
         DescriptionError
-            It is not valid.
+            The member is not valid.
         """
         drive, initial = self.single(row)
         drive.core_json()
@@ -174,12 +174,12 @@ class Variation:
         return (pair for pair in COUPLED if {*pair} <= {*self.names})
 
     def check(self, rows: Array, first: int = 0) -> None:
-        """Refuse impossible rows. Rows with the extreme values are read one by one.
+        """Reject impossible rows. Only rows with extreme values are read one by one.
 
         Raises
         ------
         CommandError
-            One of them is not valid. The message names the row.
+            A row is not valid. The message names the row.
         """
         for start in range(0, len(rows), CHECKED_ROWS):
             part = rows[start : start + CHECKED_ROWS]
@@ -225,7 +225,7 @@ class Variation:
 
 
 class CircuitVariation(Variation):
-    """The numbers of a circuit, and of its start state, that a design sets: names of `circuit_numbers`."""
+    """The numbers of a circuit, and of its start state, that a design sets; names as in `circuit_numbers`."""
 
     _read_initial = staticmethod(lambda initial: start_values(initial) or None)
     _made_start = dict
@@ -252,7 +252,7 @@ class CircuitVariation(Variation):
 
     @cached_property
     def _start_columns(self) -> dict[str, str] | None:
-        """Return the start values that vary, by their names; None if others follow from a number."""
+        """Return the varying start values by name; None if other start values follow from a varied number."""
         known, state = free.numbers_of(self.drive), self.drive.core_initial(self.initial)
         starts = {
             name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
@@ -277,7 +277,7 @@ class CircuitVariation(Variation):
         return None
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
-        """Return the start values: column by column, or one by one if others follow from the numbers."""
+        """Return the start values: column by column, or member by member if others follow from the varied numbers."""
         starts = self._start_columns
         if starts is None:
             return self._each_start(rows)
@@ -297,7 +297,7 @@ class QuantityReader:
         Raises
         ------
         CommandError
-            It cannot be read.
+            The value cannot be read.
         """
         with _named(self.number.name):
             if isinstance(given, units.UnitFloat):
@@ -323,7 +323,7 @@ class QuantityReader:
         Raises
         ------
         CommandError
-            It cannot be read.
+            The value cannot be read.
         """
         share = units.share_of(given)
         if share is not None:
@@ -361,12 +361,12 @@ def _of_row(place: int, numbers: Sequence[free.Varied], row: Array) -> Iterator[
 
 
 def check_lengths(columns: Mapping[str, Array]) -> None:
-    """Refuse columns of unequal lengths, or without a row.
+    """Reject columns of unequal lengths, or without rows.
 
     Raises
     ------
     CommandError
-        The lengths differ, or there is not a single row.
+        The lengths differ, or there are no rows.
     """
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:

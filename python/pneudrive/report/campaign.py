@@ -1,4 +1,4 @@
-"""View and report of a campaign: statements, effects, curves, stops, course over time and position, and the run."""
+"""View and report of a campaign: statements, effects, curves, stops, dependence on time and position, and the run."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
 
 
 def _headline(found: CampaignCharacteristics) -> str:
-    """Return the number of cycles, their rig, and how much they leave open; recordings have no rig of their own."""
+    """Return number of cycles, rig, and number of open findings; the rig is left out for recordings."""
     is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
     count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
     if found.synthetic or not is_campaign:
@@ -234,7 +234,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
 
 
 def _rise(topic: Topic, where: str, a: AirShare) -> str:
-    """Return the text on the contribution of air to the rise from the least total force to the highest speed."""
+    """Return the text on the contribution of air to the rise of the force from its minimum to the highest speed."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     rise = float(a.total_n[last] - a.total_n[least])
     part = float(a.air_n[last] - a.air_n[least])
@@ -247,7 +247,7 @@ def _rise(topic: Topic, where: str, a: AirShare) -> str:
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return the force with the ends of its interval, and the same for its parts if they can be separated."""
+    """Return the force with its interval, and the same for its parts if they can be separated."""
     total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
     if not a.separated:
         return total
@@ -472,7 +472,7 @@ def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | 
 
 
 def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
-    """Draw the increments of a series over duration, with the best laws."""
+    """Draw the increments of breakaway in a series of stops over duration, with the best laws."""
     marks: list[Any] = []
     for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
         own, members = look(index), s.stops.filter(**vars(condition))
@@ -518,7 +518,7 @@ def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
 
 
 def relaxation(found: CampaignCharacteristics) -> Figure:
-    """Draw relaxation and recovery distance against duration; a triangle is a recovery that is cut off."""
+    """Draw relaxation and recovery distance over duration; a triangle is a recovery that was not completed."""
     left: list[Markers] = []
     right: list[Markers] = []
     for index, condition in enumerate(sorted(set(conditions_of(found.stops)))[:MOST_SHOWN]):
@@ -642,7 +642,7 @@ def budget(found: CampaignCharacteristics) -> Section | None:
 
 
 def sources(found: CampaignCharacteristics) -> Section:
-    """Return the section on software, protocol as run, sources of methods."""
+    """Return the section on software, protocol as run, and sources of methods."""
     rows = [
         ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),

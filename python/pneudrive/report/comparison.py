@@ -81,9 +81,9 @@ def comparison_view(c: Comparison) -> View:
 
 
 def _values(test: Test, *, repeated: bool) -> list[ShownValue]:
-    """Return the difference of a test with its interval, its probabilities, and whether it counts.
+    """Return the difference of a test with its interval, its probabilities, and whether it is significant.
 
-    A question that several series of stops repeat has its note in its name.
+    If several series of stops have the same test, the note of the series is added to its name.
     """
     name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
     beyond = {True: "yes", False: "no", None: ""}[test.beyond_repeatability]

@@ -35,7 +35,7 @@ REFERENCE = Look("grey", "--")
 def plot_control(run: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
     """Draw a run under control over time: position and reference, error, pressures, command, disturbance.
 
-    The picture of a platform has coordinates with references, errors, positions and forces of the legs.
+    For a platform, draw coordinates with references, errors, and positions and forces of the legs.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def plot_control(run: xr.Dataset, path: str | Path | None = None) -> matplotlib.
 
 
 def view_of_controlled_run(run: xr.Dataset) -> View:
-    """Return score and events of a run under control, of an axis or a platform, with its picture."""
+    """Return the view of a run under control, of an axis or a platform: score, events and picture."""
     about = attributes(run)
     is_pose = "coordinates" in about["score"]
     view = PoseScore.read(about["score"]).view(about) if is_pose else view_of_score(about)
@@ -109,7 +109,7 @@ def _pose_panels(time: np.ndarray, known: dict[str, np.ndarray], score: dict[str
 
 
 def plot_reference(reference: Reference, plant: Plant, path: str | Path | None = None) -> matplotlib.figure.Figure:
-    """Draw a reference with the stroke and the speed of its drive.
+    """Draw a reference with the stroke and the highest speed of the drive.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _called(name: str, text: str) -> str:
 
 
 def _conditions(found: ControlComparison) -> Iterator[str]:
-    """Yield how the runs differ, and how the true drive differs from the assumed one."""
+    """Yield the differences between the runs, and between the true drive and the assumed one."""
     topic, setup = Topic("control", "method"), str(found.about.get("setup_about", ""))
     each = plural(found.count, "member") if found.spread else f"{plural(found.count, 'seed')} of noise"
     yield topic.say("members" if found.spread else "seeds", each=each)
@@ -214,7 +214,7 @@ def _conditions(found: ControlComparison) -> Iterator[str]:
 
 
 def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownFigure]:
-    """Yield the errors of all members of a spread, a box for each law, and the tracks of the laws over each other."""
+    """Yield the errors of all members of a spread as one box per law, and the tracks of all laws in one picture."""
     topic, along = Topic("control", "reference"), list(found.references)[number]
     said: dict[str, Any] = {"called": _called(along, found.references[along]), "spread": found.spread}
     each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
@@ -241,13 +241,13 @@ def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownF
 
 
 def write_control_report(found: ControlComparison, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------
     found : ControlComparison
     folder : path-like
-        Must be there.
+        An existing folder.
 
     Raises
     ------

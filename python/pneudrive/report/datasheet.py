@@ -62,7 +62,7 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> ma
     Raises
     ------
     CommandError
-        It is a number without a curve, the suffix is unknown, or the file cannot be written.
+        The characteristic has no curve, the suffix is unknown, or the file cannot be written.
     """
     kind = characteristics()[found.attrs["characteristic"]]
     if not kind.x:
@@ -104,7 +104,7 @@ def characteristic_view(found: xr.Dataset) -> View:
 
 
 def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> Panel:
-    """Draw one result of a characteristic, by default all of its results: the others on an axis on the right."""
+    """Draw the given result of a characteristic, or by default all results, with further ones on a second axis."""
     kind = characteristics()[found.attrs["characteristic"]]
     name, *others = [name] if name else kind.y.split()
     if found[kind.x].dtype.kind in "US":
@@ -195,7 +195,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     found : Datasheet
         From `pneudrive.datasheet.sheet.build`.
     path : path-like
-        .html, which loads nothing from anywhere, or .pdf (extra ``pdf``).
+        .html, which loads no other files, or .pdf (extra ``pdf``).
 
     Returns
     -------
@@ -258,7 +258,7 @@ def sheet_view(found: Datasheet) -> View:
 
 
 def _leading(found: Datasheet) -> Iterator[LeadingValue]:
-    """Yield stroke times, the harder impact with its assumed limit, and the air of a cycle."""
+    """Yield stroke times, the impact of higher energy with its assumed limit, and the air of a cycle."""
     if "square-response" in found.results:
         square = found.results["square-response"]
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
@@ -279,7 +279,7 @@ def _title(found: Datasheet) -> str:
 
 
 def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
-    """Yield the printed figures of the drive's parts, with those of the drive."""
+    """Yield the figures that makers print for the drive's parts, with the values computed for the drive."""
     table = found.results["published"]
     columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
     for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ()) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------
@@ -75,13 +75,13 @@ class Addition:
     verdict : tuple of str
         Lines of the verdict.
     sections : tuple of Section
-        They follow those of the recordings. A section with an existing key continues that section.
+        Sections that follow those of the recordings. A section with an existing key continues that section.
     validity : str
         Text on validation with real data, and its limits.
     settings : tuple
         Rows of the table of software: name, value.
     sources : tuple
-        Sources of its values.
+        Sources of the study's values.
     cited, laws : tuple of str
         Keys of references.bib, and friction laws whose sources are named.
     """

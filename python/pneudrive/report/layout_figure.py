@@ -65,7 +65,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
 
 
 def _columns(proposal: Proposal) -> Figure:
-    """Draw raw columns if they do not make a recording."""
+    """Draw the raw columns if they do not form a recording."""
     shown = proposal.columns[:8]
     roles, panels = {guess.index: guess for guess in proposal.guesses}, []
     for index, values in enumerate(shown):
@@ -87,7 +87,7 @@ def record_figure(
     recording : Recording
     strokes : sequence of Stroke
     notes : mapping, optional
-        Channel -> title of its panel: the first strokes are drawn. Without notes, all samples of all channels are.
+        Channel -> title of its panel. With notes, the first strokes are drawn, otherwise all samples of all channels.
     title : str
     """
     first = strokes[:SHOWN_STROKES] if notes else strokes

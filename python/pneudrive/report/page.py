@@ -114,7 +114,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
 
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
-    """Return the report of a result: its leading values and bad findings as the verdict, then its view and sections."""
+    """Return the report of a result: leading values and bad findings as verdict, then its view and further sections."""
     leading = [Finding(value.text, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
@@ -197,13 +197,13 @@ class Report:
         return out
 
     def alone(self) -> str:
-        """Return the page with its pictures inside, without a folder of figures. It loads nothing."""
+        """Return the page with embedded pictures, without a folder of figures. It loads no other files."""
         captions = {block.name: block.caption for block in self.drawn()}
         self.pictures |= {name: inline(svg, name, captions[name]) for name, svg in self.plain_svg().items()}
         return self.html(linked=False)
 
     def html(self, *, linked: bool = True) -> str:
-        """Return the page, which loads nothing. `linked`: captions link to the files of the figures."""
+        """Return the page, which loads no other files. `linked`: captions link to the files of the figures."""
         import jinja2
         from markupsafe import Markup
 
@@ -255,7 +255,7 @@ def svg_text(figure: matplotlib.figure.Figure) -> str:
 
 
 def inline(svg: str, name: str, description: str) -> str:
-    """Return an SVG for use inside a page: no prologue, unique names, and letters of the usual size."""
+    """Return an SVG for use inside a page: without prologue, with unique names and the usual text size."""
     import html
 
     body = svg[svg.index("<svg") :]
@@ -391,7 +391,7 @@ def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results 
 
 
 def quantity(field: str) -> tuple[float, str]:
-    """Return size in SI and name of the usual unit of a field, from the field's name.
+    """Return the usual unit of a field, as its size in SI and its name, from the field's name.
 
     Examples
     --------
@@ -408,7 +408,7 @@ TEXTS = Path(__file__).with_name("texts")
 
 @lru_cache
 def texts_of(file: Path) -> dict[str, Any]:
-    """Return the texts of a page: topic -> name -> text, with places for numbers as in ``str.format``."""
+    """Return the texts of a page: topic -> name -> text, with placeholders as in ``str.format``."""
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
@@ -452,7 +452,7 @@ class Topic:
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
     def picture(self, name: str, figure: Any, synthetic: bool, /, **values: object) -> Picture:  # noqa: ANN401
-        """Return a picture of simulated or of other data, whatever its section is."""
+        """Return a picture that is marked as simulated or not, independent of its section."""
         shown = self.figure(name, figure, **values)
         return Picture(shown.name, shown.caption, shown.figure, synthetic)
 

@@ -1,4 +1,4 @@
-"""A platform on legs: its lines in one projection, a picture, a film of a run, and a page of a run with its curves."""
+"""Platform on legs: its lines in one projection, a picture, a film of a run, and a page of a run with its curves."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class LineLook(NamedTuple):
     dash : sequence of float
         Lengths of dashes and gaps, px; empty for a solid line.
     fill : float
-        Opacity of the area inside; 0 for none.
+        Opacity of the area inside; 0: not filled.
     is_path : bool
         Whether it has the colour of paths.
     """
@@ -82,7 +82,7 @@ class PlatformScene(NamedTuple):
     size : tuple of float
         Width and height.
     lines : list of tuple
-        What a line shows, a key of `LOOKS`, and its points, shape (m, k, 2). Lines that do not move have m = 1.
+        Part that a line shows, a key of `LOOKS`, and its points, shape (m, k, 2). Lines that do not move have m = 1.
     labels : list of tuple
         Text and centre of each label, shape (2,).
     path : ndarray, shape (m, 2)
@@ -98,7 +98,7 @@ class PlatformScene(NamedTuple):
 def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, int, Array]]:
     """Yield the lines of a platform: part, number of the leg from 1 (0: no leg), and points.
 
-    Points have the shape (m, k, 3), m, or (1, k, 3) at rest.
+    Points are in m and have the shape (m, k, 3), or (1, k, 3) for lines at rest.
 
     The last line is the path of the origin, shape (m, 1, 3).
 
@@ -169,7 +169,7 @@ def label_places(joints: Array, middle: Array, segments: Array, halves: Array) -
     ----------
     joints : ndarray, shape (n, 2)
     middle : ndarray, shape (2,)
-        Of the picture: labels are outside of their joints.
+        Centre of the picture; labels are on the outer side of their joints.
     segments : ndarray, shape (m, 2, 2)
         Both ends of each line.
     halves : ndarray, shape (m,)
@@ -299,7 +299,7 @@ def animate_platform(
 
 
 def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> None:
-    """Write frames as H.264 through ffmpeg."""
+    """Write frames as H.264 by ffmpeg."""
     first = next(frames)
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", str(FRAMES_S[".mp4"])]
     command = [program, "-y", "-loglevel", "error", *given, "-i", "-", "-pix_fmt", "yuv420p", str(target)]
@@ -316,7 +316,7 @@ def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> No
 
 
 def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, float, str], scale: float = 1.0) -> Drawing:
-    """Return a scene at one of its poses, with the path of all of them, and texts with the place of each in px.
+    """Return a scene at one of its poses, with the path over all poses, and its texts with their places in px.
 
     `scale` is the size of the drawing relative to that of the scene.
     """
@@ -358,7 +358,7 @@ def read_platform_run(platform: Platform, path: str | Path) -> dict[str, Array]:
     RecordingError
         The file does not exist or is damaged.
     CommandError
-        It is not a run of this platform.
+        The file is not a run of this platform.
     """
     found = read_columns(path, columns_in(path, run_columns(platform)))
     motion_of(platform, found)
@@ -366,7 +366,7 @@ def read_platform_run(platform: Platform, path: str | Path) -> dict[str, Array]:
 
 
 def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: str | Path) -> Path:
-    """Write a page of a run of a platform, which loads nothing.
+    """Write a page of a run of a platform. The page loads no other files.
 
     Parameters
     ----------
@@ -387,7 +387,7 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
 
 
 def platform_view(platform: Platform) -> View:
-    """Return strokes and loads of the legs at half strokes, the limits of each coordinate, and the drawing."""
+    """Return the view of a platform: strokes and loads of the legs at half stroke, limits of coordinates, drawing."""
     home, limits = platform.home, platform.workspace()
     legs = zip(platform.legs, platform.inverse(home), platform.load(home), strict=True)
     rows = [
@@ -443,7 +443,7 @@ def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
 
 
 def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str], tuple[LeadingValue, ...]]:
-    """Return sentences on a run, and its leading values: error of the path, ends of the legs, singularity, forces."""
+    """Return sentences on a run, and its leading values: path error, end positions of the legs, singularity, forces."""
     own, legs = platform.name, platform.legs
     leading = []
     errors = [
@@ -485,7 +485,7 @@ def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str]
 
 
 def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, dict[str, Array]]]:
-    """Return label and named curves of each panel."""
+    """Return the label and the named curves of each panel."""
     pose, units = pose_columns(platform)[0], platform.units
     panels = []
     for label, unit in (("place / mm", "m"), ("tilt / deg", "rad")):

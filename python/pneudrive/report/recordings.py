@@ -1,4 +1,4 @@
-"""Recordings: the view of one, the view of their characterisation, and its report."""
+"""Recordings: view of a recording, view of a characterisation, and its report."""
 
 from __future__ import annotations
 
@@ -88,13 +88,13 @@ MOST_STROKES = 100  # of each direction: more thin lines cannot be told apart
 
 
 def characterisation_view(found: Characterisation, fits: Fits | None = None) -> View:
-    """Return the values of each speed level, what decides, flags with remedies, and the figures.
+    """Return the view of a characterisation: values of each speed level, leading values, flags with remedies, figures.
 
     Parameters
     ----------
     found : Characterisation
     fits : mapping, optional
-        Group -> law -> FrictionFit: fitted laws, parameters, and what the data leave undetermined.
+        Group -> law -> FrictionFit: fitted laws, parameters, and undetermined values.
     """
     base, topic = map_view(found.friction_map, fits), Topic("recordings", "view")
     spread = found.run_spread
@@ -153,7 +153,7 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
 
 
 def _effects(found: Characterisation) -> Iterator[LeadingValue]:
-    """Yield the largest change with pressure, the spread between runs, and the force zero farthest from 0."""
+    """Yield the largest change with pressure, the spread between runs, and the largest zero error of the force."""
     if found.pressure_lines:
         line = max(found.pressure_lines, key=lambda line: abs(line.slope_n_pa))
         name = f"friction per pressure ({line.seal})"
@@ -169,7 +169,7 @@ def _effects(found: Characterisation) -> Iterator[LeadingValue]:
 
 
 def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
-    """Yield the force balance over position: a figure for each seal, a panel for each level."""
+    """Yield the force balance over position: one figure for each seal, with a panel for each level."""
     groups = by_seal(found)
     for seal, results in groups.items():
         levels = [level for result in results for level in result.levels]
@@ -181,7 +181,7 @@ def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
 
 
 def _loop(level: Level) -> Panel:
-    """Draw both directions, half their difference and half their sum, with strokes of each direction."""
+    """Draw both directions, half their difference and half their sum, with the strokes of each direction."""
     p = level.profile
     drawn = [*spread_evenly([*p.up_strokes_n], MOST_STROKES), *spread_evenly([*p.down_strokes_n], MOST_STROKES)]
     every = [Line(p.position_m, values, look=THIN, width=0.3) for values in drawn]
@@ -206,9 +206,9 @@ def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
 
 
 def closures(fits: Sequence[ClosureFit]) -> Figure:
-    """Draw all groups over pressure, or over the fit if both chambers' pressures changed. Residuals are drawn below.
+    """Draw all groups over pressure, or over the fit if the pressures of both chambers changed, with residuals below.
 
-    A line with as many parameters as points has no residuals. If all lines are of this kind, there is only one panel.
+    A line with as many parameters as points has no residuals. If all lines are such lines, there is only one panel.
     """
     above, below, one_chamber = [], [], _is_one_chamber(fits)
     for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
@@ -317,7 +317,7 @@ def recordings_report(
     study: Study | None = None,
     curves: CampaignCharacteristics | None = None,
 ) -> Report:
-    """Return the report: the view, and sections on measurement, record, strokes and budget; sections of one key join.
+    """Return the report: the view, and sections on measurement, record, strokes and budget; equal keys are merged.
 
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
@@ -352,7 +352,7 @@ def write_report(
     reproduction: Study | None = None,
     curves: CampaignCharacteristics | None = None,
 ) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------
@@ -361,9 +361,9 @@ def write_report(
     fits : mapping
         Group -> law -> FrictionFit; may be empty.
     folder : path-like
-        Must be there; figures go into its folder ``figures``.
+        An existing folder; figures go into its folder ``figures``.
     reproduction : Reproduction, optional
-        Adds the sections of the source paper; any study with an `addition` fits.
+        Study that adds the sections of the source paper; any object with a method `addition` is accepted.
     curves : CampaignCharacteristics, optional
         Curves, effects and statements of the recordings, from ``recorded_characteristics``.
 
@@ -397,7 +397,7 @@ def measured(found: Characterisation) -> Section:
 
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
-    """Return range of each channel over all recordings, and its stated accuracy."""
+    """Return the range of each channel over all recordings, and its stated accuracy."""
     for channel, (name, factor, unit) in Topic("recordings", "recording").texts["channels"].items():
         values = [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
@@ -431,7 +431,7 @@ MOST_RECORDS = 9
 
 
 def record(found: Characterisation) -> Section:
-    """Return the section with one recording of each seal over time, all channels."""
+    """Return the section that shows all channels of one recording of each seal over time."""
     topic, pictures = Topic("recordings", "record"), []
     for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
         shown = group[len(group) // 2]

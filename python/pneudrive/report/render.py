@@ -1,4 +1,4 @@
-"""Drawing of figures with matplotlib: the one place, besides the symbols of circuits, that calls its axes.
+"""Drawing of figures with matplotlib. Only this module and the symbols of circuits call matplotlib's axes.
 
 The style of all figures (fonts, sizes and colours) is readable in print and in grey, on light and on dark paper.
 """
@@ -61,7 +61,7 @@ def ink(color: str | float, *, dark: bool = False) -> Any:  # noqa: ANN401 - a c
 def load_matplotlib() -> ModuleType:
     """Return matplotlib, imported without the settings of the current folder.
 
-    Its import reads ``matplotlibrc`` of the current folder, which may start a foreign LaTeX or be damaged.
+    The import would read ``matplotlibrc`` of the current folder, which may be damaged or start a foreign LaTeX.
     """
     if "matplotlib" not in sys.modules and Path("matplotlibrc").exists():
         here = Path.cwd()
@@ -94,13 +94,13 @@ def _figure_class() -> type[Figure]:
         """A figure in the report's style."""
 
         def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
-            """Draw it. Labels of ticks are made here, also for a user who saves the figure later."""
+            """Draw the figure. Tick labels are made here, so that they are right if a user saves the figure later."""
             with applied():
                 no_formulas(self)
                 super().draw(renderer)
 
         def _repr_png_(self) -> bytes:
-            """Draw it for a notebook."""
+            """Draw the figure for a notebook."""
             with applied(), BytesIO() as memory:
                 self.savefig(memory, format="png", dpi=PNG_DPI)
                 return memory.getvalue()
@@ -109,7 +109,7 @@ def _figure_class() -> type[Figure]:
 
 
 def no_formulas(figure: Figure) -> None:
-    """Read no text of a figure as a formula, also where it was made outside this style."""
+    """Disable formulas in all texts of a figure, also if the figure was made outside this style."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
@@ -193,7 +193,7 @@ def draw_figure(
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
     synthetic : bool, optional
-        Whether the data are simulated, which a mark says; its panels have letters. None: no mark and no letters.
+        Whether the data are simulated; a mark then says so. Panels have letters. None: no mark and no letters.
     dark : bool
         Draw on dark paper.
 
@@ -299,7 +299,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
 
 
 def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Iterator[Image.Image]:
-    """Yield an image of each figure: of equal size, with one drawing without margins, within `applied`."""
+    """Yield an image of each figure, within `applied`. Figures have one size and contain one drawing each."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -320,7 +320,7 @@ def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Itera
 
 
 def _partner(axes: dict[int, Axes], how: str, row: int, column: int, columns: int) -> Axes | None:
-    """Return the first panel that shares its ends with the one in this row and column."""
+    """Return the first panel that shares its axis range with the panel in this row and column."""
     fits = {
         "all": lambda i: True,
         "row": lambda i: i // columns == row,
@@ -330,7 +330,7 @@ def _partner(axes: dict[int, Axes], how: str, row: int, column: int, columns: in
 
 
 def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
-    """Keep numbers and labels of shared axes on the outer sides only."""
+    """Show numbers and labels of shared axes on the outer sides only."""
     rows, columns = figure.grid
     for index, axis in axes.items():
         if figure.share_x and index + columns in axes:
@@ -352,7 +352,7 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
 
 
 def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> Plain:
-    """Draw one panel and return the handles of its labels."""
+    """Draw one panel and return the legend handles of its labels."""
     x, y = figure.axes_of(panel)
     if panel.title:
         axis.set_title(panel.title, fontsize=TITLE_PT * figure.text_scale)
@@ -375,7 +375,7 @@ def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> P
 
 
 def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis, *, dark: bool) -> Plain:
-    """Draw marks; return the handle of each label."""
+    """Draw marks; return the legend handle of each label."""
     handles: Plain = {}
     for mark in marks:
         handle = DRAWN[type(mark)](mark, axis, x, y, dark=dark)
@@ -386,7 +386,7 @@ def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis, *, dark: bool) ->
 
 
 def _legend(axis: Axes, handles: Plain, figure: figures.Figure, how: str) -> Plain:
-    """Put the legend of a panel into it; return the handles if it belongs above all panels."""
+    """Put the legend of a panel into the panel; return the handles if the legend belongs above all panels."""
     entries = min(len(handles), figure.entries)
     size: Plain = {"fontsize": LEGEND_PT * figure.text_scale}
     if how == "panel" and handles:
@@ -419,7 +419,7 @@ def _spread_names(axis: Axes, panel: Panel, row_in: float) -> None:
 
 
 def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
-    """Give an axis its label, scale and ends."""
+    """Set label, scale and range of an axis."""
     values = [np.abs(own.shown(getattr(mark, side))).ravel() for mark in marks if isinstance(mark, Line | Markers)]
     every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if own.scale == "log" or (own.scale == "wide" and every.size and every.max() > WIDE * every.min()):
@@ -435,7 +435,7 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
 
 
 def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
-    """Give an axis its ends, after all marks; the first one of several with equal ends has the room around the data."""
+    """Set the range of an axis after all marks are drawn; the first of several shared axes adds a margin."""
     limit = getattr(axis, f"set_{side}lim")
     if is_first and (own.below or own.above):
         bottom, top = getattr(axis, f"get_{side}lim")()
@@ -515,7 +515,7 @@ def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Hand
 
 
 def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
-    """Draw an arrow, a text, or a line with its area."""
+    """Draw an arrow, a text, or a line with its filled area."""
     color, points = ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
     if stroke.head:
         look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}

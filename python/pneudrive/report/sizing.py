@@ -1,4 +1,4 @@
-"""Sizing: its view, and its page with the values of the best choice, the task, and the command."""
+"""View of a sizing, and its page with the values of the best choice, the task, and the command."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _KEY = re.compile(r"\[([\w-]+)\]")
 
 
 def sizing_view(found: SizingResult) -> View:
-    """Return answer, open checks with their remedies, candidates with their limits, and time over air."""
+    """Return the view of a sizing: answer, open checks with remedies, candidates with limits, and time over air."""
     topic, best, cheaper = Topic("sizing", "candidates"), found.by_cylinder[:WRITTEN], found.cheaper[:WRITTEN]
     is_open = found.feasible or (found.miss is None and bool(found.provisional))
     ranking = ((str(place), drive.part_names, drive.needles) for place, drive in enumerate(best, 1))
@@ -74,7 +74,7 @@ def sizing_view(found: SizingResult) -> View:
 
 
 def _leading(found: SizingResult) -> Iterator[LeadingValue]:
-    """Yield the limited values and the air of the best choice."""
+    """Yield the values that have limits, and the air, of the best choice."""
     task, best = found.task, found.best
     if best is None:
         return
@@ -86,7 +86,7 @@ def _leading(found: SizingResult) -> Iterator[LeadingValue]:
 
 
 def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
-    """Return the range of 98 % of the samples of each quantity of each choice, with limit and margin."""
+    """Return, for each choice and quantity, the range of 98 % of the samples with limit and margin."""
     names = dict.fromkeys(name for drive in shown for name in drive.worst)
     rows = []
     for name in names:
@@ -104,7 +104,7 @@ def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
 
 
 def _against(drive: SizedDrive, name: str, *, is_common: bool) -> str:
-    """Return the range of a value, its limit unless it is common to all choices, and its margin."""
+    """Return the range of a value, its margin, and its limit unless all choices have the same limit."""
     if name not in drive.worst:
         return "–"
     value, limit, unit = drive.worst[name]
@@ -124,7 +124,7 @@ def _ends(drive: SizedDrive, name: str, factor: float) -> str:
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> matplotlib.figure.Figure:
     """Draw the time that 1 % of the samples exceed over the air of a cycle: a point for each choice, and the limits.
 
-    The lines of the best candidate cover 98 % of its samples.
+    Lines at the best candidate show the range of 98 % of its samples.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _time(drive: SizedDrive, way: str) -> float:
 
 
 def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing from anywhere, its figures, and the sheet of the best choice.
+    """Write report.html, which loads no other files, its figures, and the sheet of the best choice.
 
     Parameters
     ----------

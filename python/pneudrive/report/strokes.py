@@ -1,4 +1,4 @@
-"""Friction of recordings over speed and from stroke to stroke: maps, recovered truth, drift, reversals, stick-slip."""
+"""Friction of recordings over speed and from stroke to stroke: maps, recovery of true values, drift, stick-slip."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ UNDETERMINED = "Values that these data cannot determine"
 
 
 def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
-    """Return friction over speed with U (k = 2), the lowest and the highest friction, and the flags with remedies.
+    """Return the view of a friction map: friction over speed with U (k = 2), its extremes, and flags with remedies.
 
     Parameters
     ----------
     table : Dataset
         Friction map.
     fits : mapping, optional
-        Assembly -> law -> fit: laws that the data determine are drawn, and undetermined values are findings.
+        Assembly -> law -> fit. Laws that the data determine are drawn; undetermined values become findings.
     """
     groups = [(group, group.curves(table)) for group in groups_of(table)]
     curves = tuple(curve for _, own in groups for curve in own)
@@ -120,7 +120,7 @@ def _fitted(fits: Fits) -> View:
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
-    """Draw friction over speed: a panel for each assembly, a look for each pair of pressures, and determined laws."""
+    """Draw friction and determined laws over speed: a panel for each assembly, a style for each pair of pressures."""
     panels: dict[str, list[tuple[MapGroup, ShownCurve]]] = {}
     for group, curves in groups:
         panels.setdefault(group.assembly, []).extend((group, curve) for curve in curves)
@@ -160,7 +160,7 @@ def _law(group: MapGroup, curve: ShownCurve, by_law: Mapping[str, FrictionFit] |
 
 
 def recovered(found: Characterisation) -> pl.DataFrame | None:
-    """Return friction with the ground truth of each simulated recording, SI; None without one."""
+    """Return friction with the true value of each simulated recording, SI; None without simulated recordings."""
     rows = []
     for result in found.results:
         truth = result.recording.truth
@@ -220,7 +220,7 @@ def _recovered_parameters(found: Characterisation, fits: Fits) -> Iterator[tuple
 
 
 def errors(pairs: pl.DataFrame) -> Figure:
-    """Draw curves over speed, and errors with their statistical part."""
+    """Draw true and recovered curves over speed, and errors with their statistical part."""
     left: list[Any] = []
     right: list[Any] = [Rule(y=(-2.0, 2.0), label="two standard errors", look=Look("band"))]
     gauges = np.unique(pairs["gauge_pa"].to_numpy().round(-2))
@@ -278,7 +278,7 @@ def _drift_row(level: Level) -> tuple[object, ...]:
 
 
 def courses(found: Characterisation) -> Figure:
-    """Draw friction against its mean from stroke to stroke, a panel for each seal."""
+    """Draw friction relative to its mean from stroke to stroke, a panel for each seal."""
     panels = []
     for seal, results in spread_evenly(list(by_seal(found).items()), MOST_SEALS):
         pairs = [(r, level, _course(level)) for r in results for level in r.levels]
@@ -300,7 +300,7 @@ def _numbers(course: np.ndarray) -> np.ndarray:
 
 
 def _course(level: Level) -> np.ndarray:
-    """Return the friction of each pair of strokes relative to the level's mean, less 1."""
+    """Return the relative deviation of friction from the level's mean for each pair of strokes."""
     each = [values for values in level.stroke_friction_n.values() if values.size]
     shortest = min(values.size for values in each)
     return np.mean([values[:shortest] for values in each], axis=0) / level.friction_n - 1
@@ -310,7 +310,7 @@ def _course(level: Level) -> np.ndarray:
 
 
 def peaks(found: Characterisation) -> Section | None:
-    """Return the section on peaks after reversals and their faults; None without reversals."""
+    """Return the section on friction peaks after reversals, and doubts about them; None without reversals."""
     every = [(result, level, peak) for result in found.results for level in result.levels for peak in level.peaks]
     if not every:
         return None
@@ -333,7 +333,7 @@ def peaks(found: Characterisation) -> Section | None:
 
 
 def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figure:
-    """Draw one reversal in detail, and all reversals over the number of samples on their rise."""
+    """Draw one reversal in detail, and all peaks over the number of samples on their rise."""
     result, level, peak = every[int(np.argsort([p.rise_samples for _, _, p in every])[len(every) // 2])]
     r = result.recording
     top = int(np.searchsorted(r.time_s, peak.time_s))
@@ -428,7 +428,7 @@ FASTER = Axis("speed / (mm/s)", above=0.2)
 
 
 def phase_plane(motions: Sequence[DrawnMotion]) -> Figure:
-    """Draw speed against position less mean motion."""
+    """Draw speed over position minus the mean motion."""
     panels = []
     for m in motions:
         trend = np.polynomial.Polynomial.fit(m.time_s, m.position_m, 1)(m.time_s)

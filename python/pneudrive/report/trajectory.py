@@ -64,7 +64,7 @@ def plot(
     Returns
     -------
     matplotlib.figure.Figure
-        A notebook shows it; elsewhere give a `path`, or use ``figure.savefig(...)``.
+        A notebook shows the figure; elsewhere give a `path`, or use ``figure.savefig(...)``.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _words(name: str, last: str) -> str:
 
 
 def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> View:
-    """Return the view of a run with its picture. `described` is its drive, for the gas; default: air."""
+    """Return the view of a run with its picture. `described` is the simulated drive, for its gas; default: air."""
     about = attributes(run)
     if "score" in about:
         return view_of_controlled_run(run)
@@ -139,7 +139,7 @@ def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> Vi
 def _write_page(
     figure: matplotlib.figure.Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None
 ) -> None:
-    """Write a page that loads nothing: platforms, values and picture of the run, then its provenance."""
+    """Write a page that loads no other files: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
     from pneudrive.report.platform import platform_run_view
 
@@ -278,7 +278,7 @@ def _chambers(solution: FollowSolution | None) -> list[Section]:
 
 
 def volume_figure(solution: FollowSolution, at: int) -> Figure:
-    """Draw pressures over the volumes of the chambers, and residuals over the position."""
+    """Draw pressures over the volumes of the chambers, and their residuals over the position."""
     problem, record = solution.problem, solution.problem.records[at]
     problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
     volumes, rest = problem.driven.volumes_m3(record.positions_m), solution.rest(at)
@@ -344,7 +344,7 @@ def ensemble_view(found: xr.Dataset) -> View:
 
 
 def sensitivity_view(found: xr.Dataset) -> View:
-    """Return the view of sensitivities: each number's effect on each output, with intervals, and bars."""
+    """Return the view of sensitivities: effect of each number on each output with intervals, and bars."""
     numbers = [str(name) for name in found["number"].to_numpy()]
     rows, leading, findings, panels = [], [], [], []
     for output in map(str, found["output"].to_numpy()):

@@ -1,4 +1,4 @@
-"""The views and reports of a drive against its recordings, and of a friction law against measured friction."""
+"""Views and reports of two comparisons: a drive with its recordings, and a friction law with measured friction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str
     content : mapping
         Tables of validation.toml.
     run : callable
-        Number of a record, from 0 -> the columns of its run, or None without its file.
+        Function that returns the columns of the run of a record (number from 0), or None without its file.
     """
     records, diagnosis = content["record"], content["diagnosis"]
     leading, causes = tuple(map(_leading, content["verdict"])), diagnosis.get("culprit", [])
@@ -117,7 +117,7 @@ def _tables(content: Mapping[str, Any]) -> Iterator[ShownTable]:
 
 
 def channel_figure(columns: Mapping[str, Any]) -> Figure:
-    """Draw measured and modelled channels, each over its residual."""
+    """Draw measured and modelled channels, each with its residual below."""
     panels, part = [], thin(columns["time_s"])
     t = columns["time_s"][part]
     for column in CHANNELS:
@@ -134,7 +134,7 @@ def channel_figure(columns: Mapping[str, Any]) -> Figure:
 
 
 def write_validation_report(found: Validation, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def _provenance(found: Validation) -> Section:
 
 
 def friction_view(found: FrictionValidation) -> View:
-    """Return the view of a friction law against measured friction: agreement in all, and for each condition."""
+    """Return the view of a friction law compared with measured friction: agreement in total, and for each condition."""
     m, curves = found.metrics, list(found.curves)[:MOST_SHOWN]
     leading = [LeadingValue(ShownValue("fit", "", "fit", m.fit_percent, "%"), STATIC_FIT_PERCENT, MET[found.met])]
     leading += [LeadingValue(ShownValue("NRMSE", "", "NRMSE", 100 * m.nrmse, "%"))]

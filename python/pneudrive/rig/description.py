@@ -1,4 +1,4 @@
-"""Description of a simulated rig: its sensors, and a TOML file in which each value has a unit and states its source.
+"""Description of a simulated rig: its sensors, and a TOML file in which each value has a unit and a source.
 
 Only known keys are read. One file can extend another. Parameters of components come from the core: the parameters of
 friction are those of the law, and its modifiers are as in a drive file.
@@ -48,7 +48,7 @@ class AnalogSensor:
     gain_error : float
         Relative error of the gain.
     hysteresis : float
-        Error with the sign of the signal, at full size for signals above 1 % of the range.
+        Error with the sign of the signal, of full size for signals above 1 % of the range.
     """
 
     low: float
@@ -99,7 +99,7 @@ class AnalogSensor:
 
 @dataclass(frozen=True)
 class TimeClock:
-    """Sample clock uniform in time, with the same number of samples for a cycle at any speed.
+    """Sample clock that is uniform in time, with the same number of samples for a cycle at any speed.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def _rig_class() -> type[Described]:
 
 
 def rig_schema() -> Plain:
-    """Return the JSON schema of a rig file: of a simulated rig, or identity and limits of any other."""
+    """Return the JSON schema of a rig file, which describes a simulated rig, or identity and limits of another rig."""
     written = {"type": ["string", "number", "boolean"]}
     parts = dict.fromkeys(("value", "source", "reason"), written)
     sourced = {"anyOf": [written, {"type": "object", "properties": parts, "required": ["value", "source"]}]}
@@ -355,7 +355,7 @@ def _table(content: Plain, name: str) -> Plain:
 
 
 def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems) -> Any:  # noqa: ANN401
-    """Return the values without sources, in the form of a drive file. A list or pair may give one common source."""
+    """Return the values without sources, in the form of a drive file. A list or pair may have a common source."""
     if name == "friction.law":
         if isinstance(given, str):
             return given
@@ -498,7 +498,7 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
 
 
 def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys
-    """Check the values against each other, and raise all errors at once."""
+    """Check that the values are consistent, and raise all errors at once."""
     cylinder, servo, chambers, problems = tables.cylinder, tables.servo, tables.chambers, Problems()
 
     def refuse(key: str, what: str, rule: str) -> None:

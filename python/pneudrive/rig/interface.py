@@ -48,7 +48,7 @@ def present(data: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 def holds(rule: str, check: Callable[[Any], bool]) -> AfterValidator:
-    """Return the check of a value that comes from JSON; its rule goes into the message."""
+    """Return a check for a value from JSON; messages show the rule."""
 
     def checked(value: T) -> T:
         if check(value):
@@ -110,12 +110,12 @@ class Hold:
     ----------
     duration_s : float
     released : bool
-        The axis moves freely until the force sensor reads zero; otherwise it keeps its position, and the seal its
+        Whether the axis moves freely until the force sensor reads zero. Otherwise axis and seal keep position and
         deflection.
     shut : bool
-        The supply is shut off, so that a leak appears as a fall of pressure.
+        Whether the supply is shut off, so that a leak lowers the pressure.
     weight_n : float
-        Known weight in +x that the operator put on the force sensor, with the drive uncoupled; 0: none.
+        Known weight in +x that the operator put on the force sensor, with the drive uncoupled; 0: no weight.
     """
 
     __pydantic_config__: ClassVar = ONLY_KNOWN
@@ -144,7 +144,7 @@ class Sampling:
     samples_per_stroke : int
         Number of samples, uniform in time over each move.
     burst_rate_hz : float
-        Least rate around each reversal, stop and restart: at both ends of every step; 0: no bursts.
+        Least rate at both ends of every step, that is, around each reversal, stop and restart; 0: no bursts.
     burst_before_s, burst_after_s : float
         Duration of a burst before the end and after the beginning of a step.
     hold_rate_hz : float
@@ -170,7 +170,7 @@ class Samples:
     Attributes
     ----------
     time_s
-        From the start of the cycle, never decreasing.
+        Time from the start of the cycle, never decreasing.
     position_m, force_n, pressure_a_pa, pressure_b_pa, temperature_k
     step
         int64, index of the cycle's step (move or hold) of each sample.
@@ -328,11 +328,11 @@ class Identity:
         ``open``, ``common`` (one regulator, common manifold), ``separate`` (a regulator each) or ``held``
         (pressures do not change with motion).
     pressure_measured_at : str
-        ``chamber``, or ``regulator``: then the force of the air cannot be separated from that of the seal.
+        ``chamber``, or ``regulator``, where the force of the air cannot be separated from that of the seal.
     synthetic : bool
         Whether the rig is simulated.
     bandwidth_hz : dict
-        Channel -> corner frequency (-3 dB) of the sensor, of first order; only that of ``force_n`` is used.
+        Channel -> corner frequency (-3 dB) of the sensor as a first-order filter; only ``force_n`` is used.
     force_calibration : ForceCalibration or None
         Calibration curve of the force sensor, which analysis applies in place of the accuracy of ``force_n``.
     """
@@ -426,7 +426,7 @@ class Changeable(Protocol):
     """Protocol of rigs that accept the operator's manual changes: simulated rigs."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Return the possible levels of factors with fixed levels; every other factor takes any name."""
+        """Return the levels of each factor that has fixed levels; other factors accept any name."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:
@@ -442,7 +442,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
 
 
 def as_json(value: Any) -> Any:  # noqa: ANN401 - any plain data
-    """Return data as JSON gives them back: a resumed campaign equals an uninterrupted one."""
+    """Return data as read back from JSON, so that a resumed campaign equals an uninterrupted one."""
     return json.loads(json.dumps(value, default=plain))
 
 
@@ -457,7 +457,7 @@ def read_table(
     path: str = "",
     **usual: Any,  # noqa: ANN401 - values of absent keys
 ) -> tuple[T, list[str]]:
-    """Make an object of a class from a table; its annotations check the values.
+    """Make an object of a class from a table, whose values are checked by the annotations of the class.
 
     Parameters
     ----------
@@ -507,10 +507,10 @@ _adapter = cache(TypeAdapter)
 
 
 def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
-    """Return the identity of a rig from plain data, and notes on unknown keys; errors as of `read_table`."""
+    """Return the identity of a rig from plain data, and notes on unknown keys; errors as for `read_table`."""
     return read_table(data, Identity, where, kind, name="unnamed rig")
 
 
 def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> Envelope:  # noqa: ANN401 - JSON
-    """Return the envelope of a rig from plain data; errors as of `read_table`."""
+    """Return the envelope of a rig from plain data; errors as for `read_table`."""
     return read_table(data, Envelope, where, kind)[0]

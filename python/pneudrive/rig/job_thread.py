@@ -47,7 +47,7 @@ class JobThread:
         return future
 
     def close(self, wait_s: float = 0.0) -> None:
-        """End the thread after its last job, and wait for this up to a time."""
+        """End the thread after its last job, and wait for the end up to a given time."""
         self._jobs.put(None)
         if self._thread.ident is not None:
             self._thread.join(wait_s)

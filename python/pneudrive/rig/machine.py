@@ -1,4 +1,4 @@
-"""Machine of a simulated rig in virtual time: the rig in the core's form, its history, and one step after the other.
+"""Machine of a simulated rig in virtual time: the rig in the core's form, its history, and the execution of steps.
 
 The history changes the friction: temperature, run-in, and scatter between cycles and days.
 """
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def core_friction(d: RigDescription, mounting: str = RIGID) -> Plain:
-    """Return the friction of the piston, including that of the guide under a side load of the mounting."""
+    """Return the friction of the piston, including friction of the guide under a side load of the mounting."""
     table = {**d.friction}
     guide = d.tables.mounting.get(mounting)
     if guide is not None and guide.side_load > 0.0:
@@ -176,7 +176,7 @@ class Past:
     pressure_a_pa, pressure_b_pa : float
         Set pressures.
     state : list of float or None
-        State of the core; None: at rest, the sensor unstressed, the chambers at their set pressures.
+        State of the core; None: at rest, with unstressed sensor and the chambers at their set pressures.
     shown : dict
         Last true values of the channels.
     levels : dict
@@ -219,13 +219,13 @@ class Past:
         raise RigError.of("rig.no-memory", value=data)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
-        """Advance the time, with this power of friction heating the seal."""
+        """Advance the time, while friction heats the seal with the given power."""
         rise, time_s = d.tables.thermal.seal_rise, d.tables.thermal.seal_time
         self.seal_rise_k = _core.seal_warming(rise, time_s, self.seal_rise_k, power_w, duration_s)
         self.clock_s += duration_s
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Return the temperature of the room, K, now or some seconds later."""
+        """Return the temperature of the room, K, now or a number of seconds later."""
         turn = 2.0 * np.pi * (self.clock_s + after_s) / d.tables.thermal.room_period
         return d.tables.ambient.temperature + d.tables.thermal.room_amplitude * np.sin(turn)
 
@@ -271,8 +271,8 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
 def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
     """Return the friction of the present step in the core's form.
 
-    Run-in and temperature act as on a drive: both on Coulomb and breakaway force, only temperature on viscous friction.
-    They are evaluated at the beginning of the step (assumed: a step is short against the time constant of warming).
+    As on a drive, run-in and temperature change Coulomb and breakaway force, and only temperature changes viscous
+    friction. Both are evaluated at the beginning of the step, which is assumed to be short compared with the warming.
     """
     table, thermal = core_friction(d, past.levels.get("mounting", RIGID)), d.tables.thermal
     excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
@@ -340,7 +340,7 @@ class Machine:
         Raises
         ------
         RigError
-            The axis is to be released, but the pressures would move it away.
+            The axis shall be released, but the pressures would move it away.
         SimulationError
             The core cannot continue.
         """

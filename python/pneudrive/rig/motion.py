@@ -94,7 +94,7 @@ class Motion:
         return out
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration at `time_s` (held at the ends), m, m/s, m/s2."""
+        """Return position, velocity and acceleration at `time_s`, m, m/s, m/s2; constant beyond the ends."""
         knots = self.knots()
         time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
         i = np.clip(np.searchsorted(knots[0], time, side="right") - 1, 0, self.durations_s.size - 1)
@@ -132,7 +132,7 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
     Returns
     -------
     Motion
-        Seven segments (fewer where some vanish).
+        Motion of at most seven segments.
 
     Raises
     ------
@@ -311,7 +311,7 @@ def step_samples(duration_s: float, moving: bool, sampling: Sampling) -> int:
 
 
 def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[float, float, int]]:
-    """Return the spans of a step with one rate each: begin, end, number of samples."""
+    """Return the spans of a step, each with a constant rate: begin, end, number of samples."""
     if duration_s <= 0.0:
         return []
     rate = sampling.samples_per_stroke / duration_s if moving else sampling.hold_rate_hz

@@ -227,8 +227,8 @@ def load_rig(
     pace : float, optional
         Speed of a simulated rig or a replay relative to real time: 1 is real time; None is as fast as possible.
     found_in : str, optional
-        File that names `source`, if the user has not named it in this run. Then only a simulated rig or a replay is
-        allowed: the user names a rig that runs code, moves an axis or logs in.
+        File that names `source`, if the user has not named it in this run. Only a simulated rig or a replay is then
+        allowed. The user must name a rig that runs code, moves an axis or logs in.
     allow_code : str, optional
         SHA-256 of a file of custom code that may run although only a file names it.
 

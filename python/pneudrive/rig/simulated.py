@@ -1,4 +1,4 @@
-"""Simulated rig: true motion from the core, recordings from sensor models, and its session for a campaign."""
+"""Simulated rig: true motion from the core, recordings from sensor models, and the session for a campaign."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class SimulatedRig:
         return cls(read_description(path))
 
     def session(self, seed: int = 0, pace: float | None = None) -> RigSession:
-        """Start a session with the verbs of a campaign; see `RigSession`."""
+        """Start a session with the methods that a campaign needs; see `RigSession`."""
         return RigSession(self, seed, pace)
 
     def identity(self) -> Identity:
@@ -153,7 +153,7 @@ class SimulatedRig:
         gauge_pa : float or (float, float)
             Gauge pressure in both chambers, or in a and b.
         count : int
-            Cycles (out and back).
+            Number of cycles (out and back).
         dwell_s : float
             Stop at each reversal.
         clock : TimeClock or EncoderClock, optional
@@ -206,7 +206,7 @@ class SimulatedRig:
         Returns
         -------
         Recording
-            ``synthetic`` with its ``truth``: friction law and parameters, zeros of the sensors, speed, true pressures.
+            Recording with ``synthetic`` and ``truth``: friction law, parameters, sensor zeros, speed, true pressures.
         """
         d, identity = self.description, self.identity()
         rng = np.random.default_rng(seed)
@@ -316,7 +316,7 @@ class Instruments:
 
     The stated accuracy is a standard uncertainty. It is the standard deviation of the gain's error at the end of the
     range, and of the zeros of pressure sensors and thermometer. The zero of the force sensor, which is tared, comes
-    from the rig file. A third of the accuracy, shared by both directions, changes sign with the force.
+    from the rig file. A third of the accuracy is an error that changes sign with the force (hysteresis).
 
     Parameters
     ----------
@@ -389,7 +389,7 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 
 @dataclass
 class _Run:
-    """Running motion of the axis, for threads that end or display it.
+    """Running motion of the axis, for threads that stop or display it.
 
     ``before`` is the history at the start of the present step, and ``reached_s`` the time reached in it. ``seen`` holds
     the last readings of the sensors.
@@ -590,7 +590,7 @@ class RigSession:
                 raise RigError.of("rig.out-of-reach", to=1e3 * step.to_m, speed=1e3 * step.speed_m_s, rule=rule)
 
     def _quietly(self, step: Step) -> None:
-        """Run one step without samples and without drawing noise."""
+        """Run one step without samples and without random noise."""
         self._idle()
         self._check([step])
         if self._machine.motion(step) is not None:
@@ -605,7 +605,7 @@ class RigSession:
             return run
 
     def _acquire(self, steps: list[Step], sampling: Sampling | None) -> Iterator[Samples]:
-        """Run steps; without a sampling the readings have no noise."""
+        """Run steps. Without `sampling`, the readings have no noise."""
         run, rng = self._begin(), None if sampling is None else self._rng
         began, done_s = time.monotonic(), 0.0
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
@@ -635,7 +635,7 @@ class RigSession:
                 self._halt(run)
 
     def _times(self, duration_s: float, moving: bool, sampling: Sampling | None) -> Array:
-        """Return the times of samples in a step, with its end; without a sampling those of the shown motion."""
+        """Return the times of samples in a step, including its end; without `sampling`, times for a display."""
         if sampling is not None:
             times = step_times(duration_s, moving, sampling)
         elif self.pace is None:
@@ -665,7 +665,7 @@ class RigSession:
         return machine, before, true
 
     def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
-        """Cut the samples of a step into parts: by time with a pace, otherwise by number."""
+        """Split the samples of a step into parts: by time if there is a pace, otherwise by number."""
         if self.pace is None:
             borders = list(range(0, times.size, PART_SAMPLES))
         else:
@@ -691,6 +691,6 @@ class RigSession:
             self._machine.cut(run.before, run.step, run.motion, run.reached_s)
 
     def _wait(self, began: float, until_s: float) -> None:
-        """Wait for a time of the rig at its pace, or until the rig is stopped."""
+        """Wait until a time of the rig at its pace, or until the rig is stopped."""
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))

@@ -46,11 +46,11 @@ class FileChannel:
     unit : str
         Unit of the displayed numbers.
     quantity : str
-        Name that marks equal columns of two files: from the layout, or that of the column without its unit.
+        Name that identifies equal columns of two files: from the layout, or the name of the column without its unit.
     slope, zero : float
-        SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
+        SI value = slope * shown number + zero, pressures absolute. NaN if the conversion is not known.
     said : Column or None
-        Conversion from the file's numbers to the unit by the layout. None: the numbers are already in the unit.
+        Conversion from the file's numbers to the unit, from the layout. None: the numbers are already in the unit.
     curve : ForceCalibration or None
         Calibration of the force sensor.
     """
@@ -88,7 +88,7 @@ class ChannelFile:
     name : str
         Name of the file.
     table : Table
-        Its columns, or those of the converted file.
+        Columns of the file, or of the converted file.
     time : FileChannel or None
         Column of the time; None: sample numbers replace the time.
     channels : tuple of FileChannel
@@ -113,7 +113,7 @@ class ChannelFile:
         return max((self.table.count() or 0) - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return the times of samples, s, or their numbers without a column of times; and columns in their units."""
+        """Return the times of samples, s (without a column of times, their numbers), and columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}
@@ -126,20 +126,20 @@ class ChannelFile:
         return self.time.si(self.time.of(np.asarray(time, float))), values
 
     def counted(self, fall: int) -> ChannelFile:
-        """Return the file without its column of times, because the times do not increase at a sample."""
+        """Return the file without its column of times, because the times do not increase at the given sample."""
         return replace(
             self, time=None, notes=(*self.notes, f"the time falls at sample {fall}: sample numbers replace it")
         )
 
 
 def first_fall(seconds: Array, before: float) -> int | None:
-    """Return the first sample whose time is missing or less than the previous time. None if all increase.
+    """Return the first sample whose time is missing or less than the previous time; None if there is no such sample.
 
     Parameters
     ----------
     seconds : ndarray, shape (n,)
     before : float
-        Time of the sample before the first one, or of the first one.
+        Time of the sample before the first one, if it exists, otherwise of the first one.
     """
     falls = ~(np.diff(seconds, prepend=before) >= 0.0)
     return int(np.argmax(falls)) if falls.any() else None
@@ -178,7 +178,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ----------
     path : Path
     layout : Layout or None
-        Meaning of the columns. None: their names give it.
+        Meaning of the columns. None: the meaning follows from their names.
     cache : Path
         Folder in which a file that is not Parquet is converted, once.
 
@@ -275,7 +275,7 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
     Raises
     ------
     RecordingError
-        The file cannot be read, by the layout if there is one.
+        The file cannot be read; a layout is applied if given.
     """
     if (sniff_format(path) if said is None else said.format) == "parquet":
         table = open_table(path, "parquet")

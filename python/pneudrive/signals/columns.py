@@ -1,4 +1,4 @@
-"""Columns of foreign files by their headers: units, roles with their names and usual numbers, chambers."""
+"""Columns of foreign files by their headers: units, roles (by names and usual numbers), chambers."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class ColumnUnit:
 class HeaderUnit:
     """Unit in the header of a foreign file.
 
-    ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is that of layouts.
-    ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
+    ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is the unit as
+    written in layouts. ``gauge`` is None if a pressure is not marked as gauge or absolute.
     """
 
     si: str
@@ -85,7 +85,7 @@ def header_unit(text: str) -> HeaderUnit | None:
 
 
 def split_name(name: str) -> tuple[str, HeaderUnit | None]:
-    """Return the name of a column without its unit, and the unit; None if the name states none.
+    """Return the name of a column without its unit, and the unit; None if the name states no unit.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
 
 
 def _is_side(name: str, group: re.Match[str]) -> bool:
-    """Return whether a letter in brackets is a chamber, as in Pressure (A), and not the ampere."""
+    """Return whether a letter in brackets is a chamber, as in Pressure (A), and not the unit ampere."""
     return re.search(r"press|druck|\bp\b", name[: group.start()].lower()) is not None
 
 
@@ -174,13 +174,13 @@ class Role:
     Attributes
     ----------
     words : str
-        Expression of its names, in words of small letters, without the unit.
+        Regular expression of its names, in lower-case words without the unit.
     si : str
         SI unit of its quantity; a column with the unit of another quantity is not a candidate.
     by_size : tuple of (float, str)
-        Units of numbers without a unit, each up to a size: of the span for a position, of the numbers for a pressure.
+        Units to assume for numbers without a unit, each up to a size: of the span of a position, of a pressure itself.
     scaled : str
-        Unit of a layout for volts and counts, which need a scale.
+        Unit in a layout for volts and counts, which need a scale.
     """
 
     words: str
@@ -215,13 +215,13 @@ def role_of(name: str) -> str | None:
 
 
 def side_of(name: str) -> str | None:
-    """Return the chamber that the name of a pressure states: a, b, 1 or 2."""
+    """Return the chamber in the name of a pressure: a, b, 1 or 2."""
     found = set(re.findall(r"(?<![^ ])p?([ab12])(?![^ ])", words_of(name)))
     return found.pop() if len(found) == 1 else None
 
 
 def chamber_of(name: str) -> str:
-    """Return the chamber a or b that the name of a pressure states, by a letter or by its number; empty for none."""
+    """Return the chamber a or b in the name of a pressure, as a letter or a number; empty without a chamber."""
     side = side_of(name) or ""
     return {"1": "a", "2": "b"}.get(side, side)
 
@@ -272,7 +272,7 @@ class FileColumn:
     unit : HeaderUnit or None
         Stated unit.
     unknown : str
-        Stated unit that is not known.
+        Stated unit that pneudrive does not know.
     values : ndarray
         Numbers at the times of the table, after slow channels were filled and wraps of counters removed.
     """
@@ -297,7 +297,7 @@ class FileColumn:
 
     @property
     def may_be_pressure(self) -> bool:
-        """Whether neither name nor unit exclude a pressure, and the numbers change."""
+        """Whether neither name nor unit excludes a pressure, and the numbers change."""
         fits = self.unit is None or self.unit.si == "Pa" or self.is_raw
         is_signal = np.nanmax(self.values) > np.nanmin(self.values) and not NUMBERING.search(words_of(self.name))
         return fits and self.role in (None, "pressure") and bool(is_signal)

@@ -158,7 +158,7 @@ def drive_recording(
     needed : sequence of str
         Required columns.
     gaps : bool
-        Whether measured columns may contain NaN; time and command never do.
+        Whether measured columns may contain NaN. Time and command must not.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def _arrays(
     rule: str,
     remedy: str | None = None,
 ) -> dict[str, Array]:
-    """Return the known columns as arrays of one length; refuse missing ones."""
+    """Return the known columns as arrays of one length; reject missing columns."""
     if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"
         what = f"the recording lacks {', '.join(missing)}"
@@ -281,7 +281,7 @@ def read_drive_recordings(
         One or several recordings. Each is a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any
         that a layout reads), a result of ``pn.simulate``, a mapping of SI columns, or a `DriveRecording`.
     layout
-        How foreign files are read. None: ``layout.toml`` next to a file that ``simulate`` did not write.
+        Layout of foreign files. None: ``layout.toml`` next to a file that ``simulate`` did not write.
     needed : sequence of str
         Required columns.
     gaps : bool
@@ -317,7 +317,7 @@ def read_volume_recordings(
     recordings
         One or several of: a file, a mapping of SI columns, a `VolumeRecording`.
     layout
-        How files are read (``kind = "fixed-volume"``). None: ``layout.toml`` next to each file, or in the folder above.
+        Layout of files (``kind = "fixed-volume"``). None: ``layout.toml`` next to each file, or in the folder above.
 
     Raises
     ------
@@ -387,12 +387,12 @@ def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array | float]:
 
 
 def check_plausible(recording: DriveRecording, drive: Drive) -> None:
-    """Refuse a recording that does not match the drive.
+    """Reject a recording that does not match the drive.
 
     Raises
     ------
     RecordingError
-        Time, position or pressures have another unit, are gauge, or are outside the stroke.
+        Time, position or pressures have a wrong unit, pressures are gauge, or positions are outside the stroke.
     """
     where = str(recording.source or recording.name)
     step = float(np.median(np.diff(recording.time_s)))
@@ -410,7 +410,7 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
 
 
 def _check_range(recording: DriveRecording, column: str, limits: Interval, rule: str, remedy: str) -> None:
-    """Refuse a column, if there is one, whose values lie outside limits in SI, single outliers apart."""
+    """Reject a column, if present, whose values lie outside limits in SI; single outliers are ignored."""
     if column in recording and np.isfinite(recording[column]).any():
         low, high = np.nanquantile(recording[column], QUANTILES)
         if low < limits[0] or high > limits[1]:
@@ -419,7 +419,7 @@ def _check_range(recording: DriveRecording, column: str, limits: Interval, rule:
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
-    """Refuse free numbers that need motion if the piston does not move in any recording.
+    """Reject free numbers that need motion if the piston does not move in any recording.
 
     Raises
     ------

@@ -34,16 +34,16 @@ class ForceCalibration:
     Attributes
     ----------
     reference_n, shown_n : tuple of float
-        Points of the certificate, two or more, both rising: force of the standard, and reading of the sensor. Between
-        them the curve is straight; the last pieces extend beyond. Empty: gain and zero apply.
+        Two or more points of the certificate, both rising: force of the standard, and reading of the sensor. The curve
+        is piecewise linear and is extrapolated from its end pieces. Empty: gain and zero apply.
     gain, zero_n : float
-        Shown = gain * force + zero, without points.
+        Reading = gain * force + zero, if no points are given.
     u_gain : float
-        Relative standard uncertainty of the gain; for points, that of the standard itself.
+        Relative standard uncertainty of the gain; with points, that of the reference forces.
     u_zero_n : float
-        Standard uncertainty of the zero, which zero runs remove.
+        Standard uncertainty of the zero. Zero runs remove it.
     range_n : float
-        Largest force of the calibration; 0: that of the points.
+        Largest force of the calibration; 0: largest force of the points.
     linearity_n : float
         Largest error of the curve (limits).
     hysteresis_n : float
@@ -69,7 +69,7 @@ class ForceCalibration:
     date: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse a curve that no sensor has."""
+        """Reject an impossible curve."""
         reference, shown = np.array(self.reference_n), np.array(self.shown_n)
         if reference.size != shown.size or reference.size == 1:
             raise DescriptionError.of("signals.points-unequal", size=reference.size, size2=shown.size)

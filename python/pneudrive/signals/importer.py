@@ -1,8 +1,8 @@
-"""One importer: a foreign file of any format becomes columns in SI, named by a layout.
+"""Importer: a foreign file of any format becomes columns in SI, named by a layout.
 
 `read_foreign` reads every column of a file without a layout. `read_channels` reads the columns of a layout in the units
-of the file, each with one value for each time. `import_file` brings them to SI, with absolute pressures. Nothing behind
-this module knows the format.
+of the file, each with one value for each time. `import_file` converts them to SI, with absolute pressures. No other
+module depends on the format.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Imported:
 
 
 def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
-    """Return the form of a file and its columns of numbers; columns of texts are empty.
+    """Return the format of a file and its columns of numbers; columns of texts are empty.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
     Raises
     ------
     RecordingError
-        It does not contain the columns that the layout names.
+        The column cannot be read as numbers.
     """
     if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
         return times.seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)
@@ -191,7 +191,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
 def read_channels(
     path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
 ) -> tuple[ForeignTable, Columns]:
-    """Read the columns that a layout names, of all rows, and its channels with one value for each time.
+    """Read all rows of the columns that a layout names, and its channels with one value for each time.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
 
 
 def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]:
-    """Return differences between the units of the file and of the layout: sizes, and gauge or absolute.
+    """Return differences between the units of the file and of the layout: size of the unit, and gauge or absolute.
 
     A file states a unit in the name of the column, or in a row of units below the names.
     """
@@ -320,7 +320,7 @@ def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]
 
 
 def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
-    """Return unread columns whose names denote the pressure of a chamber that the layout states as open."""
+    """Return unread columns that are named like the pressure of a chamber that is open according to the layout."""
     stated = layout.chamber_pressures().items()
     sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
     names = {name: split_name(name)[0] for name in unread if sides}
@@ -334,7 +334,7 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
 
-    A delayed channel is shifted, and the ends at which it has no values are left out.
+    A delayed channel is shifted. Samples at the ends, where it has no values, are left out.
     """
     values = {channel: convert(layout, channel, column) for channel, column in raw.items()}
     time, delay_s = values["time"], layout.time.delay_s

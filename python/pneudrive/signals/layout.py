@@ -1,4 +1,4 @@
-"""The layout file: how a foreign recording is read. Each table is a class; `Layout` applies the overrides of a file."""
+"""Layout file, which describes a foreign recording. Each table is a class; `Layout` applies the overrides of a file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class RecordingKind(NamedTuple):
-    """Kind of recording: the SI units of its channels, the needed channels, and the needs in words."""
+    """Kind of recording: the SI units of its channels, the required channels, and the requirements in words."""
 
     units: dict[str, str]
     needed: list[str]
@@ -77,7 +77,7 @@ def _scale(given: object) -> float:
 
 
 def _unit(channel: str, given: object) -> ColumnUnit | str:
-    """Read the unit of a channel; of a command, and of a date, it is a text."""
+    """Read the unit of a channel; for a command or a date, the unit is a text."""
     is_text = channel == "command" or (channel == "time" and given == DATE_TIME)
     return str(given) if is_text else column_unit(given, UNITS[channel])  # type: ignore[arg-type]
 
@@ -95,7 +95,7 @@ def _delimiter(given: object) -> str | None:
 
 
 class Column(Described):
-    """Keys of the columns of all channels."""
+    """Keys that the columns of all channels have."""
 
     channel: ClassVar[str] = ""
     column: Annotated[int | str, Reads(_place)]
@@ -119,7 +119,7 @@ class Column(Described):
 
     @property
     def conversion(self) -> ColumnUnit:
-        """Unit as a line to SI. A command and a date have the factor 1."""
+        """Linear conversion of the unit to SI. A command and a date have the factor 1."""
         return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
 
     def in_unit(self, raw: Array) -> Array:
@@ -247,8 +247,8 @@ class WindowTable(Described):
 class ParallelTable(Described):
     """``[[force]]``: a force in parallel with the rig's, such as that of a hydraulic ram, from measured pressures.
 
-    The force is ``area (pressure - against)``; without `against` the ambient pressure acts on the other side.
-    ``area_accuracy`` is a relative standard uncertainty, as all accuracies of a layout are.
+    The force is ``area (pressure - against)``; the default of `against` is the ambient pressure.
+    ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.
     """
 
     table_name: ClassVar[str] = "force"
@@ -292,7 +292,7 @@ class FileLayout(Described):
         return self
 
     def of_file(self, kind: str, labels: dict[str, str]) -> FileLayout:
-        """Return the layout for a recording of a kind: a drive and a fixed volume have no tables of a rig."""
+        """Return the layout for a recording of a kind. A drive and a fixed volume have no tables of a rig."""
         update: Plain = {"kind": kind, "labels": labels}
         if kind != "rig":
             update |= {name: type(self).model_fields[name].default for name in RIG_TABLES}
@@ -322,7 +322,7 @@ class FileLayout(Described):
 
     @property
     def places(self) -> list[int | str]:
-        """Columns of the file that are read: those of the channels, and of their dates and clocks."""
+        """Columns of the file that are read: columns of the channels, and of their dates and clocks."""
         columns = self.channels.values()
         places = [*(c.column for c in columns), self.time.date, *(c.clock for c in columns)]
         return list(dict.fromkeys(place for place in places if place is not None))
@@ -341,7 +341,7 @@ class FileLayout(Described):
 
     @property
     def text_form(self) -> TextForm:
-        """Format of a text table. No comment sign: a character that no text contains."""
+        """Format of a text table. Without a comment sign, the sign is a character that no text contains."""
         form: Plain = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
         form["comment"] = self.comment or "\0"
         return TextForm(**form)
@@ -417,7 +417,7 @@ class FileLayout(Described):
 
 
 def layout_schema() -> Plain:
-    """Return the JSON schema of a layout file: each ``[[for]]`` has the same keys, or dotted ones."""
+    """Return the JSON schema of a layout file. Each ``[[for]]`` has the same keys, plain or dotted."""
     schema = FileLayout.model_json_schema(by_alias=True)
     group = {"type": "object", "properties": {"match": {"type": "string"}}, "required": ["match"]}
     schema["properties"]["for"] = {"type": "array", "items": group}
@@ -517,7 +517,7 @@ class Layout(Shown):
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return the location of a key in the file, also in an override. Otherwise return the location of its table."""
+        """Return the location of a key in the file, also in an override; without the key, the location of its table."""
         while key:
             for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
                 found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
@@ -536,12 +536,12 @@ class Layout(Shown):
         chosen : sequence of int
             The overrides, in their order.
         is_part : bool
-            The layout may be incomplete.
+            Whether the layout may be incomplete.
 
         Raises
         ------
         LayoutError
-            With all errors.
+            The layout is not valid; the message lists all errors.
         """
         tree = {key: value for key, value in self.tree.items() if key != "for"}
         for index in chosen:
@@ -565,7 +565,7 @@ class Layout(Shown):
         return FileLayout() if layout is None else layout
 
     def _checked(self) -> Layout:
-        """Refuse unknown keys and wrong values before the first recording is opened, all at once."""
+        """Report all unknown keys and wrong values together, before the first recording is opened."""
         overrides, problems = self.tree.get("for", []), Problems()
         if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
             raise self.fail("[for] must be written [[for]], one for each group of files", "for")
@@ -589,7 +589,7 @@ def _read(layout: Layout, chosen: tuple[int, ...]) -> FileLayout:
 
 
 def stem(path: Path) -> str:
-    """Return the file name without its suffix and without that of a compression.
+    """Return the file name without its suffix and without the suffix of a compression.
 
     Examples
     --------
@@ -610,8 +610,8 @@ FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?"
 def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     """Return the labels in a file name; None if it does not match.
 
-    ``{pressure}`` takes a number, which a unit may follow: ``5``, ``0,5``, ``1bar``. Every other field takes any text,
-    at least one character; fields are as short as possible, the first ones first.
+    ``{pressure}`` matches a number, with or without a unit: ``5``, ``0,5``, ``1bar``. Every other field matches any
+    text of at least one character. Each field, from left to right, matches the shortest possible text.
 
     Examples
     --------
@@ -628,7 +628,7 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
-    """Return, for a name that does not match, the first part of the pattern that fails, and the rest of the name."""
+    """Return the first part of the pattern that does not match a name, and the rest of the name."""
     parts = _FIELD.split(pattern)
     for count in range(len(parts) - 1, -1, -1):
         part, ends = parts[count], _ends(parts[:count], name, whole=False)
@@ -667,10 +667,9 @@ def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None
 
 
 def _without(tree: Plain, rest: Plain) -> Plain:
-    """Return a tree without the tables that an override replaces as a whole.
+    """Return a tree of tables without those that an override replaces as a whole.
 
-    These are a column given with place and unit, and the pressure of a chamber given in another
-    way.
+    They are columns given with place and unit, and chamber pressures given in another way.
     """
     columns, said = tree.get("columns", {}), rest.get("columns", {})
     if not (isinstance(columns, dict) and isinstance(said, dict)):

@@ -1,4 +1,4 @@
-"""Reading of files as recordings: through a layout, cycle by cycle or part by part, and trajectories of simulations."""
+"""Reading of files as recordings: by a layout (whole, by cycles or in parts), and trajectories of simulations."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | N
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings of a folder with a layout, by name. Empty without a layout, and for a campaign folder."""
+    """Return the recordings of a folder with a layout, by name; empty without a layout, and for a campaign folder."""
     if not (folder / "layout.toml").is_file() or (folder / "rig.json").exists():
         return []
     files = (one for one in folder.iterdir() if one.is_file() and not one.name.startswith("."))
@@ -144,7 +144,7 @@ def layout_beside(file: Path) -> Layout:
 
 
 def load_recording(path: Path, layout: Layout, name: str | None = None, kind: str = "rig") -> Recording:
-    """Read one file of a rig through a layout; of a drive, with a force of zero if the force was not measured.
+    """Read one file through a layout. For a drive, the force is zero if it was not measured.
 
     Raises
     ------
@@ -191,9 +191,9 @@ class LongFile:
         return to_recording(name, path, said, Imported(si_columns(said, raw)))
 
     def sha256(self, ended: Event) -> str:
-        """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
+        """Return the hash of a recording of the whole file: of its bytes, or of the columns of a trajectory.
 
-        After `ended` is set, no caller waits for the hash, which then covers only the part that was read.
+        If `ended` is set, the hash covers only the part that was read so far, because no caller needs it.
         """
         path = self.file.path
         if self.file.said is None:
@@ -262,7 +262,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 @dataclass(frozen=True)
 class CampaignFile:
-    """A campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
+    """A campaign file: first row of each cycle, row after the last cycle, and numbers of the cycles."""
 
     file: RecordingFile
     bounds: Ints
@@ -298,7 +298,7 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     Raises
     ------
     RecordingError
-        If the file is not Parquet, has no such column or no rows, or a cycle is in two places.
+        If the file is not Parquet, has no such column or no rows, or if the rows of a cycle are not together.
     """
     path, said = file.path, file.said
     assert said is not None
@@ -351,7 +351,7 @@ def from_trajectory(
 
 
 def digest_of(columns: Iterable[NDArray]) -> str:
-    """Hash the samples of one column after the other; each may come in parts."""
+    """Hash the samples of one column after the other; each column may be given in parts."""
     total = hashlib.sha256()
     for values in columns:
         total.update(np.ascontiguousarray(values).data)

@@ -61,7 +61,7 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side. The ends have fewer, or, with equal time steps, the slope of the nearest full window.
+        Neighbours on each side. The ends have fewer; with equal time steps, they have the slope of the nearest window.
 
     Returns
     -------
@@ -144,13 +144,13 @@ def straight_line(x: Array, y: Array) -> tuple[float, float]:
 
 
 def middle(values: Array) -> float:
-    """Return the median of a long array from a sufficient part of its values: the upper of two middle values."""
+    """Return the median of a long array, estimated from a part of its values; the upper one of two middle values."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
 def middle_step(values: Array) -> float:
-    """Return the median of the differences of neighbours, as `middle` of all of them does."""
+    """Return the median difference of neighbouring values, estimated as by `middle`."""
     stride = max((values.size - 1) // ENOUGH_FOR_QUANTILES, 1)
     some = values[1::stride] - values[:-1:stride]
     return float(np.partition(some, some.size // 2)[some.size // 2])
@@ -289,9 +289,9 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
 
 
 def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
-    """Group strokes into speed classes, slowest first. There is one class if no speeds were set.
+    """Group strokes into speed classes, slowest first. There is one class if the rig did not set speeds.
 
-    If the returns do not have the speed of the strokes before them, the classes have strokes of one direction.
+    If returns do not have the speed of the stroke before, each class contains strokes of one direction only.
     """
     if not speeds_differ(strokes):
         return [list(strokes)]
@@ -302,7 +302,7 @@ def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
 
 
 def speeds_differ(strokes: Sequence[Stroke]) -> bool:
-    """Return whether the speeds differ by more than a drift explains. Such strokes are not one level."""
+    """Return whether speeds differ by more than a drift explains. Such strokes do not belong to one level."""
     speeds = [abs(stroke.speed_m_s) for stroke in strokes]
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
@@ -310,8 +310,8 @@ def speeds_differ(strokes: Sequence[Stroke]) -> bool:
 def _one_way_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
     """Return the classes of each direction if the speed of one direction was set in steps.
 
-    A return at the speed of the stroke before it belongs to the class of that stroke, if several do. None if neither
-    direction has steps.
+    If several returns have the speed of the stroke before them, they belong to the class of that stroke. The result
+    is empty if neither direction has steps.
     """
     ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: abs(s.speed_m_s)) for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
@@ -344,9 +344,9 @@ def _groups(ordered: list[Stroke], width: float) -> list[list[Stroke]]:
 
 
 def _are_steps(groups: list[list[Stroke]]) -> bool:
-    """Return whether groups of one direction are set speeds: clearly apart, and changed step by step one way.
+    """Return whether groups of one direction are set speeds: clearly apart, and rising or falling step by step.
 
-    A few steps back are allowed, such as a first stroke at a usual speed.
+    A few steps in the other direction are allowed, such as a first stroke at a usual speed.
     """
     speeds = [abs(group[0].speed_m_s) for group in groups]
     apart = all(b > a * (1.0 + CONTROLLED_TOLERANCE) for a, b in pairwise(speeds))
@@ -469,7 +469,7 @@ class Directions:
         return 0
 
     def swing(self, values: Array) -> float:
-        """Return how much a channel changes with the direction, relative to its level; 0 if it is not clear."""
+        """Return the change of a channel with the direction, relative to its level; 0 if it is not clear."""
         levels = self.levels(values)
         if levels is None or self.sign(values) == 0:
             return 0.0

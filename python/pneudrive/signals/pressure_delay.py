@@ -6,8 +6,8 @@ energy balance is linear in p. The factor V^gamma makes it a first-order lag, wh
     dp/dt = -gamma p (dV/dt)/V - k (p - c/V)      k = (gamma - 1) H / (m R)      c = m R T_wall
     y = p V^gamma      dy/dt = k (c V^(gamma - 1) - y)
 
-The error of this model changes slowly. Differences of residuals from sample to sample are therefore fitted: reversals
-and stops then tell the delay, and the slow heat exchange does not bias it.
+The error of this model changes slowly. Differences of residuals from sample to sample are therefore fitted. Reversals
+and stops then determine the delay, and the slow heat exchange does not bias it.
 
 Areas cancel, because only the ratio of volumes counts: V/A = distance of the piston from its reversal + L. The free
 numbers of each chamber are L, k, the first pressure, the first temperature and the delay.
@@ -41,14 +41,14 @@ LATE_S = 0.05  # smaller delays are within the error of the model and of usual c
 
 @dataclass(frozen=True)
 class PressureDelay:
-    """Delay of the pressures after the motion: value and half width of its 95 % interval, s.
+    """Delay of the pressures relative to the motion: value and half width of its 95 % interval, s.
 
     Attributes
     ----------
     value_s : float
         Positive if the pressures come after the position.
     half_width_s : float
-        From correlated residuals and from the difference between both chambers.
+        Half width of the interval, from correlated residuals and from the difference between both chambers.
     """
 
     value_s: float
@@ -60,7 +60,7 @@ class PressureDelay:
         return abs(self.value_s) > max(LATE_S, self.half_width_s)
 
     def removed(self, recording: Recording) -> Recording:
-        """Return the recording with both pressures at the time of the motion, without the ends that have none."""
+        """Return the recording with both pressures shifted to the motion, without the ends that then lack pressures."""
         shifted = recording.time_s + self.value_s
         there = (shifted >= recording.time_s[0]) & (shifted <= recording.time_s[-1])
         pressures = {name: np.interp(shifted, recording.time_s, getattr(recording, name)) for name in PRESSURES}
@@ -73,7 +73,7 @@ class PressureDelay:
 
 
 def pressure_delay(recording: Recording) -> PressureDelay | None:
-    """Estimate the delay of the pressures after the motion from the chambers that are closed.
+    """Estimate the delay of the pressures relative to the motion from the closed chambers.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
 
 
 def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
-    """Return the pressure of a closed chamber for ln L, ln k, first pressure, relative first temperature and delay."""
+    """Return the pressure of a closed chamber from ln L, ln k, first pressure, relative first temperature and delay."""
     from scipy.signal import lfilter
 
     volume = distance_m + np.exp(point[0])

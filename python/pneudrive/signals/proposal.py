@@ -1,4 +1,4 @@
-"""Proposal of a layout for a foreign recording: roles of columns with their evidence. Every guess is marked."""
+"""Proposal of a layout for a foreign recording, with roles of columns and their evidence. Every guess is marked."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
 
 
 def _kind(path: Path, roles: RoleSearch) -> str:
-    """Return the kind of recording, by the roles that were found or are open questions.
+    """Return the kind of recording, from the roles that were found or are open questions.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
 
 
 def _one_pressure(guesses: list[Guess]) -> list[Guess]:
-    """Keep time, command and one pressure, because the pressure of a volume does not belong to a chamber."""
+    """Keep time, command and one pressure, because the pressure of a fixed volume does not belong to a chamber."""
     first = next((g for g in guesses if g.role.startswith("pressure")), None)
     kept = [g for g in guesses if g.role in ("time", "command")]
     return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]
@@ -230,7 +230,7 @@ def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
 
 
 def _signal(guess: Guess, values: Array) -> str:
-    """Return unit and range of a command that is not an opening fraction: the narrowest usual signal around it."""
+    """Return unit and range of a command that is not an opening fraction: the narrowest usual range around it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     unit = guess.unit or "V"
     if low >= -1.0 and high <= 1.0 and guess.unit == "":
@@ -245,7 +245,7 @@ def _signal(guess: Guess, values: Array) -> str:
 
 
 def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
-    """Return the sign of the force, by which friction opposes motion, and the bore that closes the balance."""
+    """Return the sign of the force for which friction opposes motion, and the bore that closes the force balance."""
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]

@@ -1,4 +1,4 @@
-"""A recording: measurements of a real or simulated rig while a piston moves; faulty samples and impossible values."""
+"""Recording: measurements of a real or simulated rig while a piston moves. Detection of faulty or impossible values."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Recording(Viewed):
     source, sha256
         File and hash of its bytes, if there is one.
     synthetic, truth
-        Simulated rigs mark their recordings and keep their parameters.
+        Whether a simulated rig made the recording, and its true parameters.
     stiffness_n_m
         Stiffness of the rig between its carriage and the piston, if known.
     flags
@@ -85,7 +85,7 @@ class Recording(Viewed):
     calibration
         Channel -> free text. A text that starts with "assumed" marks the accuracy as assumed in the budget.
     force_calibration
-        Calibration of the force sensor, already applied to ``force_n``: its uncertainties go into the budget.
+        Calibration of the force sensor, already applied to ``force_n``. Its uncertainties are part of the budget.
     parallel
         Forces in parallel with the rig's, such as that of a hydraulic ram; `balance_n` contains them.
     """
@@ -220,8 +220,8 @@ def find_faults(recording: Recording) -> dict[str, SampleFault]:
     Returns
     -------
     dict of str to SampleFault
-        Places by kind, with the counts of `clean`. Faults of reading have no time and therefore no place. Neighbouring
-        samples are one place.
+        Times of faults by kind, with the counts of `clean`. Neighbouring samples count as one time. Faults of reading
+        are left out, because they have no time.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def _bad_samples(recording: Recording) -> dict[str, Bools]:
 
 
 def spikes(values: Array) -> Bools:
-    """Return single samples that differ from both neighbours by much more than the noise, if the neighbours agree.
+    """Return single samples that differ from both neighbours by much more than the noise, while the neighbours agree.
 
     If the neighbours differ, or the channel changes just before or after, it is a change of level. The overshoot of
     such a change may be real, for example breakaway after a reversal.
@@ -341,7 +341,7 @@ def spikes(values: Array) -> Bools:
 
 
 def jumps_back(position: Array) -> Bools:
-    """Return the samples before jumps over most of the travel, against the motion before and behind them.
+    """Return the samples before jumps over most of the travel that are opposite to the motion before and after them.
 
     Such jumps come from a counter that wraps or is reset, because a piston cannot move in this way.
     """
@@ -366,7 +366,7 @@ def _upper(steps: Array, share: float) -> float:
 
 
 def equal_runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Start and length of each run of equal samples."""
+    """Return start and length of each run of equal samples."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
     return starts, np.diff(np.concatenate((starts, [values.size])))
 
@@ -419,7 +419,7 @@ def stuck_runs(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]])
 
 
 def stuck_position(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
-    """Mark runs of one position that end in a jump. A real piston leaves its rest without a jump."""
+    """Mark runs of one position that end in a jump, because a real piston starts without a jump."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
     starts, lengths = starts[inside], lengths[inside]
@@ -441,7 +441,7 @@ LONGEST_M = 100.0
 
 
 def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
-    """Refuse an absolute pressure below vacuum or beyond the range of any rig. Single outliers are ignored.
+    """Reject an absolute pressure below vacuum or beyond the range of any rig. Single outliers are ignored.
 
     Raises
     ------
@@ -458,7 +458,7 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
 
 
 def refuse_channels(recording: Recording) -> None:
-    """Refuse a recording of a rig with impossible pressures or forces.
+    """Reject a recording of a rig with impossible pressures or forces.
 
     Raises
     ------
@@ -474,7 +474,7 @@ def refuse_channels(recording: Recording) -> None:
 
 
 def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
-    """Refuse a recording of a rig with impossible values.
+    """Reject a recording of a rig with impossible values.
 
     Raises
     ------
@@ -496,5 +496,5 @@ def _no_more(what: str, value: float, limit: float, unit: str, column: str, wher
 
 
 def _all_within(values: Array, low: float, high: float) -> bool:
-    """Return whether all values are within; then the slow quantiles are not needed."""
+    """Return whether all values are within limits. The slower quantiles are then not needed."""
     return bool(low <= values.min() and values.max() <= high)

@@ -1,4 +1,4 @@
-"""Roles of the columns of a foreign table, by names, units and numbers; doubtful roles become questions."""
+"""Roles of the columns of a foreign table, from names, units and numbers; doubtful roles become questions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with t
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
+    A time from a sample rate has no ``index``. ``gauge`` is None if a pressure is not marked as gauge or absolute.
     ``keys`` are further keys of the column in the layout.
     """
 
@@ -73,7 +73,7 @@ NO_OTHER = "no other candidate"
 class RoleSearch:
     """Columns of a table with guesses and questions about their roles.
 
-    ``taken`` has the numbers of columns whose role is decided, including those without a role.
+    ``taken`` has the numbers of columns whose role is decided, or that certainly have no role.
     """
 
     form: FileForm
@@ -114,7 +114,7 @@ class RoleSearch:
 
     @property
     def unused(self) -> list[FileColumn]:
-        """Columns of numbers without a role, which no question lists."""
+        """Columns of numbers that have no role and are in no question."""
         listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
         used = {guess.index for guess in listed} | {self.times.index, self.times.date, *self.times.clocks.values()}
         used |= {*self.form.words}
@@ -173,7 +173,7 @@ class RoleSearch:
         return timing.filled(times.values, values)
 
     def _late(self, column: FileColumn) -> float:
-        """Return the start of a channel without times, s after the first."""
+        """Return the start of a channel without times, s after the start of the first channel."""
         return self.form.preamble.starts_s.get(column.index, 0.0) if self.times.index is None else 0.0
 
     def _position(self) -> None:
@@ -186,7 +186,7 @@ class RoleSearch:
             self.directions = Directions.of(chosen.column.values)
 
     def _position_by_strokes(self) -> Candidate | None:
-        """Find the signal that moves evenly between its turning points, with little extra path."""
+        """Find the signal that moves evenly between its turning points, with little back and forth."""
         signals = different_signals(self._without_role())
         ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
         ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
@@ -277,7 +277,7 @@ class RoleSearch:
             self._ask("the other pressure", "more than one column is possible", free)
 
     def _without_names(self, free: list[Candidate]) -> None:
-        """Distinguish the chambers of pressures by the balance of forces, otherwise ask."""
+        """Assign pressures to chambers by the force balance, or ask the user."""
         if len(free) > 2:
             free = [one._replace(evidence=(*one.evidence, *self._trend(one.column))) for one in free]
             closed = {side: [one for one in free if words in one.evidence] for side, words in CLOSED.items()}
@@ -311,7 +311,7 @@ class RoleSearch:
         return () if abs(together) < FOLLOWS else (CLOSED["a" if together < 0 else "b"],)
 
     def _chamber(self, pressures: list[Array]) -> tuple[str, str]:
-        """Return the chamber of the first pressure and the reason; empty if the force does not show it."""
+        """Return the chamber of the first pressure, and the reason; empty if the force does not show the chamber."""
         directions, force = self.directions, self.column("force")
         if force is None or directions is None:
             return "", ASK_CHAMBER
@@ -428,7 +428,7 @@ class RoleSearch:
 
 
 def _with(candidates: Sequence[Candidate], shown: Sequence[bool], text: str) -> list[Candidate]:
-    """Return candidates, with evidence from the numbers where they show it."""
+    """Return candidates, with evidence from the numbers where available."""
     return [one.with_evidence(text) if is_so else one for one, is_so in zip(candidates, shown, strict=True)]
 
 
@@ -454,7 +454,7 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
 
 
 def different_signals(columns: Iterable[FileColumn]) -> list[FileColumn]:
-    """Return the last column of each signal, of columns such as volts and newtons of one sensor."""
+    """Return the last column of each signal; a signal may have several columns, such as volts and newtons."""
     groups: list[list[FileColumn]] = []
     for column in columns:
         if not np.isfinite(column.values).all() or np.ptp(column.values) == 0:
@@ -505,9 +505,9 @@ INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 class Times:
     """The time of a table.
 
-    Samples at a rate have no ``index`` of a column, but ``rate_hz``; their ``values`` are numbers of samples.
-    An unstated ``unit`` is empty. A time of day may have a ``date`` column. The keys of ``clocks`` are columns with
-    another time, its values are the columns of that time. ``question`` asks the user.
+    Samples at a rate have ``rate_hz`` instead of the ``index`` of a column; their ``values`` are numbers of samples.
+    An unstated ``unit`` is empty. A time of day may have a ``date`` column. ``clocks`` maps columns with
+    another time to the column of that time. ``question`` asks the user.
     """
 
     index: int | None
@@ -521,7 +521,7 @@ class Times:
 
 
 def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
-    """Find the time of a table, and take its columns from the others."""
+    """Find the time of a table, and remove its columns from the others."""
     candidates, dates, numbered = _candidates(form, columns, taken)
     taken |= {one.column.index for one in candidates if one.score >= NAME}
     taken |= {one.index for one in (*dates, *numbered)}
@@ -585,7 +585,7 @@ def _rises(values: Array, moduli: Iterable[float]) -> bool:
 
 
 def _is_even(values: Array) -> bool:
-    """Return whether most steps are equal: a signal that drifts upwards is not a time."""
+    """Return whether most steps are equal, as in a time, and unlike a signal that drifts upwards."""
     steps = np.diff(values[np.isfinite(values)])
     usual = float(np.median(steps))
     return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_STEPS)
@@ -668,7 +668,7 @@ def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) 
 
 
 def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
-    """Return the unit of a time that states none, by the step of the samples and the speed of the piston.
+    """Return the unit of a time without a stated unit, from the step of the samples and the speed of the piston.
 
     Returns
     -------
@@ -692,7 +692,7 @@ def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
 
 
 def _usual_speed(time: Array, position_m: Array | None) -> float | None:
-    """Return the usual speed of the piston, m for each unit of the time."""
+    """Return the usual speed of the piston, m per unit of the time."""
     if position_m is None:
         return None
     good = np.isfinite(time) & np.isfinite(position_m)

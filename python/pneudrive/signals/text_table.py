@@ -1,4 +1,4 @@
-"""Text files as tables of numbers: their form (delimiter, decimal sign, header), and the numbers."""
+"""Text files as tables of numbers: their format (delimiter, decimal sign, header), and the numbers."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class TextForm:
     """Format of a text table.
 
     ``delimiter`` None means any white space. ``thousands`` is a separator inside numbers. If ``thousands`` equals
-    ``decimal``, the last sign is the decimal one. ``header_delimiter`` is empty if the header has the delimiter of the
-    numbers.
+    ``decimal``, the last sign is the decimal sign. ``header_delimiter`` is empty if the header has the delimiter of
+    the numbers.
     """
 
     delimiter: str | None = None
@@ -92,7 +92,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _check_lines(data: bytes, path: Path) -> None:
-    """Refuse text in which a line does not end within the bound."""
+    """Reject text with a line that is longer than the bound."""
     most, begin = int(bound("line_bytes")), 0
     while len(data) - begin > most and b"\0" not in data[:4096]:  # binary data are refused elsewhere
         end = max(data.rfind(sign, begin, begin + most) for sign in (b"\n", b"\r"))
@@ -131,7 +131,7 @@ def split_row(line: str, delimiter: str | None) -> list[str]:
 
 @lru_cache(maxsize=64)
 def number_pattern(form: TextForm) -> str:
-    """Return the regular expression of a number: only groups of three digits, and only the signs of the form."""
+    """Return the regular expression of a number, with groups of three digits and the signs of the format only."""
     decimal, whole = re.escape(form.decimal), r"\d*"
     if form.thousands == form.decimal:
         whole = rf"\d{{1,3}}(?:{decimal}\d{{3}})*|\d*"
@@ -194,7 +194,7 @@ def read_text(
     dates : dict, optional
         Columns of dates and times, with their format. They become seconds since the first one.
     others : bool
-        Every other column with numbers, after the requested ones, in the same rows. NaN for other values.
+        Whether to read every other column with numbers, in the same rows; NaN for other values.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str
 
 
 def _below_remarks(lines: list[str], start: int, form: TextForm) -> int:
-    """Return the line of a header below remarks behind the comment sign, or the first remark if it is the header."""
+    """Return the line of a header below remarks with a comment sign, or the first remark if it is the header."""
     plain = (at for at in range(start, len(lines)) if lines[at].strip() and lines[at].lstrip()[0] != form.comment)
     header, below = next(plain, None), next(plain, None)
     if header in (None, start) or below is None:
@@ -264,7 +264,7 @@ def _below_remarks(lines: list[str], start: int, form: TextForm) -> int:
 def without_headers(
     lines: list[str], rows: list[int], form: TextForm, last_of_header: str | None
 ) -> tuple[list[int], list[int]]:
-    """Return the rows of numbers without the headers of further segments, and the first row of each segment.
+    """Return the rows of numbers, without the headers of further segments, and the first row of each segment.
 
     Programs that append to a file repeat the header. The last header line marks each segment, and the lines between it
     and the last row of numbers belong to the header.
@@ -286,7 +286,7 @@ def without_headers(
 
 
 def column_number(column: int | str, names: list[str], width: int, path: Path, *, is_text: bool = False) -> int:
-    """Return the number of a column given by name or number; refuse a missing one."""
+    """Return the number of a column given by name or number; reject a missing column."""
     if isinstance(column, str):
         if column not in names:
             remedy = "name a column, or give its number from 0; correct skip_lines if this line is not the header"
@@ -309,7 +309,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
 def _parse(
     fields: pl.DataFrame, form: TextForm, needed: list[str], dates: dict[str, str], path: Path
 ) -> tuple[dict[str, Array], Bools]:
-    """Return the numbers of readable rows by column, and which rows are readable: those with all needed numbers.
+    """Return the numbers of readable rows by column, and whether each row is readable: it has all needed numbers.
 
     `dates` gives the format of columns of dates and times.
     """
@@ -342,7 +342,7 @@ def _fields(rows: list[str], form: TextForm, places: dict[str, int]) -> pl.DataF
 
 
 def _number(text: pl.Expr, form: TextForm) -> pl.Expr:
-    """Return the expression that reads fields as numbers, without a comment behind them; null if not a number."""
+    """Return the polars expression that reads fields as numbers, without a comment after them; null if not a number."""
     import polars as pl
 
     text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
@@ -396,8 +396,8 @@ _STEP = re.compile(
 class Preamble:
     """Statements of the lines above a table.
 
-    ``steps_s`` are the steps of the samples, s, of all channels or of each. ``starts_s`` are the first times by column.
-    ``units`` are those of the columns. ``source`` is the line that states the step.
+    ``steps_s`` are the time steps of the samples, s: one for all channels, or one for each. ``starts_s`` are the first
+    times by column. ``units`` are the units of the columns. ``source`` is the line that states the step.
     """
 
     steps_s: tuple[float, ...] = ()
@@ -413,7 +413,7 @@ class Preamble:
 
 @dataclass(frozen=True)
 class FileForm:
-    """Form of a file: ``form`` for text, names of the columns if any, their number.
+    """Format of a file: ``form`` for text, names of the columns if there are any, and their number.
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
     with the number of different texts in the first rows.
@@ -434,7 +434,7 @@ class FileForm:
 
 @dataclass(frozen=True)
 class _Reading:
-    """One way to read the lines: how many are rows of numbers, how many columns, and which of them hold texts."""
+    """One way to read the lines: fraction of rows of numbers, number of columns, and columns that hold texts."""
 
     form: TextForm
     share: float
@@ -443,7 +443,7 @@ class _Reading:
 
     @property
     def worth(self) -> float:
-        """More columns of numbers explain a line better than fewer."""
+        """Rating of this way to read the lines: more columns of numbers are better."""
         return (self.width - len(self.words)) * self.share
 
 
@@ -465,7 +465,7 @@ def sniff_text(path: Path) -> FileForm:
     Raises
     ------
     RecordingError
-        If the file is empty, binary, or has no table of numbers; if a sign can be that of decimals or of thousands.
+        If the file is empty, binary, or has no table of numbers, or if a sign can mean decimals or thousands.
     """
     lines = decode(read_bytes(path), path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
@@ -489,7 +489,7 @@ def sniff_text(path: Path) -> FileForm:
 
 
 def _sample(tail: list[str]) -> list[str]:
-    """Return lines from all parts of a file, with fewer of long ones."""
+    """Return lines from all parts of a file; fewer lines if they are long."""
     if not tail:
         return []
     width = max(len(line) for line in tail[len(tail) // 2 :][:9]) // 6 + 1
@@ -544,7 +544,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     Raises
     ------
     RecordingError
-        If nothing in the file tells whether a comma is that of decimals or of thousands.
+        If nothing in the file shows whether a comma means decimals or thousands.
     """
     best = fit[0]
     decimals = [one for one in fit if one.form.decimal == "," and one.form.thousands is None]
@@ -601,7 +601,7 @@ def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str
 
     The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
     most roles.
-    Among equals, they are in the row above the units. Names for fewer than half of the columns are a preamble.
+    Of equally good rows, the row above the units is taken. Names for fewer than half of the columns are a preamble.
     """
     rows = list(_rows_above(above, form, width))
     units = next((fields for _, fields, _ in rows if _are_units(fields)), [])
@@ -642,7 +642,7 @@ def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[
 def _are_units(fields: list[str]) -> bool:
     """Return whether most filled fields are units, and at least one is of a known quantity.
 
-    An unknown unit makes only its column a guess, not the whole row.
+    An unknown unit makes only its own column doubtful, not the whole row.
     """
     filled = [text for text in fields if text.strip("- ")]
     known = [unit for text in filled if (unit := header_unit(text)) is not None]

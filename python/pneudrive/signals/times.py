@@ -43,7 +43,7 @@ def looks_like_date_time(text: str) -> bool:
 
 
 def is_of_minutes(form: str) -> bool:
-    """Return whether a format has minutes, but neither hours nor a date: it begins again after an hour."""
+    """Return whether a format has minutes, but neither hours nor a date. Such a time restarts after an hour."""
     return "%M" in form and not re.search(r"%[HIsTRcdjyYFx]", form)
 
 
@@ -77,7 +77,7 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> Array:
     Returns
     -------
     ndarray
-        NaN without a date.
+        Seconds; NaN where the column has no date.
 
     Raises
     ------
@@ -166,13 +166,13 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
 
 
 def clocks_of(form: str | None, factor: float = 1.0) -> list[float]:
-    """Return the times after which a clock begins again, in its unit; `form` is the format of a date."""
+    """Return the possible times after which a clock restarts, in its unit; `form` is the format of a date."""
     moduli = (HOUR_S,) if form is not None and is_of_minutes(form) else CLOCKS_S
     return [modulus / factor for modulus in moduli]
 
 
 def filled(time: Array, values: Array, *, held: bool = False) -> Array:
-    """Return the values of a slow channel at all times, if it has a value in every second row or fewer.
+    """Return the values of a slow channel at all times, if at most every second row has a value.
 
     The values are interpolated linearly or held. Before the first value and after the last one there is NaN. A channel
     that has no isolated values is unchanged.
@@ -222,12 +222,12 @@ def rate_of_stamps(time: Array) -> float | None:
 
 
 def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
-    """Refuse stamps that many samples share.
+    """Reject time stamps that many samples share.
 
     Raises
     ------
     RecordingError
-        If 40 % of the samples or more have the stamp of the one before.
+        If at least 40 % of the samples have the stamp of the previous sample.
     """
     count = samples_of_a_stamp(time)
     if count > 1.0:

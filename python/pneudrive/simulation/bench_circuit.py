@@ -140,7 +140,7 @@ class Dragged:
             A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
         rtol : float
         released : bool
-            Whether the carriage first moves freely until the sensor force is zero. Its position then becomes the command.
+            Whether the carriage first moves freely until the sensor force is zero. Its position is then the command.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional

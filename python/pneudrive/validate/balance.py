@@ -1,4 +1,4 @@
-"""Signals of a recording, the balances along it, runs of its command, and metrics of their residuals.
+"""Signals of a recording, balances along the recording, runs of its command, and metrics of their residuals.
 
 The residual is measurement minus model. Bounds of correlations are valid for white residuals. The residual of a wrong
 model's free run is never white, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
@@ -72,7 +72,7 @@ class Whiteness:
     bound : float
         1.96 / sqrt(N): 95 % of the values of white noise are within it.
     outside : float
-        Share of the lags beyond the bound.
+        Fraction of the lags with a value beyond the bound.
     ljung_box, p : float
         Statistic of Ljung and Box over all lags, and its p-value for white noise.
     """
@@ -86,7 +86,7 @@ class Whiteness:
 
 @dataclass(frozen=True)
 class CrossCorrelation:
-    """Strongest correlation of a residual with a signal within +/- LAGS samples; `lag_s` > 0: the residual is later."""
+    """Strongest correlation of a residual with a signal within +/- LAGS samples. `lag_s` > 0: the residual is later."""
 
     signal: str
     value: float
@@ -95,7 +95,7 @@ class CrossCorrelation:
 
 
 def metrics(measured: Array, model: Array) -> Metrics:
-    """Return the metrics of a model against a measurement; samples where the model is NaN are left out.
+    """Return the metrics of a model compared with a measurement, without samples at which the model is NaN.
 
     Examples
     --------
@@ -175,7 +175,7 @@ def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:
     Parameters
     ----------
     name, sha256 : str
-        Of the recording.
+        Name and hash of the recording.
     fitted : mapping
         Name of each recording of the fit -> its hash, empty if unknown. Hashes decide if there are any.
     """
@@ -228,7 +228,7 @@ class Signals:
 
     @classmethod
     def of(cls, recording: DriveRecording) -> Signals:
-        """Resample a recording to a uniform time base; a uniform one keeps its samples."""
+        """Resample a recording to a uniform time base; a uniform recording keeps its samples."""
         time = recording.time_s
         steps = np.diff(time)
         step = float(recording.duration_s / (time.size - 1))
@@ -243,17 +243,17 @@ class Signals:
 
     @property
     def half(self) -> int:
-        """Number of samples on each side in the window of derivatives."""
+        """Number of samples on each side in the window for derivatives."""
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array) -> Array:
-        """Return the values of the local cubics that also give velocity and acceleration; NaN stays NaN."""
+        """Return values smoothed by the local cubics that also give velocity and acceleration; NaN stays NaN."""
         width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3), dtype=np.float64)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """Uncertainty of the velocity from its window, for each sample: the change if the window is halved."""
+        """Uncertainty of the velocity at each sample due to its window: the change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
@@ -264,7 +264,7 @@ class Signals:
 
     @cached_property
     def velocity_m_s(self) -> Array:
-        """Velocity: the measured one, or the slope of a local cubic."""
+        """Measured velocity, or slope of a local cubic."""
         if "velocity_m_s" in self.recording:
             measured = self.recording["velocity_m_s"]
             same = measured.size == self.time_s.size
@@ -295,7 +295,7 @@ class Signals:
         return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
 
     def start_temperatures(self, drive: Drive) -> list[float]:
-        """Return the measured temperatures at the first sample, or the ambient one, K."""
+        """Return the measured temperatures at the first sample, or the ambient temperature, K."""
         names = ("temperature_a_k", "temperature_b_k")
         return [float(self.recording[n][0]) if n in self.recording else drive.ambient.temperature_k for n in names]
 
@@ -325,7 +325,7 @@ def corrected(
     ----------
     recording : DriveRecording
     sensors : mapping or None
-        Channel -> `Sensor` or its keywords, as of `identify`; offset, gain and lag are numbers here.
+        Channel -> `Sensor` or its keywords, as for `identify`; offset, gain and lag must be numbers.
 
     Raises
     ------
@@ -412,7 +412,7 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Input of the balances, which a cause may change, and their residuals. Derived quantities are evaluated once.
+    """Inputs of the balances, which a cause may change, and the residuals. Derived quantities are evaluated once.
 
     Attributes
     ----------
@@ -424,7 +424,7 @@ class Scene:
     opened : ndarray, shape (n, 4)
         Open fraction of the full conductance of each edge of the valve.
     explained : tuple of ndarray or None
-        Part of the residuals that a cause without a description explains.
+        Part of the residuals that is explained by causes which a description cannot contain.
     """
 
     drive: Drive
@@ -441,7 +441,7 @@ class Scene:
         return cls(drive, signals, signals.position_m, pressures, at_samples(openings(drive, signals.command)))
 
     def less(self, values: Values) -> Scene:
-        """Return the scene with a further part of the residuals explained."""
+        """Return the scene with a further explained part of the residuals."""
         if self.explained is None:
             return replace(self, explained=values)
         (a, b, c), (x, y, z) = self.explained, values
@@ -449,7 +449,7 @@ class Scene:
 
     @cached_property
     def terms(self) -> Terms:
-        """Terms of the balances at each sample: forces of the drive, flows and pressure rates without its lines."""
+        """Terms of the balances at each sample: forces of the drive; flows and pressure rates without lines."""
         signals, equations = self.signals, self.drive.plain.system.compiled()
         along = (signals.time_s, self.position, signals.velocity_m_s, *self.pressures, self.opened)
         temperatures = signals.start_temperatures(self.drive)
@@ -471,7 +471,7 @@ class Scene:
 
     @property
     def time_s(self) -> Array:
-        """Times of the residuals: those of the samples with a whole kernel around them."""
+        """Times of the residuals, at samples with a complete kernel around them."""
         return self.signals.time_s[self.half : self.signals.time_s.size - self.half]
 
     @cached_property
@@ -493,7 +493,7 @@ class Scene:
     def used(self) -> tuple[Bools, ...]:
         """Valid samples of each balance at `time_s`.
 
-        The force balance is valid in sliding after presliding, away from end stops, and pressure rates except at
+        The force balance is valid in sliding after presliding, away from end stops. Pressure rates are valid except at
         impacts.
         """
         off_the_stops = ~near_stops(self.drive, self.signals)
@@ -555,7 +555,7 @@ def moving_mass(drive: Drive) -> float:
 
 
 def at_samples(held: Array) -> Array:
-    """Return the mean before and after each sample, so that sums over samples are right at steps of the command."""
+    """Return the mean of the values before and after each sample, so that sums are right at steps of the command."""
     return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
 
 
@@ -563,7 +563,7 @@ def at_samples(held: Array) -> Array:
 def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
     """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
 
-    Sums are corrected to equal the integrals: the first derivative of a constant is 0 and of a ramp 1, the second
+    Sums are corrected to equal the integrals: the first derivative is 0 for a constant and 1 for a ramp, and the second
     derivative of t^2/2 is 1. Without this correction, a position of 0.3 m at 500 Hz would act like a force.
     """
     s = np.arange(-half, half + 1) / (half + 1)
@@ -590,7 +590,7 @@ def _widened(mask: Bools, by: int) -> Bools:
 
 
 def _sliding(drive: Drive, signals: Signals) -> Bools:
-    """Return a mask of samples at which the piston has slid beyond the deflection of bristles since a reversal."""
+    """Return a mask of samples at which the piston has moved beyond the deflection of bristles since a reversal."""
     v, x, bending = signals.velocity_m_s, signals.position_m, bending_m(drive)
     sign = signals.direction
     turned = np.r_[True, np.diff(sign) != 0.0]
@@ -656,7 +656,7 @@ class RecordedBreakaway:
     measured_n, model_n : float
         Peak of the friction force in the direction of motion, N.
     model_moved : bool
-        Whether the model broke away before the next stop; if not, its peak is its largest force at rest.
+        Whether the model broke away before the next stop. If not, its peak is its largest force at rest.
     """
 
     start_s: float
@@ -672,12 +672,12 @@ class RecordedBreakaway:
 
 
 def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> ModelRun:
-    """Simulate the recorded command with resets to the measured state at the given samples; None: only at the first.
+    """Simulate the recorded command with resets to the measured state at the given samples; None: only the first.
 
     A reset sets position, velocity and pressures. Temperatures, inner states of friction and the gas of tubes and
-    joints continue. At the start, temperatures are measured or ambient. In a drive without tubes the bristles balance
-    the force of the pressures; in others they start undeflected. A failed segment ends the run of a drive with tubes,
-    because the state of their gas is unknown after it.
+    joints continue. At the start, temperatures are measured or ambient. In a drive without tubes, the bristles start
+    with a deflection that balances the pressures, otherwise undeflected. A failed segment ends the run of a drive with
+    tubes, because the state of their gas is unknown after it.
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([signals.state(int(i)) for i in at])
@@ -728,7 +728,7 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
-    """Compare the model's breakaway with the measured one at each stop, from the measured state in the stop.
+    """Compare the model's breakaway with the measured one at each stop; the model starts from the measured state.
 
     The peak occurs before the piston has moved by the deflection of bristles. Both forces are smoothed in the same way.
     """

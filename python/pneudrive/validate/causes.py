@@ -1,4 +1,4 @@
-"""Possible causes of model errors: a change of one quantity each, and its effect on the balances.
+"""Possible causes of model errors. Each is a change of one quantity, with its effect on the balances.
 
 A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. Its column
 in the regression is the difference quotient of the residuals, evaluated by the core. causes.toml has units and texts.
@@ -59,17 +59,17 @@ class Cause:
     change : callable or None
         (scene, amount) -> scene.
     ratio : callable or None
-        Scene -> ratio of the pressures after and before a leak at each sample, and the critical ratio of its flow.
+        Scene -> ratio of the pressures after and before a leak at each sample, and critical ratio of the leak.
     profile : callable or None
         Scene -> columns, for a cause with several coefficients.
     parts : int
-        Number of coefficients: more of them explain more by chance.
+        Number of coefficients. More coefficients explain more by chance.
     bounds : tuple of float
         Least and greatest amount that a description allows.
     described : bool
         Whether a drive file or the data of the sensors can describe it.
     free : tuple of str
-        Values of the drive file that `pneudrive identify` would set free for it.
+        Values of the drive file that `pneudrive identify` should set free to correct the error.
     """
 
     key: str
@@ -158,7 +158,7 @@ def _direction(drive: Drive, amount: float) -> dict[str, object]:
 
 
 def _along_stroke(scene: Scene) -> list[Values]:
-    """Return the residuals of friction along the stroke: Legendre polynomials over the travelled range, per N."""
+    """Return the effect of friction along the stroke on the residuals, per N: Legendre polynomials over the travel."""
     x, out = scene.position, []
     for order in range(PROFILE_ORDERS):
         shape = np.polynomial.legendre.Legendre.basis(order, domain=[float(x.min()), float(x.max())])(x)
@@ -179,7 +179,7 @@ def _of_load(drive: Drive) -> dict[str, Row]:
 
 
 def _mass(drive: Drive, share: float) -> dict[str, object]:
-    """Change piston and load by the same fraction, so that each stays above zero."""
+    """Change the masses of piston and load by the same fraction, so that each stays above zero."""
     masses = {"cylinder.moving_mass": drive.cylinder.moving_mass_kg, "load.mass": drive.carried.mass_kg}
     return {key: write((1.0 + share) * mass, "kg") for key, mass in masses.items() if mass or key != "load.mass"}
 
@@ -242,7 +242,7 @@ def _leak(*edges: int) -> Change:
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Change the openings by a changed command: (command, amount, step) -> command."""
+    """Change the openings by a change of the command: (command, amount, step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
@@ -257,7 +257,7 @@ def _overlap(scene: Scene, amount: float) -> Scene:
 
 
 def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
-    """Return the scene of another drive, with openings that change as those of its valve under a command."""
+    """Return the scene of another drive. The openings change by the difference of both valves under the command."""
     before, after = at_samples(openings(scene.drive, scene.signals.command)), at_samples(openings(drive, command))
     return replace(scene, drive=drive, opened=np.maximum(scene.opened + after - before, 0.0))
 
@@ -341,7 +341,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Sensors that read too high by an amount: the true values are lower."""
+    """Sensors that read too high by an amount, so that true values are lower."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures

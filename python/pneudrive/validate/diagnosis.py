@@ -1,8 +1,8 @@
-"""Diagnosis of a model: causes that explain the residuals of the balances, each with size and uncertainty.
+"""Diagnosis of a model: causes that explain the residuals of the balances, with their sizes and uncertainties.
 
 The residuals of the force balance and of both pressure rates are weighted with their standard deviations and stacked.
 Each cause is fitted separately by least squares, and its amount is refined on the nonlinear equations (Gauss-Newton).
-The cause that explains most is added to the model, and the search continues with the remaining residual.
+The cause that explains the most is added to the model, and the search continues with the remaining residual.
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
@@ -71,7 +71,7 @@ class Culprit:
     rivals : tuple of (str, float)
         Causes that explain nearly as much, with their fraction: the records cannot distinguish them.
     laws : tuple of float or None
-        Lowest and highest amount over the flow laws of a leak that the recordings do not distinguish.
+        For a leak, lowest and highest amount over the flow laws that the recordings do not distinguish.
     moved : tuple of str
         Identified values that were fitted together with the cause, in words.
     """
@@ -91,12 +91,12 @@ class Culprit:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Values of the drive file to identify for it."""
+        """Values of the drive file to identify to correct the error."""
         return self.cause.free
 
     @property
     def interval(self) -> Interval:
-        """95 % interval of the amount; of a leak, over all flow laws that the recordings do not distinguish."""
+        """95 % interval of the amount; for a leak, over all flow laws that the recordings do not distinguish."""
         low, high = self.laws or (self.amount, self.amount)
         return low - NORMAL_95 * self.stderr, high + NORMAL_95 * self.stderr
 
@@ -131,9 +131,9 @@ class Diagnosis(Shown):
     culprits : tuple of Culprit
         Causes, the most important one first.
     left : float
-        Share of the squared residual that no cause explains.
+        Fraction of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
-        Every single cause: key, amount, explained fraction (linear), best first.
+        Key, amount and explained fraction (linear) of each cause on its own, best first.
     scenes : tuple of Scene
         Balances of each recording.
     """
@@ -163,13 +163,13 @@ class Diagnosis(Shown):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Fitted cause: the last of several that were fitted together.
+    """Fitted cause, the last one of several causes that were fitted together.
 
     Attributes
     ----------
     causes : list of Cause
     amounts, columns : ndarray, shape (causes,), (causes, n)
-        Amounts; effect of a unit of each on the stacked residual, without the part that the others can replace.
+        Amounts, and effect of a unit of each on the stacked residual, without the part that other causes can replace.
     after : ndarray
         Stacked residual that remains.
     share : float
@@ -212,7 +212,7 @@ class _Regression:
     scenes : list of Scene
         Model under test: the drive with the causes that were found.
     left : ndarray
-        Its stacked residual.
+        Stacked residual of this model.
     """
 
     def __init__(self, drive: Drive, signals: Sequence[Signals], watch: Watch) -> None:
@@ -285,7 +285,7 @@ class _Regression:
     def is_shown(self, fit: _Fit) -> bool:
         """Return whether a cause is relevant and significant.
 
-        If balances clearly do not close, any amount is relevant.
+        If the balances clearly do not close, any amount is relevant.
         """
         worth = abs(fit.amount) >= fit.cause.least or any(value > CLEAN for value in self.sizes(self.left).values())
         return worth and fit.share >= LEAST_SHARE and abs(fit.amount) >= LEAST_T * self.stderr(fit)
@@ -328,7 +328,7 @@ class _Regression:
         """Fit each cause together with values that compensate it.
 
         Return these fits if one of them leaves a much smaller residual than any single cause. A fit of the companions
-        without the cause is also considered. A wrong value is then not mistaken for another cause.
+        without the cause is also considered, so that a wrong value is not mistaken for another cause.
         """
         values = frozenset(self.scenes[0].drive.provenance) or COMPENSATING
         companions = [c for c in self.causes.values() if c.free and values.issuperset(c.free)]
@@ -354,7 +354,7 @@ class _Regression:
         return [fit for fit in fits if self.is_shown(fit)]
 
     def newton(self, start: _Fit) -> _Fit:
-        """Refine the amounts of causes by Gauss-Newton; an invalid description explains nothing."""
+        """Refine the amounts of causes by Gauss-Newton; a cause that makes the description invalid explains nothing."""
         every = start.causes
         amounts = start.amounts
         best = replace(start, amounts=0.0 * start.amounts, share=0.0)
@@ -425,9 +425,9 @@ class _Regression:
     def over_flow_laws(self, fit: _Fit) -> Interval | None:
         """Return the range of amounts of a leak over its possible critical pressure ratios; None for other causes.
 
-        The shape of a leak is not known: the ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013]. The
-        effect of the leak is scaled at each sample by the flow of the other law. A law counts if its residual is close
-        to the best.
+        The shape of a leak is not known. The ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013]. The
+        effect of the leak is scaled at each sample by the flow of the other law. A law counts if its residual is
+        close to the smallest one.
         """
         if fit.cause.ratio is None:
             return None
@@ -448,7 +448,7 @@ class _Regression:
 
 
 def _start(every: list[Cause]) -> _Fit:
-    """Return causes without an amount: the start of a joint fit."""
+    """Return causes with amounts of zero, the start of a joint fit."""
     return _Fit(every, np.zeros(len(every)), np.zeros((len(every), 1)), np.zeros(1), 0.0)
 
 
@@ -503,7 +503,7 @@ _SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 
 def _in_words(cause: Cause, amount: float, stderr: float | None = None) -> str:
-    """Return a cause with its amount, with the uncertainty of a known standard error."""
+    """Return a cause with its amount, and with its uncertainty if the standard error is known."""
     size, unit = readable(cause.unit)
     factor, unit = _SAID.get(cause.unit, (1.0 / size, unit))
     compared = cause.words.startswith("{size} ")

@@ -1,4 +1,4 @@
-"""Validation of a friction law, of a circuit along recorded motions, and of a regulator; balance of measured forces.
+"""Validation of a friction law, a circuit along recorded motions, and a regulator; balance of measured forces.
 
 Along motions, only start and delay of each recording are fitted.
 """
@@ -51,7 +51,7 @@ STATIC_FIT_PERCENT = 98.0
 
 @dataclass(frozen=True, eq=False)
 class FrictionCurve:
-    """Measured friction of one condition against the law.
+    """Measured friction of one condition, compared with the law.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: floa
 
 
 def _model(drive: Drive, direction: int, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
-    """Return the law's friction in one direction; for direction 0 the mean of both, as a paired measurement is."""
+    """Return the law's friction in one direction; for direction 0, the mean of both, as in a paired measurement."""
     signs = (direction,) if direction else (1, -1)
     return np.mean([law_n(drive, sign * speed_m_s, gauge_a_pa, gauge_b_pa) for sign in signs], axis=0)
 
@@ -241,16 +241,16 @@ class Closure:
     ----------
     name : str
     rms_n, share : float
-        Residual at declared areas, with an offset and friction ``d + e |v|`` per direction: N, share of the range.
+        RMS residual at stated areas, with offset and friction ``d + e |v|`` per direction; in N, and over the range.
     friction_n : dict
         Direction -> friction at rest and its slope over speed, N and N s/m.
     offset_n : float
     gains : dict
-        Parallel force -> its gain if it is free, with its 95 % interval; ``gas`` that of the gas force.
+        Parallel force -> its gain as a free parameter, with 95 % interval; ``gas`` for the gas force.
     viscous : Estimate
         Slope of the friction in +x while the gains are free, N s/m.
     correlation : float or None
-        Of the first parallel force's gain with that slope.
+        Correlation of the first parallel force's gain with that slope.
     range_n, fastest_m_s : float
         Range of the measured force; largest speed in sliding.
     time_s, residual_n : ndarray
@@ -258,9 +258,9 @@ class Closure:
     doubts : tuple of str
         Likely causes of a balance that does not close.
     delay : PressureDelay or None
-        Delay of the pressures of closed chambers after the motion. A clear delay was removed before the balance.
+        Delay of the pressures of closed chambers relative to the motion. A clear delay was removed before the balance.
     recorded : Closure or None
-        Balance with the delay of the recording, if a clear delay was removed.
+        Balance without this correction, if a clear delay was removed.
     """
 
     name: str
@@ -325,7 +325,7 @@ def close_balance(recording: Recording) -> Closure:
 
 
 def _balance(recording: Recording, begin_s: float) -> Closure:
-    """Return the balance of a recording as it is; times count from `begin_s`."""
+    """Return the balance of a recording without a correction of delays; times count from `begin_s`."""
     time = recording.time_s - begin_s
     sliding = _sliding(recording, time)
     base, balance = sliding.base, recording.balance_n()[sliding.use]
@@ -348,7 +348,7 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
 
 
 class _Sliding(NamedTuple):
-    """Samples in sliding, the columns of friction with their names, and the signed speed."""
+    """Samples in sliding, the named regression columns of friction, and the signed speed."""
 
     use: Bools
     base: Array
@@ -391,7 +391,7 @@ def _gas(recording: Recording) -> Array:
 def _free_gains(
     time_s: Array, sliding: _Sliding, balance: Array, extra: dict[str, Array]
 ) -> tuple[dict[str, Estimate], Estimate, float | None]:
-    """Return gains of forces relative to their stated areas, with blocks of time for their covariance."""
+    """Return gains of forces relative to their stated areas; their covariance comes from blocks of time."""
     base, names = sliding.base, sliding.names
     matrix = np.column_stack([base, *extra.values()])
     scale = np.sqrt(np.mean(matrix**2, axis=0))
@@ -490,7 +490,7 @@ class MotionValidation(Viewed):
 
     @property
     def verdicts(self) -> tuple[tuple[bool, str], ...]:
-        """Whether each target is met, with a sentence; pressures of recordings that were held out, if there are any."""
+        """Whether each target is met, with a sentence. Pressures are judged by held-out recordings, if any."""
         found = []
         for record in self.records:
             if self.badges.get(record.name) == MADE and HELD_OUT in [self.badges[r.name] for r in self.records]:
@@ -546,8 +546,8 @@ def validate_motion(
 ) -> MotionValidation:
     """Compare a circuit with recordings of its driven piston, and the measured forces with each other.
 
-    Start pressures, start temperatures and the delay of the pressures are fitted in each recording. All other numbers
-    are held. Recordings with open chambers test the force balance only.
+    Start pressures, start temperatures and the delay of the pressures are fitted for each recording. All other numbers
+    are fixed. Recordings with open chambers test the force balance only.
 
     Parameters
     ----------
@@ -591,7 +591,7 @@ def validate_motion(
 
 
 def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
-    """Return the loggers whose clock differs from that of the position."""
+    """Return the data loggers whose clock differs from that of the position."""
     return [
         f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
         f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
@@ -605,7 +605,7 @@ def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
 
 @dataclass(frozen=True)
 class RegulatorRun:
-    """One run: rms of measured minus simulated pressure in Pa and relative to its range, badge, and both pressures."""
+    """One run: RMS of measured minus simulated pressure, in Pa and relative to the range, badge, and both pressures."""
 
     name: str
     rms_pa: float
@@ -616,7 +616,7 @@ class RegulatorRun:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegulatorValidation(Viewed):
-    """The fit of a regulator compared with runs; all values are held, and each run starts at its first pressure."""
+    """The fit of a regulator compared with runs. All values are fixed, and each run starts at its first pressure."""
 
     fit: RegulatorFit
     runs: tuple[RegulatorRun, ...]
@@ -666,7 +666,7 @@ def validate_regulator(
     fit : RegulatorFit
     recordings : path or sequence of path
     layout : Layout or path, optional
-        Of the kind ``fixed-volume``.
+        Layout of the kind ``fixed-volume``.
 
     Raises
     ------

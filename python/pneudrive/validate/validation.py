@@ -124,9 +124,9 @@ class Validation(Viewed):
     drive : Drive
     records : tuple of RecordResult
     window_s : float
-        Length of the runs from measured states.
+        Length of the runs from measured states, s.
     fitted : dict
-        Recordings that made the fit of the drive: name -> hash. Empty if unknown, or without a fit.
+        Recordings from which the drive was fitted: name -> hash. Empty if unknown, or without a fit.
     """
 
     drive: Drive
@@ -145,7 +145,7 @@ class Validation(Viewed):
         return all(r.recording.synthetic for r in self.records)
 
     def pooled(self, channels: Sequence[str], *, restarted: bool = False) -> balance.Metrics:
-        """Return the metrics over all recordings; for several channels, those of the worst channel."""
+        """Return the metrics over all recordings; for several channels, the metrics of the worst channel."""
         found = []
         for channel in channels:
             runs = [(r.restarted if restarted else r.free)[channel] for r in self.records]
@@ -178,7 +178,7 @@ class Validation(Viewed):
 
     @cached_property
     def conditions(self) -> list[dict[str, Any]]:
-        """Return the metrics of the free run and of those from measured states by label, if it has several values."""
+        """Return the metrics of free runs and of runs from measured states for each value of each label that varies."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
@@ -308,8 +308,8 @@ def validate(
     Parameters
     ----------
     drive : Drive or DriveFit
-        Drive to validate; a fit is applied to its drive, and its errors of sensors are corrected. Verdicts come from
-        the recordings that were held out of the fit. Also a fit along motions, or of a regulator.
+        Drive to validate. A fit is applied to its drive, and its sensor errors are corrected; verdicts come from
+        the recordings that were held out of the fit. It may also be a fit along motions, or of a regulator.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
@@ -321,9 +321,9 @@ def validate(
     window_s : float
         Length of the runs that start from measured states, s.
     sensors : DriveFit or mapping, optional
-        Known errors of the sensors, for which the recordings are corrected: those of a fit, or channel ->
-        ``{"offset": "0.02 bar"}``, gain; for the command its delay. Values of a fit apply to its own recordings; a new
-        recording gets their mean.
+        Known sensor errors, for which the recordings are corrected: those of a fit, or channel -> offset, gain, and for
+        the command its delay (``{"offset": "0.02 bar"}``). Errors from a fit apply to its own recordings. For a new
+        recording, their mean is used.
     progress : callable, optional
         Called as ``progress(done, total, task)``, see `pneudrive.progress.Watch`.
     cancel : object with ``is_set()``, optional
@@ -385,7 +385,7 @@ def validate(
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
     """Return notes on a model that moves in the wrong direction, and on samples without a result.
 
-    Metrics leave them out.
+    Samples without a result are not part of the metrics.
     """
     for r in records:
         position, signals = r.channels["position_m"], r.signals
@@ -409,7 +409,7 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 
 
 def _is_crossed(record: RecordResult) -> bool:
-    """Whether the pressures of the free run fit only the recorded pressures of the other chamber (swapped columns)."""
+    """Return whether the pressures of the free run fit only the recordings of the other chamber (swapped columns)."""
     a, b = "pressure_a_pa", "pressure_b_pa"
     crossed = [balance.metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
     return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))

@@ -25,11 +25,11 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
     Parameters
     ----------
     fit : FrictionFit
-        Its law says which pressures matter.
+        Fit whose law determines which pressures have an effect.
     identity, envelope : Identity, Envelope
         Limits of the rig.
     strokes : int
-        In each direction for one point.
+        Number of strokes in each direction for one point.
     """
     low_m, high_m = envelope.position_m
     stroke, acceleration = high_m - low_m, envelope.acceleration_m_s2
@@ -41,7 +41,7 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
-    """Return the pairs of pressures whose force takes at most half of the rig's force range."""
+    """Return the pairs of pressures whose force is at most half of the rig's force range."""
     top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
     if not fit.model.chambers or top <= 0.0:
         return ((0.0, 0.0),)

@@ -44,7 +44,7 @@ def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
 
 
 def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
-    """Return the levels of the stops at one pressure: position, release, speed, direction, and duration innermost."""
+    """Return the levels of the stops at one pressure, from slowest: position, release, speed, direction, duration."""
     stop = protocol.stop
     if stop is None:
         return ((),)
@@ -53,7 +53,7 @@ def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
 
 
 def cells_of(protocol: Protocol) -> tuple[list[Cell], list[Cell]]:
-    """Return the cells of the sweep and of the stops, pressure outermost."""
+    """Return the cells of the sweep and of the stops. The pressure varies slowest."""
     pairs, levels = protocol.pressure.levels, list(product(*_stop_levels(protocol)))
     turns = _sweep_levels(protocol)
     sweep = [Cell("sweep", pair, speed, protocol.directions, turn) for pair in pairs for turn, speed in turns]
@@ -74,7 +74,7 @@ def cycle_count(protocol: Protocol) -> int:
 
 @lru_cache(maxsize=4096)
 def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
-    """Return time, s, and samples of a step from rest to rest, as `pneudrive.rig.motion.schedule` spaces them."""
+    """Return time, s, and number of samples of a step from rest to rest; see `pneudrive.rig.motion.schedule`."""
     if isinstance(step, Hold):
         time_s = step.duration_s
     else:
@@ -83,7 +83,7 @@ def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: S
 
 
 def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float, int]:
-    """Return the time of the axis for the steps of a cycle, moves and holds, s, and the number of samples."""
+    """Return the time that the axis needs for the moves and holds of a cycle, s, and the number of samples."""
     at, time_s, samples = way.low_m, 0.0, int(bool(steps))
     for step in steps:
         distance = 0.0
@@ -150,7 +150,7 @@ def alternate(items: Sequence[T]) -> list[T]:
 
 
 def _interleaved(cells: list[Cell]) -> list[Cell]:
-    """Alternate within each pressure; pressures follow one after the other."""
+    """Order the levels of each pressure by `alternate`; pressures follow one after the other."""
     by_pressure: dict[str, list[Cell]] = {}
     for cell in cells:
         by_pressure.setdefault(cell.pressures.name, []).append(cell)
@@ -175,7 +175,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     ----------
     protocol : Protocol
     identity : Identity
-        Ambient pressure, areas and masses; for a resumed campaign, those in its folder.
+        Ambient pressure, areas and masses of the rig; for a resumed campaign, from its folder.
     envelope : Envelope
 
     Returns
@@ -187,7 +187,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     ProtocolError
         If the plan exceeds the rig's limits; the message names cycle, value, limit and remedy.
     RigError
-        If the identity has a value that no rig has.
+        If the identity has an impossible value.
     """
     # The description of a custom rig goes into its folder, and must be readable from there.
     identity_of(as_json(identity.to_dict()), f'rig "{identity.name}"')
@@ -196,7 +196,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 
 
 def check_range(protocol: Protocol, envelope: Envelope) -> None:
-    """Refuse a range of positions that is empty or leaves the rig's range."""
+    """Reject a range of positions that is empty or leaves the rig's range."""
     way = Way.on(protocol, envelope)
     low, high = envelope.position_m
     if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
@@ -263,7 +263,7 @@ class _Layout:
             self._add("blank-after", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
 
     def _prepare(self, *, new: bool) -> None:
-        """Run in new parts, warm up, then check the sensors. The zero of the sensors is then that of the warm rig."""
+        """Run in new parts, warm up, then check the sensors, so that their zero is measured on the warm rig."""
         p, warm_up, checks = self.protocol, self.protocol.warm_up, self.protocol.before_block
         if warm_up is not None:
             for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
@@ -291,7 +291,7 @@ class _Layout:
         self._add(f"operator/{word}", "operator", (), wait_s=wait_s, text=text)
 
     def _sentinel(self, number: int) -> None:
-        """Add a control run. They are counted from 1 in each block."""
+        """Add a control run. Control runs are counted from 1 in each block."""
         sentinel = self.protocol.sentinel
         assert sentinel is not None
         pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
@@ -335,7 +335,7 @@ class _Layout:
         return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
 
     def _sweep(self, cell: Cell) -> tuple[Step, ...]:
-        """Return the strokes of a sweep that give the requested time at constant speed."""
+        """Return as many strokes of a sweep as the requested time at constant speed needs."""
         speeds, speed = self.protocol.speed, cell.speed_m_s
         assert speeds is not None
         cruise = self.way.cruise_s(speed)

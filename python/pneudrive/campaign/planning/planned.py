@@ -31,7 +31,7 @@ class Cell:
     direction : str
         ``both``, ``+x`` or ``-x``.
     turn : str
-        ``up`` or ``down`` if a speed is measured twice, on the way up and down the list.
+        ``up`` or ``down`` if each speed is measured twice, first with rising and then with falling speeds.
     stop_s, released, position
         Levels of a stop.
     """
@@ -105,12 +105,12 @@ class Planned:
     ----------
     cycle : Cycle
     axis_s : float
-        Time of its moves and holds, exact for the axis' limits.
+        Time of its moves and holds, exact if the axis reaches its limits.
     wait_s : float
-        Time before it: settling after a change of pressure, or the operator's work. Assumed, as in the protocol.
+        Assumed time before the cycle, from the protocol: settling after a change of pressure, or work of the operator.
     samples : int
     cell : Cell or None
-        Condition that it measures. None for a cycle that prepares or checks.
+        Condition that the cycle measures. None for a cycle that prepares or checks.
     """
 
     cycle: Cycle
@@ -185,5 +185,5 @@ class Plan(Shown):
 
 
 def size_of(planned: Iterable[Planned]) -> float:
-    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step writes a file too."""
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`. An operator's step also writes a file."""
     return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned)

@@ -44,7 +44,7 @@ def check(plan: Plan) -> tuple[str, ...]:
     Raises
     ------
     ProtocolError
-        If a cycle breaks a limit; the message names the first one, value, limit, remedy and their number.
+        If a cycle breaks a limit. The message has the first such cycle, its value, limit and remedy, and their number.
     """
     asked, (low, high) = plan.protocol.conditions.temperature_k, plan.envelope.temperature_k
     if asked is not None and not max(asked[0], low) < min(asked[1], high):
@@ -72,7 +72,7 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
 
 @dataclass(frozen=True)
 class Allowed:
-    """The limits of the rig of a plan, tightened by its protocol, and the loads of a cycle on it."""
+    """Limits of the rig, tightened by the protocol of a plan, and the loads of a cycle on the rig."""
 
     plan: Plan
 
@@ -95,7 +95,7 @@ class Allowed:
         return replace(rig, pressure_pa=(low, high), **upper)
 
     def peak_acceleration_m_s2(self, distance_m: float, speed_m_s: float) -> float:
-        """Return the largest acceleration of a move, below the limit of the axis if the jerk does not allow more."""
+        """Return the largest acceleration of a move, which the limits of acceleration and jerk allow."""
         speed = min(speed_m_s, self.axis.top_speed_m_s(distance_m))
         return min(self.axis.acceleration_m_s2, math.sqrt(speed * self.axis.jerk_m_s3))
 
@@ -122,7 +122,7 @@ class Allowed:
 
     @property
     def balance(self) -> str:
-        """Remedy of a difference of the pressure forces; equal pressures balance only equal areas."""
+        """Remedy for a difference of the pressure forces. Equal pressures balance only equal areas."""
         ratio = self.plan.identity.area_b_m2 / self.plan.identity.area_a_m2
         if math.isclose(ratio, 1.0):
             return "Bring the pressures of the chambers closer together"
@@ -149,7 +149,7 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
 
 
 def check_levels(protocol: Protocol, rig: Rig) -> None:
-    """Refuse a level of mounting, seal or drive that the rig lacks; only a simulated rig knows its levels."""
+    """Reject a level of mounting, seal or drive that the rig lacks. Only simulated rigs can be checked."""
     if not isinstance(rig, Changeable):
         return
     known = rig.levels()
@@ -323,7 +323,7 @@ def _of_samples(plan: Plan) -> Iterator[Caution]:
 
 
 def _of_design(plan: Plan) -> Iterator[Caution]:
-    """Yield the effects that the design of a plan cannot separate, and notes on its rig, its time and its tables."""
+    """Yield the effects that the design of a plan cannot separate, and notes on rig, time and tables of the plan."""
     protocol, envelope, ambient = plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa
     if protocol.repeats < 2 and protocol.order.replicates < 2:
         yield "repeats", {}

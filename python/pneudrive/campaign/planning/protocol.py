@@ -294,13 +294,13 @@ MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPress
 
 
 class ProtocolTable(Described):
-    """Base of the tables of a protocol: the text below a key is its description in the schema."""
+    """Base of the tables of a protocol. The text below a key is its description in the schema."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
 
 class Speeds(ProtocolTable):
-    """Speeds of the sweep: out and back at each."""
+    """Speeds of the sweep, with strokes out and back at each speed."""
 
     table_name: ClassVar[str] = "speed"
     list_m_s: Annotated[tuple[float, ...] | None, ListOf(SPEED, "log")] = None
@@ -382,7 +382,7 @@ class Pressures(ProtocolTable):
 
     @property
     def levels(self) -> tuple[Pair, ...]:
-        """All pairs (a, b) in the given order; chamber a changes last."""
+        """All pairs (a, b) in the given order; the pressure of chamber b changes first."""
         if self.pairs is not None:
             return self.pairs
         if self.both is not None:
@@ -403,7 +403,7 @@ class Preconditioning(ProtocolTable):
 
 
 class Stops(ProtocolTable):
-    """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
+    """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, and the interrupted stroke."""
 
     table_name: ClassVar[str] = "stop"
     durations_s: Annotated[tuple[float, ...], ListOf(Quantity("s", "s", MAY_LAST), "log")]
@@ -539,7 +539,7 @@ class BeforeBlock(ProtocolTable):
 
 
 class Sentinel(ProtocolTable):
-    """A reference speed that is repeated to show drift: at both ends of a block and in between."""
+    """Control runs: a reference speed that is repeated at both ends of a block, and in between, to show drift."""
 
     table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed
@@ -728,7 +728,7 @@ def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
     Raises
     ------
     ProtocolError
-        As `read_protocol`.
+        As for `read_protocol`.
     """
     return _from_tables(toml.parse(text, origin, ProtocolError), text, origin)
 

@@ -1,6 +1,6 @@
 """One attempt at a cycle, from the present position of the axis to the samples, on the rig's thread.
 
-Conditions for measuring, and faults in the samples of a cycle on arrival: counted and named, never repaired.
+The module also checks the conditions for measuring, and counts faults in new samples. It never repairs samples.
 
 The samples stay as recorded, and the counts go into the header of the cycle (``flags``). The analysis drops unusable
 samples.
@@ -62,13 +62,13 @@ class GivenUpError(Exception):
 class Attempts:
     """Attempts at cycles, and the state of the rig between two cycles.
 
-    The rig's verbs run on one thread, one job after the other. Other threads may call `Rig.stop` only, at any time.
+    The rig's methods run on one thread, one job after the other. Other threads may only call `Rig.stop`, at any time.
 
     Parameters
     ----------
     rig : Rig
     watch : callable
-        Called with samples and rig; returns why the cycle must be given up, or an empty text.
+        Called with samples and rig. It returns the reason why the cycle must be abandoned, or an empty text.
     show : callable
         Called with each part of the samples.
     """
@@ -105,7 +105,7 @@ class Attempts:
         Returns
         -------
         str
-            Why the rig may not be at rest, in words; empty if it is at rest.
+            Reason why the rig may not be at rest, in words; empty if it is at rest.
         """
         trouble = "" if self._at_rest else self._stop()
         self._at_rest = not trouble
@@ -196,7 +196,7 @@ class Attempts:
         self._pressures_after = (head.cycle.pressure_a_pa, head.cycle.pressure_b_pa)
 
     def go_home_first(self) -> None:
-        """Home the axis before the next cycle: its position may be lost."""
+        """Home the axis before the next cycle, because its position may be lost."""
         self._homed = False
 
 
@@ -217,7 +217,7 @@ def as_plain(memory: Plain) -> Plain:
 
 
 def as_own_error(error: BaseException) -> PneudriveError:
-    """Return an error of pneudrive unchanged. Wrap an error of a laboratory's code."""
+    """Return an error of pneudrive unchanged; wrap an error of a laboratory's code in a RigError."""
     if isinstance(error, PneudriveError):
         return error
     frame, trace = "", error.__traceback__
@@ -243,10 +243,10 @@ class MeasuringBounds:
     Parameters
     ----------
     supply_pressure_pa : float
-        Least absolute supply pressure; 0: not watched.
+        Least absolute supply pressure; 0: not monitored.
     temperature_k : (float, float)
     force_n : float
-        Magnitude at which a cycle is given up, to protect sensor and rig.
+        Magnitude at which a cycle is abandoned, to protect sensor and rig.
     resume_force_n : float
         Magnitude below which the next attempt begins.
     """
@@ -268,7 +268,7 @@ class MeasuringBounds:
         return cls(max(supply, envelope.supply_pressure_pa), (low, high), force, 0.9 * force)
 
     def broken_by(self, state: RigState) -> str:
-        """Return the condition that is not met, in words; empty if all are met. NaN meets none."""
+        """Return the condition that is not met, in words; empty if all are met. NaN does not meet a condition."""
         if state.fault:
             return f"{FAULT}: {state.fault}"
         if self.supply_pressure_pa > 0.0 and not state.supply_pressure_pa >= self.supply_pressure_pa:
@@ -401,7 +401,7 @@ def _usual_interval(intervals: Array) -> Array:
 
 
 def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
-    """Return the interval between samples that the plan allows; 0 inside bursts and without a plan."""
+    """Return the largest planned interval between samples; 0 inside bursts and without a plan."""
     planned = np.zeros(time.size - 1)
     sampling: Sampling = cycle.sampling
     for number, one in enumerate(cycle.steps):
@@ -469,5 +469,5 @@ def _steps(table: Array, step: Ints, cycle: Cycle) -> dict[str, int]:
 
 
 def serious(flags: Sequence[str] | dict[str, int]) -> list[str]:
-    """Return the serious flags among these."""
+    """Return the serious flags among the given ones."""
     return [name for name in flags if name in SERIOUS]

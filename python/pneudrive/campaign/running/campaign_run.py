@@ -1,4 +1,4 @@
-"""A running campaign: one cycle after the other, with pauses, requests and failures between them."""
+"""A running campaign: one cycle after the other, with pauses, requests and failures in between."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Terminal:
             self._open = False
 
     def line(self, seconds: float) -> str | None:
-        """Wait for a line; return None if no line came."""
+        """Wait for a line; return None if no line arrived."""
         ready, _, _ = select.select([sys.stdin], [], [], seconds)
         if not ready:
             return None
@@ -150,17 +150,17 @@ class Options:
     operator : str
         Name of the person at the rig.
     yes : bool
-        Operator's steps count as done without an operator.
+        Whether steps of the operator count as done without an operator.
     patience_s : float
         Longest wait for good conditions before the campaign ends.
     steady_s : float
         Time of good conditions before the campaign continues.
     look_s : float
-        Interval of the queries of the rig while waiting.
+        Interval between queries of the rig's state while waiting.
     attempts : int
         Number of attempts at a cycle before the campaign ends.
     bad_in_a_row : int
-        Number of cycles in a row with serious flags after which the campaign ends: a sensor is broken.
+        Number of consecutive cycles with serious flags after which the campaign ends, because a sensor is broken.
     """
 
     operator: str = ""
@@ -175,8 +175,8 @@ class Options:
 class CampaignRun:
     """A running campaign.
 
-    The thread that calls `run` decides and writes. The rig's verbs run on another thread. While the first thread waits
-    for the rig, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
+    The thread that calls `run` decides and writes. The rig's methods run on another thread. While the first thread
+    waits for the rig, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
 
     Parameters
     ----------
@@ -513,7 +513,7 @@ class CampaignRun:
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> dict[str, Any]:
-        """Store a cycle. The cycle is then finished. The storing cannot be interrupted."""
+        """Store a cycle, which is then finished. Requests cannot interrupt this."""
         cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1
@@ -553,7 +553,7 @@ def _counted(flags: dict[str, int]) -> str:
 
 
 def _without_numbers(text: str) -> str:
-    """Return a message without its numbers, so that it is logged only once."""
+    """Return a message without its numbers, so that repeated messages are logged only once."""
     return re.sub(r"\d[\d.e+-]*", "", text)
 
 

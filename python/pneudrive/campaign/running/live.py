@@ -34,7 +34,7 @@ LINES = 6  # of the latest messages
 
 
 class Display:
-    """The display of a running campaign: its state, which a subclass shows. This class shows nothing.
+    """Base class of displays of a running campaign. It holds the state, and its subclasses show it.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Display:
 class CampaignProgress:
     """Number of finished cycles, and remaining time at the pace so far.
 
-    A real rig needs the planned time. For a simulated rig without a pace, the time depends on the number of samples.
+    For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def guarded(journal: Journal, *displays: Display) -> Display:
 class TerminalDisplay(Display):
     """A live table on a terminal: finished cycles, remaining time, the current cycle, the latest messages.
 
-    In a file or pipe, a line for each finished cycle and message.
+    In a file or pipe, a line is written for each finished cycle and message.
 
     Parameters
     ----------
@@ -284,13 +284,13 @@ class LiveFiles(Display):
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most `most` rows, in order: lowest and highest force of each interval of equal length.
+    """Return at most `most` rows, in order: the rows of lowest and highest force in each of several equal intervals.
 
     Parameters
     ----------
     points : ndarray, shape (n, len(COLUMNS))
     most : int
-        Even.
+        Largest number of rows, even.
     """
     count = len(points)
     if count <= most:

@@ -1,4 +1,4 @@
-"""Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
+"""Requests to pause, resume and abort: from the keyboard, by a signal, or from another process by files in the folder.
 
 A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks for a
 request five times a second, takes it and removes it. This works on any file system, also over the network, and costs
@@ -62,7 +62,7 @@ def clear_errors(what: str, path: Path) -> Iterator[None]:
 
 
 def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Write a file: to a temporary name, flushed to the disk, renamed; the folder is flushed too.
+    """Write a file under a temporary name, flush it to the disk and rename it; flush the folder, too.
 
     Readers find the old file or the new one, even if the process is killed at any moment.
 
@@ -111,12 +111,12 @@ def make_folder(path: Path) -> None:
 
 
 def no_links(folder: Path) -> None:
-    """Refuse a folder that contains links, pipes or devices, because writing to them would change other files or block.
+    """Reject a folder that contains links, pipes or devices, because writing to them would change other files or block.
 
     Raises
     ------
     CampaignError
-        If there is one, up to one folder deep.
+        If the folder, or a folder in it, contains one.
     """
     own = _entries(folder)
     deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
@@ -165,13 +165,13 @@ class Holder:
     ----------
     pid, host, user : int, str, str
     since : str
-        When it began, ISO 8601.
+        Start of the process, ISO 8601.
     state : str
         One of `STATES`.
     text : str
         Reason for waiting, in words.
     cycle : str
-        Key of the cycle that runs.
+        Key of the running cycle.
     """
 
     pid: int
@@ -314,7 +314,7 @@ class Request:
     by : str
         Person who made the request, in words.
     leave : bool
-        Nobody can resume: a pause ends the campaign.
+        Whether a pause ends the campaign, because nobody can resume it.
     """
 
     word: str
@@ -332,7 +332,7 @@ class Requests:
     someone_there : bool
         Whether somebody answers prompts.
     cancel : object with ``is_set()``, optional
-        Once set, a request to end.
+        Once set, it counts as a request to end.
     """
 
     def __init__(self, folder: Path, *, someone_there: bool, cancel: Flag | None = None) -> None:
@@ -401,7 +401,7 @@ class Requests:
 
     @contextlib.contextmanager
     def signals(self) -> Iterator[None]:
-        """Turn signals into requests: Ctrl-C pauses after the cycle, twice stops now; SIGTERM and SIGHUP end.
+        """Turn signals into requests: Ctrl-C pauses after the cycle, a second Ctrl-C stops now; SIGTERM and SIGHUP end.
 
         Ctrl-Z pauses too, because a stopped process cannot control its axis. Ignored signals stay ignored (nohup).
         """
@@ -439,7 +439,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
     Returns
     -------
     Holder
-        The process as it was before.
+        Process and its state before the request.
 
     Raises
     ------
@@ -458,7 +458,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
 
 
 def wait_for(folder: Path, states: tuple[str, ...], seconds: float) -> Holder | None:
-    """Wait until the process that runs a campaign is in one of these states or gone; return its state."""
+    """Wait until the process that runs a campaign is in one of these states, or has ended; return its state."""
     until = time.monotonic() + seconds
     while (running := holder(folder)) is not None and running.state not in states and time.monotonic() < until:
         time.sleep(LOOK_S)

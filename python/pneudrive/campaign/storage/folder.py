@@ -55,7 +55,7 @@ LEAST_SAMPLES = 20
 
 
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Return the signed speed, shape (n,), averaged long enough to suppress the noise of position."""
+    """Return the signed speed, shape (n,), averaged over a time that suppresses the noise of the position."""
     width = _window_s(position_m, speed_m_s)
     low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
     ends = np.interp(high, time_s, position_m) - np.interp(low, time_s, position_m)
@@ -74,12 +74,12 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     time_s, position_m : ndarray, shape (n,)
         As recorded; samples that are not finite, or out of order in time, take the number of their neighbour.
     speed_m_s : float, optional
-        Speed that the cycle is for. None: the usual one of the motion.
+        Speed that the cycle measures. None: usual speed of the motion.
 
     Returns
     -------
     ndarray of int64, shape (n,)
-        0 for the first move or hold, one more with each start, stop and reversal. All 0 where nothing moves.
+        0 for the first move or hold, plus 1 at each start, stop and reversal. All 0 without motion.
     """
     numbers = np.zeros(time_s.size, dtype=np.int64)
     usable = np.isfinite(time_s) & np.isfinite(position_m)
@@ -133,7 +133,7 @@ class Problem:
     where : str
         File, within the folder.
     what : str
-        In words.
+        Problem in words.
     lost : bool
         Whether the cycle cannot be used; otherwise this is a note.
     """
@@ -149,7 +149,7 @@ class Problem:
 
 @dataclass(frozen=True, repr=False)
 class CycleFile(Shown):
-    """A finished cycle on disk; ``sealed``: its checksum is right."""
+    """A finished cycle on disk; ``sealed`` means that its checksum is right."""
 
     path: Path
     head: Head
@@ -189,7 +189,7 @@ def read_samples(
     ----------
     files : sequence of CycleFile
     steps_of : collection of str, optional
-        Kinds of cycles whose steps are wanted; None: all. For other kinds, missing steps are -1: to derive them
+        Kinds of cycles whose steps are needed; None: all. For other kinds, missing steps are -1, because deriving them
         from the motion takes longer than reading.
     """
     columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
@@ -238,7 +238,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     Raises
     ------
     RecordingError
-        If more than half of the samples are damaged, or have impossible values.
+        If more than half of the samples are damaged, or if values are impossible.
     """
     name = file.head.cycle.key
     count = len(samples)
@@ -272,8 +272,8 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
 def _forwards(samples: Samples) -> tuple[Bools, int]:
     """Mark the samples with increasing time, and count the others.
 
-    Repeated samples are dropped. After a clock jumped back, times are wrong:
-    the longest stretch without a jump is kept.
+    Repeated samples are dropped. After a clock jumped back, times are wrong. Only the longest stretch
+    without a jump is therefore kept.
     """
     finite = np.isfinite(samples.time_s)
     time = np.where(finite, samples.time_s, -np.inf)
@@ -316,7 +316,7 @@ def file_name(index: int, key: str) -> str:
 
 
 def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
-    """Write one cycle: to a temporary name, flushed, then renamed, so that it exists completely or not at all.
+    """Write one cycle under a temporary name, flush and rename it, so that it exists completely or not at all.
 
     Parameters
     ----------
@@ -377,7 +377,7 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
 
 
 def _column(values: NDArray[Any], name: str, where: str) -> NDArray[Any]:
-    """Check the type of a column; whole numbers with missing ones come as floats."""
+    """Check the type of a column; whole numbers with missing values are read as floats."""
     kinds, rule = ("iu", "whole numbers, none missing") if name == "step" else ("iuf", "numbers in SI units")
     if values.dtype.kind not in kinds:
         raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule=rule)
@@ -445,7 +445,7 @@ class Campaign(Shown):
         return bool(self.about.get("synthetic", False)) or self.identity.synthetic
 
     def files(self) -> list[Path]:
-        """Return the files of finished cycles in the order of their names, damaged ones too."""
+        """Return the files of finished cycles, including damaged ones, in the order of their names."""
         # Sorted by name as text: comparing paths takes ten times as long.
         return sorted((self.path / CYCLES).glob("*.parquet"), key=lambda path: path.name)
 
@@ -455,7 +455,7 @@ class Campaign(Shown):
         Returns
         -------
         list of CycleFile, list of Problem
-            The usable cycles in running order, and the problems of the others: a file that is damaged, cut off,
+            The usable cycles in running order, and the problems of the others: a file is damaged, incomplete or
             foreign, or repeats the cycle of an earlier file.
         """
         found: list[CycleFile] = []
@@ -508,7 +508,7 @@ def _one_line(error: CampaignError) -> str:
 
 
 def create(folder: Path, protocol: str, identity: Identity, about: Plain) -> Campaign:
-    """Create a campaign folder; ``campaign.json`` is written last, so a folder that has it is complete.
+    """Create a campaign folder. ``campaign.json`` is written last, so a folder with this file is complete.
 
     Raises
     ------
@@ -573,12 +573,12 @@ def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     ----------
     campaign : Campaign
     checked : bool
-        Check the plan against the limits of the rig; not needed to count cycles.
+        Whether to check the plan against the limits of the rig, which is not needed to count cycles.
 
     Raises
     ------
     CampaignError
-        If the folder holds no plan: another program wrote it.
+        If the folder has no plan, because another program wrote it.
     ProtocolError
         If the plan exceeds the limits of the rig.
     """

@@ -1,4 +1,4 @@
-"""The components of a circuit as blocks of a drawing, their places, and the ways of the lines between them.
+"""Layout of a drawing of a circuit: components as blocks, their places, and the paths of the lines between them.
 
 A block has a symbol, ports and a label. Lengths are in modules, x right, y up.
 """
@@ -61,7 +61,7 @@ class Shape(NamedTuple):
         Alignment of a text: ``"center"``, ``"left"`` or ``"right"`` of its point. ``"top"`` is added if the text is
         below the point.
     angles : tuple of float
-        First and last angle of an arc, degrees against the clock from the right.
+        First and last angle of an arc, degrees counterclockwise from the x axis.
     net : int
         Number of the line between components, in `CircuitShapes.nets`; -1 for other shapes.
     """
@@ -123,7 +123,7 @@ class Block:
             yield x + across, y + up
 
     def shapes(self) -> Iterator[Shape]:
-        """Yield the shapes of the symbol at its place, of the marks of its ports, and of the label."""
+        """Yield the shapes of the symbol at its place, of its port marks, and of its label."""
         for stroke in self.strokes:
             yield stroke._replace(points=moved(stroke.points, self.x, self.y), component=self.name)
         for port, mark in self.marks.items():
@@ -134,7 +134,7 @@ class Block:
 
 
 def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
-    """Return points as numbers with a fraction, moved by x and y."""
+    """Return points as floats, moved by x and y."""
     return tuple((x + point[0], y + point[1]) for point in points)
 
 
@@ -283,7 +283,7 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
 
 
 def _values(one: Component) -> Iterator[str]:
-    """Return the first values that the component's kind requires."""
+    """Return the first of the values that the component's kind requires."""
     given = one.plain()
     shown = 0
     for parameter in one.entry["parameters"]:
@@ -320,7 +320,7 @@ Step = tuple[Place, Place]
 
 
 class NoWayError(Exception):
-    """A line has no way. The drawing is repeated with more room between the blocks."""
+    """A line has no path. The drawing is repeated with more room between the blocks."""
 
 
 class Routes:
@@ -379,7 +379,7 @@ class Routes:
         return "x" if abs(ax) != abs(bx) else "h" if ax else "v"
 
     def _way(self, net: int, tree: Iterable[Place], goal: Place) -> list[Place]:
-        """Return the cheapest way from any point of a net to a port."""
+        """Return the cheapest path from any point of a net to a port."""
         queue: list[tuple[int, int, Place, Place]] = []
         best: dict[tuple[Place, Place], int] = {}
         came: dict[tuple[Place, Place], tuple[Place, Place]] = {}
@@ -438,7 +438,7 @@ class Routes:
         return sorted(point for point, number in count.items() if number > 2)
 
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
-        """Return the longest straight parts of a line: of its pilot lines, or of the rest."""
+        """Return the longest straight parts of a line: of its pilot lines, or of its other lines."""
         out = []
         own = self.pilots[net] if pilots else self.lines[net] - self.pilots[net]
         for axis in (0, 1):
@@ -514,7 +514,7 @@ def nets(circuit: Circuit, placed: Mapping[str, Block]) -> list[Net]:
 
 
 def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]:
-    """Place the components of a circuit; `spread` widens the room for lines between them.
+    """Place the components of a circuit; `spread` widens the space for lines between them.
 
     Raises
     ------
@@ -550,7 +550,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
 
 
 def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Return 1 if a line goes to a higher row and may need a separate track, otherwise 0."""
+    """Return 1 if a line leads to a higher row and may need a separate track, otherwise 0."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
@@ -574,7 +574,7 @@ def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> d
 
 
 def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> list[list[str]]:
-    """Return the neighbours of an actuator in columns, by their distance in the chain of motion."""
+    """Return the neighbours of an actuator in columns, by their number of couplings from the actuator."""
     columns = [[names[0]]]
     while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
         columns.append(column)
@@ -638,7 +638,7 @@ def _is_supply(ports: Sequence[Port]) -> bool:
 
 
 def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, known: Mapping[str, int]) -> int | None:
-    """Return the rank of a component at an exhaust: below the component of the exhaust."""
+    """Return the rank of a component at an exhaust: below the component that exhausts."""
     for port in ports[name]:
         joint: Joint | None = wiring.at.get(port)  # type: ignore[call-overload]
         for other in joint.ports if joint is not None else ():
@@ -672,7 +672,7 @@ def _order(
     placed: Mapping[str, Block],
     spread: float,
 ) -> None:
-    """Order the blocks of each row near the blocks they are joined to, upward and downward."""
+    """Order the blocks of each row to be near the blocks that they are connected to, in upward and downward passes."""
     for row in rows.values():
         x = 0.0
         for name in row:
@@ -696,7 +696,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
-    """Return places in this order that keep blocks apart and are nearest to the wanted places (least squares)."""
+    """Return places, in this order, that keep the blocks apart and are nearest to the wanted places (least squares)."""
     offsets = [0.0]
     for (_, right), (left, _) in pairwise(extents):
         offsets.append(offsets[-1] + math.ceil(right - left + gap))
@@ -748,7 +748,7 @@ SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)
 
 
 def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
-    """Place the components and find a way for every line, with more room between them if necessary."""
+    """Place the components and find a path for every line, with more space between them if necessary."""
     for spread in SPREADS:
         placed, nets = place(circuit, spread)
         try:

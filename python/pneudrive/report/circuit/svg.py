@@ -1,7 +1,7 @@
 """The drawing of a circuit: shapes in modules, y up, as a figure, and as SVG text for a notebook.
 
-The SVG text has no script and no style sheet, and every text is escaped. An untrusted notebook removes the tags. Line
-ends separate the texts even in a viewer without SVG.
+The SVG text has no script and no style sheet, and every text is escaped. A viewer without SVG, or an untrusted
+notebook, shows the bare texts, which line ends separate.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
 
 
 def _is_piston(shape: Shape) -> bool:
-    """Whether it is the piston of the symbols of cylinders."""
+    """Return whether a shape is the piston in the symbol of a cylinder."""
     if shape.word != "line" or len(shape.points) != 4:
         return False
     (x, y), *rest = shape.points
@@ -98,7 +98,7 @@ def _is_piston(shape: Shape) -> bool:
 
 
 def _moves(x: float, y: float) -> bool:
-    """Whether a point of the symbol moves: at the piston's faces, or at cushions and carriage, which are around it."""
+    """Return whether a point of the symbol moves: at the piston's faces, or at its cushions and carriage."""
     return 2.9 < x < 3.9 or (0.9 < x < 5.3 and y > 0.5)
 
 

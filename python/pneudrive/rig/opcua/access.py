@@ -47,7 +47,7 @@ def _no_password(_: object) -> None:
 
 
 def _variable(given: object) -> str:
-    """Read the name of a variable. A rig file of somebody else must not send the token of another service."""
+    """Read the name of an environment variable. A foreign rig file must not name the token of another service."""
     if not isinstance(given, str) or not given.startswith(PREFIX):
         rule = f"a rig file may send only variables whose names begin with {PREFIX}"
         raise WrongValueError(f"{given!r} is not a variable of a rig", rule, 'password_env = "PNEUDRIVE_RIG_PASSWORD"')
@@ -55,7 +55,7 @@ def _variable(given: object) -> str:
 
 
 def _file_next_to_it(given: object) -> str:
-    """Read the name of a password file. A path or a link could lead to a private file of the user."""
+    """Read the name of a password file, which must not be a path or a link, because it could lead to a private file."""
     if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
         rule = "the password file lies in the folder of the rig file, and is named without a path"
         raise WrongValueError(f"{given!r} is not the name of a password file", rule, 'password_file = "password.txt"')
@@ -209,7 +209,7 @@ class Protection:
         return User(role=UserRole.User, name=username)
 
     async def validate(self, certificate: x509.Certificate, application: Any) -> None:  # noqa: ANN401 - asyncua's
-        """Check trust, dates and application of the certificate of a client."""
+        """Check that the certificate of a client is trusted and has valid dates and the right application."""
         if certificate.public_bytes(Encoding.DER) not in self.trusted:
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
         await _validator(CertificateValidatorOptions.PEER_CLIENT).validate(certificate, application)
@@ -318,7 +318,7 @@ def read_users(path: Path) -> dict[str, str]:
 
 
 def application_uri(certificate: Path) -> str:
-    """Return the application's URI from a certificate, which OPC UA compares with that of the application."""
+    """Return the application URI in a certificate. OPC UA compares it with the URI of the application."""
     try:
         names = _certificate(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         return names.get_values_for_type(x509.UniformResourceIdentifier)[0]

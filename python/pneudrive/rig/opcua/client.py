@@ -1,4 +1,4 @@
-"""Client of a rig over OPC UA: a PLC with servo drive, or a served simulated rig."""
+"""Client for rigs over OPC UA: a PLC with a servo drive, or a served simulated rig."""
 
 from __future__ import annotations
 
@@ -52,13 +52,12 @@ class OpcUaRig:
     Parameters
     ----------
     link : Link
-        Open connection.
-        Identity and limits of its file replace missing or wrong values of the server.
+        Open connection. Identity and limits in its rig file replace missing or wrong values of the server.
 
     Notes
     -----
-    From the first command on, the client sends a heartbeat. If it ends for any reason, the server brings the axis to
-    rest. A lost connection raises `ConnectionLostError` once it is reopened, `RigError` if it cannot be.
+    From the first command on, the client sends a heartbeat. If the heartbeat ends for any reason, the server brings the
+    axis to rest. A lost connection raises `ConnectionLostError` once it is reopened, or `RigError` if this fails.
     """
 
     def __init__(self, link: Link) -> None:
@@ -167,7 +166,7 @@ class OpcUaRig:
             self._run(verb, arguments, expected_s)
 
     def _start(self, verb: node_map.Verb, arguments: dict[str, Any] | None) -> int:
-        """Write arguments, then the id that starts the command, after the answer to a pending stop."""
+        """After the answer to a pending stop, write the arguments, then the id that starts the command."""
         with self._starting:
             if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
                 self._link.beat()
@@ -255,7 +254,7 @@ class OpcUaRig:
         return parse_json(text, self._link.url, RigError)
 
     def _check_back(self) -> None:
-        """Raise an error once if the connection was lost and reopened."""
+        """Raise an error, only once, if the connection was lost and reopened."""
         if self._gone:
             self._gone = False
             raise self._back("waiting", "the server was unreachable in between")
@@ -298,7 +297,7 @@ class OpcUaRig:
             raise RigError.of("rig.lost", where=self._link.url, reason=reason, seconds=seconds, beat=beat_s)
 
     def _back_within(self, limit_s: float) -> bool:
-        """Connect again, with growing waits between attempts, and stop the rig; return whether this succeeded."""
+        """Connect again, with growing waits between attempts, and stop the rig; return whether it succeeded."""
         deadline, wait = time.monotonic() + limit_s, FIRST_WAIT_S
         while True:
             with contextlib.suppress(LinkError):

@@ -32,7 +32,7 @@ REFUSALS = ("ertificate", "Identity", "UserAccess", "Security", "Signature", "No
 
 
 def quieten() -> None:
-    """Silence the logging of asyncua unless its level is set: errors of this module report the problems."""
+    """Silence the logging of asyncua unless its level is set, because errors of this module report the problems."""
     for noisy in ("asyncua", "asyncuagds"):
         if logging.getLogger(noisy).level == logging.NOTSET:
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
@@ -48,7 +48,7 @@ class HungUpError(LinkError):
 
 @dataclass(frozen=True)
 class ServedNode:
-    """Node on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
+    """Node on the connected server: one id or one for each slot, type, and length of an array (0: any)."""
 
     node: Node
     ids: tuple[Any, ...]
@@ -133,7 +133,7 @@ class Link:
         self._loop.run(self._connect())
 
     def beat(self) -> None:
-        """Start the heartbeat if it is not running; a client that only reads needs no heartbeat."""
+        """Start the heartbeat if it is not running. A client that only reads does not need a heartbeat."""
         if self._heart is None:
             self._loop.run(self._start_heart())
 

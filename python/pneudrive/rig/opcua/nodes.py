@@ -2,13 +2,13 @@
 
 The handshake uses only variables, so that every PLC can implement it:
 
-- A command is its verb and arguments, then a new ``command.id``. The server sets ``answer.fault`` and then
-  ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
-  other verb is a fault while a verb runs, or while another client is the commander.
+- A client writes verb and arguments of a command, then a new ``command.id``. The server sets ``answer.fault``, then
+``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
+other verb is a fault while a verb runs, or while another client has the command.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
   ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only after this
   acknowledgement is the slot written again. ``answer.done`` follows the last chunk.
-- Both sides increment their heartbeat, the client from its first command on. If the client's heartbeat stops, the
+- Both sides increment their heartbeats, the client from its first command on. If the client's heartbeat stops, the
   server brings the axis to rest, releases the pressure, and increments ``heartbeat.stops``. The server accepts no
   command until the heartbeat has returned. A change of ``heartbeat.stops`` informs the client that its earlier commands
   are no longer in effect.
@@ -58,7 +58,7 @@ class Verb(IntEnum):
 
 @dataclass(frozen=True)
 class NodeKind:
-    """NodeKind of a node, as ``kinds.toml`` lists it; its unit and field may be empty."""
+    """Kind of a node, as listed in ``kinds.toml``; unit and field may be empty."""
 
     type: str
     unit: str = ""
@@ -82,7 +82,7 @@ Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
 
 @dataclass(frozen=True)
 class Node:
-    """Node of the map: SI value = raw * factor + offset, plus the ambient pressure where ``gauge``.
+    """Node of the map: SI value = raw * factor + offset, plus the ambient pressure if ``gauge``.
 
     ``id`` is absent for a ``constant`` (SI, pressures absolute).
     """

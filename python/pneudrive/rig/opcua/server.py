@@ -61,14 +61,14 @@ class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a sile
 
 
 class ServedSession(InternalSession):
-    """Session on a served rig, at most one at a time: it reads all nodes and writes those of commands."""
+    """Session on a served rig; only one is active at a time. It may read all nodes and write the nodes of commands."""
 
     def __init__(self, internal: Any, served: RigServer, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
         self.served = served
 
     def activate_session(self, params: Any, peer_certificate: Any) -> Any:  # noqa: ANN401
-        """Admit the client, unless another one is served."""
+        """Admit the client unless another client is served."""
         if self.is_activated() or not self.served.is_free:
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         result = super().activate_session(params, peer_certificate)
@@ -95,7 +95,7 @@ class ServedSession(InternalSession):
 
 
 class ServerLimits(TransportLimits):
-    """Limits of messages, the same for all clients: asyncua would take those of the last one for all."""
+    """Limits of messages, the same for all clients. asyncua would apply the limits of the last client to all."""
 
     def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
         """Answer the hello message of a client; a client with smaller buffers is rejected."""
@@ -113,14 +113,14 @@ class RigServer:
     Parameters
     ----------
     rig : Rig
-        Rig; its verbs are called from one worker thread, `stop` from another.
+        Rig whose methods are called from one worker thread, except `stop`, which is called from another.
     nodes : NodeMap
     host, port : str, int
-        Address to listen on; port 0 takes a free one, which `url` gives.
+        Address to listen on. Port 0 means any free port; `url` then contains its number.
     protection : Protection, optional
         Admitted clients and users; default: anyone.
     heartbeat_s : float, optional
-        Heartbeat time; default: that of the map.
+        Heartbeat time; the default is in the map.
 
     Raises
     ------
@@ -259,7 +259,7 @@ class RigServer:
             await self._server.iserver.write_attribute_value(node_id, data)
 
     async def write(self, node_id: Any, value: Any) -> Any:  # noqa: ANN401 - asyncua's types
-        """Take a value that the client writes; return the status."""
+        """Store a value that the client writes; return the status."""
         name = self._writable.get(node_id)
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
@@ -288,11 +288,11 @@ class RigServer:
 
     @property
     def is_free(self) -> bool:
-        """Whether a client may enter: the place is free, or its client has no heartbeat."""
+        """Whether a new client may be served: there is no client, or the present one has no heartbeat."""
         return self.session is None or self._beat_at is None
 
     def enter(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession
-        """Serve a new client, in place of one without a heartbeat."""
+        """Serve a new client; it replaces a client without a heartbeat."""
         before, self.session, self.fault = self.session, session, ""
         self._values |= {name: self._initial(name) for name in self._writable.values()}
         self._soon(self._show({"state.fault": ""}))
@@ -314,7 +314,7 @@ class RigServer:
         self._soon(self._show({"heartbeat.stops": self._stops}))
 
     async def _keep_time(self) -> None:
-        """Show a heartbeat, and watch that of the client and the answers that no client reads."""
+        """Publish a heartbeat, monitor that of the client, and watch for answers that no client reads."""
         tick, limit = TICK_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         seen_late, ticks = None, 0
         while True:
@@ -383,8 +383,8 @@ class RigServer:
     async def _stop(self, reason: str, verb: int = Verb.STOP, identity: int | None = None) -> None:
         """Bring the rig to rest, and answer the client.
 
-        A halted acquisition ends by itself within a short time, and the pressures stay. Any other command is stopped,
-        and stopped again until it has ended, as it may have been about to start.
+        A halted acquisition ends by itself within a short time, and the pressures stay. Any other command is stopped
+        repeatedly until it has ended, because it may start only after the first stop.
         """
         self._interrupted, fault, running = reason, "", self._running
         self._room.set()
@@ -456,7 +456,7 @@ class RigServer:
         self._loop.run(self._show({"simulation.answer": json.dumps(answer)}))
 
     def _steps(self, arguments: dict[str, Any]) -> list[Step]:
-        """Read the steps from the arrays of a command, each of at most a day."""
+        """Read the steps from the arrays of a command; each step takes at most a day."""
         count = arguments["step.count"]
         columns = [arguments[name] for name in ("step.kind", *STEPS) if name in arguments]
         most = min(map(len, columns))
@@ -497,7 +497,7 @@ class RigServer:
 
 
 async def _ends_within(seconds: float, running: Future[str]) -> bool:
-    """Wait for a command up to a time; return whether it ended."""
+    """Wait for a command up to a given time; return whether it ended."""
     if not running.done():
         await asyncio.wait([asyncio.wrap_future(running)], timeout=seconds)
     return running.done()
