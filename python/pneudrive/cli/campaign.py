@@ -205,7 +205,7 @@ def _options(operator: str, yes: bool, timeout: str) -> campaigns.Options:
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
-    """Return the command to resume; it names the rig if the folder alone is not sufficient."""
+    """Return the command that resumes a campaign; it names the rig if the folder is not sufficient."""
     named = f" --rig {rig}" if rig_file.must_be_named(rig) else ""
     return f"pneudrive campaign resume {folder}{named}{f' --allow-code {allow_code}' if allow_code else ''}"
 

@@ -1,9 +1,9 @@
 """Commands from functions: arguments and options from the signature, help and examples from the docstring.
 
-A positional parameter is an argument, a keyword-only parameter is an option. Their texts stand below the heading
+A positional parameter is an argument, a keyword-only parameter is an option. Their texts are below the heading
 ``Options`` in the docstring of the function, of its module, or of `pneudrive.cli.options`. The heading ``Examples``
-follows. A command module imports what computes with `pneudrive.lazy_names.used_later`, so that help and completion of
-the shell load only the command modules.
+follows. A command module imports computing modules by `pneudrive.lazy_names.used_later`, so that help and shell
+completion load only the command modules.
 """
 
 from __future__ import annotations

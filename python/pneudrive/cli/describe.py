@@ -214,7 +214,7 @@ def _to_note(core_json: str) -> Iterator[tuple[str, str]]:
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield assumptions or notes. Equal ones of several components or joints appear once."""
+    """Yield assumptions or notes. A text that holds for several components or joints appears once."""
     names: dict[str, list[str]] = {}
     for line, name in assumptions:
         names.setdefault(line, []).append(name)

@@ -176,7 +176,7 @@ def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _averaged(curves: xr.Dataset, by: str) -> Iterator[str]:
-    """Yield notes on labels that have several values, because the fit averages over these values."""
+    """Yield notes on labels with several values, over which the fit averages."""
     for name, column in curves.data_vars.items():
         # A label of pressure repeats a measured column; "kind" is the purpose of a campaign's cycle.
         if column.dtype.kind not in "OUS" or name in (*friction_map.COLUMNS, by, "pressure", "kind"):
@@ -206,7 +206,7 @@ def _each_fit(
     by: str,
     fit_part: Callable[[xr.Dataset], LawFit],
 ) -> Iterator[tuple[str, xr.Dataset, LawFit]]:
-    """Yield each group with its rows, fit and comparison; name the groups that cannot be fitted, unless all fail."""
+    """Yield each group with its rows, fit and comparison. Print groups that cannot be fitted; raise if all fail."""
     groups = {"": curves}
     if by:
         labels = survey.row_labels(curves, by)
@@ -330,7 +330,7 @@ def identify(
 
 
 def _show_step(progress: Progress) -> None:
-    """Write the rms residual of each channel. The cost is left out: each phase weights the residuals anew."""
+    """Write the RMS residual of each channel. The cost is left out, because each phase has other weights."""
     rms = []
     for name, value in progress.rms.items():
         size, unit = units.readable(trajectory.meaning(channels.CHANNELS[name])[1])
@@ -514,7 +514,7 @@ def design(
 
 
 def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> tuple[str, ...]:
-    """Return a note if errors shared by all points exceed the errors that more points reduce."""
+    """Return a note if errors common to all points exceed the errors that more points reduce."""
     errors = []
     for name, then in plan.half_widths_then.items():
         factor, unit = units.readable(model.unit_of(name))

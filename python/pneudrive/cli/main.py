@@ -57,7 +57,7 @@ def fail(error: errors.PneudriveError) -> int:
 def _plain_warnings() -> Iterator[None]:
     """Print a warning once, as one line on stderr, without its location in the package.
 
-    Only some of the warnings that differ in numbers alone are printed. Severe findings are all printed.
+    Of warnings that differ only in numbers, only some are printed. All severe findings are printed.
     """
     otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 

@@ -161,7 +161,7 @@ def _characterise_campaign(
 
 
 def _laws_with(law: str) -> list[str]:
-    """Return the laws to fit: those of every report, and that of fit.toml."""
+    """Return the laws to fit: the standard laws of a report, and the law of fit.toml."""
     return list(dict.fromkeys((*static_fits.LAWS, law)))
 
 

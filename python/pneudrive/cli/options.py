@@ -117,7 +117,7 @@ def check_used(context: typer.Context, to: str, used: Mapping[str, tuple[Sequenc
     to : str
         Target of the export.
     used : mapping
-        Parameter of the command -> targets that use it, and what to do for another one.
+        Parameter of the command -> targets that use it, and a remedy for other targets.
 
     Raises
     ------

@@ -218,7 +218,7 @@ def _design(
     seed: int,
     correlation: Sequence[str],
 ) -> pn.EnsembleDesign:
-    """Read what varies."""
+    """Read the numbers that vary, and return the design."""
     if method not in designs.SAMPLERS:
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, designs.SAMPLERS))
     files = [text for text in vary if "=" not in text]
@@ -406,9 +406,9 @@ def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser
 
 
 def _write_redirect(path: Path, address: str) -> None:
-    """Write a file that leads a browser to an address.
+    """Write a file that redirects a browser to an address.
 
-    Only the user may read it. Every account of a shared computer can read the arguments of the browser's process.
+    Only the user may read the file. The arguments of the browser's process, in contrast, are visible to all accounts.
     """
     path.touch(0o600, exist_ok=False)
     text = f'<meta http-equiv="refresh" content="0;url={address}"><a href="{address}">{path.stem}</a>\n'

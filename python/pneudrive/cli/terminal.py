@@ -60,7 +60,7 @@ def writable_folder(out: Path) -> Path:
 
 
 def console() -> Console:
-    """Return a console without markup, as names of recordings and seals may contain brackets."""
+    """Return a console without markup, because names of recordings and seals may contain brackets."""
     from rich.console import Console
 
     return Console(width=_width(), highlight=False, markup=False)
@@ -71,7 +71,7 @@ def _width() -> int:
 
 
 def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
-    """Print a table. In a narrow terminal, `rich` folds its cells; its import would delay each short command.
+    """Print a table. `rich` is imported only to fold cells in a narrow terminal, because its import takes long.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def check_outputs(
     suffixes : sequence of str
         Suffixes of the result; default: those of a trajectory.
     more : sequence of str
-        Suffixes of the picture besides those of all pictures.
+        Further suffixes of the picture.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Parts of estimates: means of autocorrelated values, levels, covariances, information, losses, moderated variances."""
+"""Building blocks of estimates: means of autocorrelated values, levels, covariances, information, losses, variances."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MOST_VALUES = 400
 def stderr_of_mean(values: Array) -> float:
     """Estimate the standard error of the mean of a series, shape (n,), in the order of time or position.
 
-    The autocorrelation is summed until it first falls below zero. Subtracting the mean of the series makes its variance
-    too small by the same sum, which is corrected.
+    The autocorrelation is summed until it first falls below zero. The same sum corrects the variance, which is too
+    small because the mean of the series was subtracted.
 
     Returns
     -------
@@ -65,7 +65,7 @@ SAME_SPEED = 0.05
 
 
 def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
-    """Return the lowest and highest value of each level; values closer than `share` of the larger form one level."""
+    """Return the lowest and highest value of each level: values within the fraction `share` of its largest one."""
     levels: list[tuple[float, float]] = []
     for value in np.sort(np.abs(values)).tolist():
         if not levels or value - levels[-1][0] > share * value:
@@ -123,7 +123,7 @@ def cells(*columns: Ints) -> Ints:
 def integrated_wiener(s: Array, t: Array) -> Array:
     """Return the covariance of an integrated Wiener process with variance 1 at 1.
 
-    Its estimate is the cubic spline [wahba1983].
+    The estimate with this covariance is the cubic spline [wahba1983].
 
     Examples
     --------
@@ -136,7 +136,7 @@ def integrated_wiener(s: Array, t: Array) -> Array:
 
 
 def matern(s: Array, t: Array, reach: float) -> Array:
-    """Return the covariance of a function that is smooth over `reach` and uncorrelated far beyond (Matern 3/2).
+    """Return the covariance of a function that is smooth over `reach` and uncorrelated over much more (Matern 3/2).
 
     Examples
     --------
@@ -154,7 +154,7 @@ def gaussian(s: Array, t: Array, reach: float) -> Array:
 
 
 def centred_walk(order: Array) -> Array:
-    """Return the covariance of a random walk over the observations' order, minus its mean, shape (n, n)."""
+    """Return the covariance of a random walk, in the order of the observations, minus its mean, shape (n, n)."""
     walk = np.minimum(order[:, None], order[None, :])
     walk = walk - walk.mean(axis=0, keepdims=True)
     return walk - walk.mean(axis=1, keepdims=True)
@@ -169,7 +169,7 @@ TAKES_PART = 0.3
 
 
 def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
-    """Return the covariance of the coordinates of a least-squares problem, without directions without information.
+    """Return the covariance of the coordinates of a least-squares problem; directions without information are left out.
 
     Parameters
     ----------
@@ -191,13 +191,13 @@ def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
 
 
 def shift_of(jacobian: Array, residual: Array) -> Array:
-    """Return the change of the coordinates with the residuals, shape (p,), along directions with information."""
+    """Return the change of the coordinates that residuals cause, shape (p,), in directions with information."""
     size = _sizes(jacobian)
     return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
 
 
 def weak_coordinates(jacobian: Array) -> Bools:
-    """Return a mask of coordinates without effect, or with a part in a direction without information.
+    """Return a mask of coordinates that have no effect, or that have a component in a direction without information.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Optimal designs over a list of candidate points.
 
-A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: one measurement
-adds g g' to the information. The gradients of a nonlinear law depend on its parameters. There is therefore one set for
-each sample of a prior, and criteria are means over the samples:
+A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation. One measurement
+adds g g' to the information. The gradients of a nonlinear law depend on its parameters. There is therefore one set of
+gradients for each sample of a prior, and criteria are means over the samples:
 
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
@@ -99,7 +99,8 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
 def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D") -> tuple[Ints, int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
-    Each point is chosen once, and all are repeated equally often, as in a protocol. The number of repeats is optimised.
+    Each point is chosen at most once, and all points are repeated equally often, as in a protocol. The number of
+    repeats is optimised.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion
 
 
 def _criterion(candidates: DesignSpace, matrix: Array, criterion: str) -> float:
-    """Return the criterion to maximise: the mean of ln det M, or minus that of trace(M^-1 W)."""
+    """Return the criterion to maximise: the mean of ln det M, or minus the mean of trace(M^-1 W)."""
     if criterion == "D":
         return float(np.mean(np.linalg.slogdet(matrix)[1]))
     assert candidates.region is not None

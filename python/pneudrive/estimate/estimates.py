@@ -22,7 +22,7 @@ SURE = 3.0  # standard errors of one value
 def student(dof: float, confidence: float = CONFIDENCE) -> float:
     """Return the two-sided quantile of Student's t, by default 95 %.
 
-    Without degrees of freedom, use the quantile of the normal distribution.
+    Without degrees of freedom, return the quantile of the normal distribution.
 
     Examples
     --------
@@ -42,10 +42,10 @@ class Estimate:
     Attributes
     ----------
     value, low, high, stderr : float
-        NaN if the data do not determine it.
+        Value, interval and standard error; NaN if the data do not determine them.
     unit : str
     degrees_of_freedom : float
-        Degrees of freedom of Student's t of the interval.
+        Degrees of freedom of Student's t for the interval.
     p : float
         Probability of a value as far from zero by chance; NaN if the test has no meaning.
     """
@@ -132,7 +132,7 @@ def mean_estimate(values: Array, unit: str = "N") -> Estimate:
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Two or more, in `unit`.
+        Two or more values in `unit`.
     unit : str
 
     Returns

@@ -4,8 +4,8 @@
 
 y are the results of cycles, and X b the wanted fixed effects. Each K_i describes how cycles share a random effect (a
 block, a day, the drift, the cycle itself, the deviation of a curve from a line). W is the known noise within cycles.
-The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. The deviations
-are uncertain. Every result is therefore averaged over points about their estimate, weighted by probability, so that
+The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. They are
+uncertain. Every result is therefore averaged over points about their estimate, weighted by probability, so that
 intervals from few cycles are wide enough [rue2009].
 """
 
@@ -60,11 +60,11 @@ class Scan:
         return int(np.argmin(self.cost))
 
     def scale(self, freedom: float, least: float = 0.0) -> float:
-        """Return the variance of the whitened residuals, not below `least`."""
+        """Return the variance of the whitened residuals, at least `least`."""
         return max(float(self.cost[self.best]) / freedom, least)
 
     def rise(self, freedom: float, least: float = 0.0) -> float:
-        """Return the rise of the cost at the ends of the 95 % interval of one quantity."""
+        """Return the increase of the cost at the ends of the 95 % interval of one quantity."""
         return self.scale(freedom, least) * student(freedom) ** 2
 
     def inside(self, rise: float) -> NDArray[np.intp]:
@@ -88,7 +88,7 @@ class Scan:
         return float((value - reach).min()), float((value + reach).max())
 
     def shape_interval(self, k: int, rise: float, sought: tuple[float, float]) -> tuple[float, float]:
-        """Return the interval of a shape parameter; an end is 0 or inf if it reaches the end of the grid."""
+        """Return the interval of a shape parameter; an end that reaches the end of the grid is 0 or inf."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())
         return (
@@ -140,7 +140,7 @@ def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callab
         First values, ascending, in logarithmic steps.
     count : int
     rise : callable
-        Scan -> allowed rise of the cost.
+        Scan -> allowed increase of the cost.
     """
     first = at(coarse)
     allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
@@ -262,7 +262,7 @@ class MixedModel:
     components: tuple[RandomEffect, ...]
 
     def fit(self) -> MixedFit:
-        """Fit the standard deviations, and the points that represent their uncertainty."""
+        """Fit the standard deviations, and find the points that represent their uncertainty."""
         scales = np.array([c.scale for c in self.components])
         if not self.components:
             state = _State.of(self, scales)
@@ -273,7 +273,7 @@ class MixedModel:
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None = None) -> tuple[Array, float]:
-        """Find only the most probable standard deviations, from a near start, and the cost of the data.
+        """Find only the most probable standard deviations, from a start nearby, and the cost of the data.
 
         The cost is the negative logarithm of the probability, without its constant for this number of data.
         """
@@ -288,7 +288,7 @@ class MixedModel:
         Returns
         -------
         ndarray, shape (n,)
-            Observation less its prediction from the others.
+            Observation minus its prediction from the others.
         ndarray, shape (n,)
             Standard deviation of the difference.
         """
@@ -303,12 +303,12 @@ class MixedModel:
         )
 
     def _few(self) -> MixedModel:
-        """Return the model with every k-th observation if there are very many."""
+        """Return the model with every k-th observation if there are very many observations."""
         n = self.y.size
         return self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
 
     def _part(self, rows: NDArray[np.intp]) -> MixedModel:
-        """Return the model of some observations, without columns that these do not determine."""
+        """Return the model of some observations, without columns that these observations do not determine."""
         x = self.x[rows]
         kernels = (c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)] for c in self.components)
         parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
@@ -359,7 +359,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Means and variances of linear functions of the model, shape (m,); `freedom` of Student's t."""
+    """Means and variances of linear functions of the model, shape (m,), and degrees of freedom of Student's t."""
 
     mean: Array
     variance: Array
@@ -428,7 +428,7 @@ class MixedFit:
         return _mixed(np.array(means), np.array(variances), self.weights)
 
     def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
-        """Average with fits of the same observations by other kernels or noise, weighted by probability.
+        """Average with fits of the same observations that have other kernels or noise, weighted by probability.
 
         Parameters
         ----------
@@ -439,7 +439,7 @@ class MixedFit:
         Returns
         -------
         MixedFit
-            Averaged fit, with the most probable standard deviations of the likeliest fit.
+            Averaged fit, with the most probable standard deviations of the fit with the highest probability.
         ndarray
             Weight of each of the others.
         """
@@ -502,7 +502,7 @@ class Functionals:
     fit : MixedFit
     fixed : ndarray, shape (m, p)
     cross : dict
-        Random effect -> covariance with that of the observations, shape (m, n).
+        Random effect -> covariance between the functions and the observations, shape (m, n).
     own : dict
         Random effect -> covariance of the functions, shape (m, m).
     """
@@ -595,9 +595,8 @@ def _search(model: MixedModel, start: Array, scales: Array) -> Array:
 def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
     """Return points about the optimum, on the axes of the likelihood's curvature, weighted by their probability.
 
-    The rule with 2 d + 1 points is exact for cubic polynomials under a normal distribution. The ratio of the true
-    density to
-    the normal one is a factor of the weights and corrects for skew.
+    The rule with 2 d + 1 points is exact for cubic polynomials under a normal distribution. The weights contain the
+    ratio of the true density to the normal one, which corrects for skew.
     """
     d = best.size
     curvature = np.empty((d, d))

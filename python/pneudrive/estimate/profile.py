@@ -39,7 +39,7 @@ class Transforms:
     Parameters
     ----------
     lower, upper : array_like, shape (p,)
-        Open bounds; a value without a lower bound is signed.
+        Open bounds. A value without a lower bound is signed.
     size : array_like, shape (p,)
         Usual change of a signed value.
     excess : int, optional
@@ -47,7 +47,7 @@ class Transforms:
     over : int or float
         The other value: its index, or a constant.
     least_excess : float
-        Smallest excess, relative to the other value. A smaller excess is raised to this.
+        Smallest excess, relative to the other value. A smaller excess is increased to it.
 
     Examples
     --------
@@ -181,18 +181,17 @@ def profile_interval(
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
     For a linear model, the square root of the growth of the cost is linear, so a secant method finds each end. The
-    secant stays within
-    a bracket: the farthest point below the limit and the nearest one beyond it. Incompletely minimised costs scatter,
-    but the bracket keeps its points. A side is open only if no point is beyond the
-    limit.
+    secant stays within a bracket: the farthest point below the limit and the nearest one beyond it. The method
+    tolerates scatter of incompletely minimised costs, because the bracket keeps its points. A side is open only if no
+    point is beyond the limit.
 
     Parameters
     ----------
     held : callable
-        ``held(value, start)`` holds the coordinate at a value, fits all others from a start, and returns the cost and
-        the point where it ended. A step starts from the last point below the limit. The cost may be infinite.
+        ``held(value, start)`` fixes the coordinate at a value, fits all others from a start, and returns the cost and
+        the final point. A step starts from the last point below the limit. The cost may be infinite.
     point : object
-        Point of the estimate: start of the first step to either side.
+        Point of the estimate, the start of the first step to either side.
     estimate : float
         Coordinate at the estimate.
     step : float
@@ -205,11 +204,11 @@ def profile_interval(
     Returns
     -------
     float, float
-        Ends; infinite if the cost never grows so far.
+        Ends of the interval; infinite if the cost does not grow by `allowed`.
 
     Examples
     --------
-    The model 3 x of the values 3, 6 and 9 at unit weights grows by (3^2 + 6^2 + 9^2) (x - 1)^2 about x = 1.
+    The cost of the model 3 x, 6 x, 9 x of the values 3, 6 and 9 grows by (3^2 + 6^2 + 9^2) (x - 1)^2 about x = 1.
 
     >>> low, high = profile_interval(lambda x, _: (126.0 * (x - 1.0) ** 2, None), None, 1.0, 0.1, 0.0, 126.0)
     >>> round(low, 6), round(high, 6)
@@ -218,7 +217,7 @@ def profile_interval(
     first = min(step if step > 0.0 else 1.0, farthest)
 
     def end(sign: float) -> float:
-        """Return the signed distance to one end. Infinite if no point is beyond the limit up to `farthest`."""
+        """Return the signed distance to one end; infinite if no point up to `farthest` is beyond the limit."""
         away, begin = first, point
         below, beyond = [(0.0, 0.0)], (np.inf, np.inf)  # distances, and roots of the cost's growth
         for _ in range(STEPS):

@@ -21,7 +21,7 @@ class Bound:
     unit : str
         Unit of the amount.
     reason : str
-        Why ordinary use stays below the bound.
+        Reason why ordinary use stays below the bound.
     raised : bool
         Whether the user may raise the bound.
     """
@@ -79,7 +79,7 @@ def within(name: str, value: float, what: str, kind: type[PneudriveError], where
     name : str
         Name of the bound.
     value : float
-        Value of the user; NaN is always beyond.
+        Value to check; NaN is always beyond the bound.
     what : str
         First sentence of the message.
     kind : type of PneudriveError
@@ -106,6 +106,6 @@ def beyond(name: str, value: float) -> tuple[str, str | None] | None:
 
 
 def _more(value: float, most: float) -> float:
-    """Return a sufficient bound, rounded."""
+    """Return a rounded bound that is sufficient."""
     wanted = max(value, most) if value < float("inf") else 10 * most
     return float(f"{1.5 * wanted:.0e}")

@@ -1,4 +1,4 @@
-"""Bytes and text of a file, and JSON, each with bounds and one clear message for each error; and kinds of files."""
+"""Bytes and text of a file, JSON, and kinds of files, with bounds and one clear message for each error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def rendered(
     template: Path, filters: Mapping[str, Any], tests: Mapping[str, Any] | None = None, /, **values: object
 ) -> str:
-    """Return the text of a template of jinja2, without the lines of its blocks; `values` are not escaped."""
+    """Return the rendered text of a jinja2 template, without lines of block tags; `values` are not escaped."""
     import jinja2
 
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
@@ -54,7 +54,7 @@ def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes",
     kind : type of PneudriveError
         Class of the errors.
     most : str
-        Name of the bound of its size.
+        Name of the bound of the file's size.
     folder : str, optional
         Remedy if the path is a folder.
 
@@ -161,7 +161,7 @@ def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noq
 
 
 def check_nesting(text: str, where: str, kind: type[PneudriveError]) -> None:
-    """Check the nesting of brackets and the parts of keys in TOML, before it is parsed.
+    """Check the nesting of brackets and the number of parts of keys in TOML, before it is parsed.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def check_nesting(text: str, where: str, kind: type[PneudriveError]) -> None:
 
 
 def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
-    """Yield depth and place of each character: open brackets, and parts of the key before it."""
+    """Yield depth and place of each character. The depth counts open brackets and parts of the key before it."""
     brackets = parts = 0
     for token in tokens:
         sign = token[0]
@@ -197,7 +197,7 @@ def _check_depth(depths: Iterable[tuple[int, int]], kind: type[PneudriveError], 
 def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
     """Check the nesting of parsed tables and lists, and the size of their whole numbers.
 
-    Keys with many parts multiply with brackets. TOML has whole numbers of 64 bits; Python reads longer ones.
+    Parts of keys add to the depth of brackets. TOML allows whole numbers of 64 bits, but Python reads longer ones.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, si
     Raises
     ------
     PneudriveError
-        The file does not exist, is not a plain file, too large (also unpacked), damaged or cut off.
+        The file does not exist, is not a plain file, is too large (also when unpacked), damaged or incomplete.
     """
     there = check_file(path, kind, folder=folder)
     packed = path.suffix in COMPRESSIONS and there > 0

@@ -48,7 +48,7 @@ class Opened:
         Returns the names of the columns.
     get : callable
         ``get(names, dates, rows)`` reads some columns; a name in `dates` gives texts or NumPy's ``datetime64``, if
-        possible. `rows` is (first, one behind the last), or None for all.
+        possible. `rows` is (first, last + 1), or None for all.
     count : callable
         Returns the number of rows; None for a format without tables.
     metadata : dict
@@ -96,7 +96,7 @@ def open_parquet(path: Path) -> Opened:
 
 
 def plain(column: NDArray[Any]) -> NDArray[Any]:
-    """Return numbers and times as they are, and all else as texts or None."""
+    """Return numbers and times unchanged, and all other values as texts or None."""
     if column.dtype.kind in "iufbMm":
         return column
     texts = [None if value is None else str(value) for value in column.ravel().tolist()]
@@ -104,7 +104,7 @@ def plain(column: NDArray[Any]) -> NDArray[Any]:
 
 
 def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
-    """Return a table with a column ``name[0]``, ``name[1]``, ... for each place of a column of short lists."""
+    """Return a table in which a column of short lists becomes columns ``name[0]``, ``name[1]``, ..."""
     import polars as pl
 
     schema = table.collect_schema()
@@ -122,7 +122,7 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
 
 
 def check_parquet(path: Path, wanted: Sequence[str]) -> None:
-    """Check the size of columns by the header of a Parquet file, because a long constant column takes few bytes.
+    """Check the size of columns by the header of a Parquet file, because a long constant column is a small file.
 
     Raises
     ------
@@ -239,7 +239,7 @@ def open_tdms(path: Path) -> Opened:
 
 
 def open_mf4(path: Path) -> Opened:
-    """Open an MDF file; channels are interpolated to the times of the fastest wanted one, which are ``time``, s.
+    """Open an MDF file; channels are interpolated to the times of the fastest requested channel (``time``, s).
 
     A name in several channel groups is written ``number of the group/name``.
     """
@@ -326,7 +326,7 @@ def is_hdf5(path: Path) -> bool:
 
 @contextlib.contextmanager
 def _limited_memory(path: Path) -> Iterator[None]:
-    """Limit the memory for a MAT file: arrays inside structures state their sizes only when they are read."""
+    """Limit the memory for a MAT file, because arrays inside structures state their sizes only when they are read."""
     try:
         used = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     except (OSError, AttributeError):  # not Linux: the bound reader_bytes is left
@@ -342,7 +342,7 @@ def _limited_memory(path: Path) -> Iterator[None]:
 
 
 def _check_hdf5(path: Path) -> None:
-    """Check the sizes of all data sets by their headers: a fill value stands for any number of samples.
+    """Check the sizes of all data sets by their headers, because a small file can hold any number of fill values.
 
     Raises
     ------
@@ -357,7 +357,7 @@ def _check_hdf5(path: Path) -> None:
 
 
 def _no_tables() -> None:
-    """Return None: channels of these formats may differ in length."""
+    """Return None, because channels of these formats may differ in length."""
 
 
 def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
@@ -366,7 +366,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
     Raises
     ------
     RecordingError
-        Some have a start time, others do not.
+        Some channels have a start time, others do not.
     """
     starts = {name: channel.properties.get("wf_start_time") for name, channel in channels.items()}
     without = [name for name, start in starts.items() if start is None]
@@ -385,7 +385,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
 def _on_one_clock(
     times: dict[str, NDArray[np.float64]], values: dict[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Return the times of the fastest channel that covers at least half of the time, and all channels at these times.
+    """Return the times of the fastest channel that covers half of the time span, and all channels at these times.
 
     A channel has NaN before its first sample and after its last one. A channel of texts is unchanged.
     """

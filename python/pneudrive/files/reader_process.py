@@ -1,7 +1,7 @@
 """Process in which libraries written in C read files.
 
-`pneudrive.files.tables` starts it, and sends requests over a pipe. Effects of a damaged file on a library end here. An
-exception becomes the answer. A crash, the alarm or the bound of memory ends this process, and the client starts
+`pneudrive.files.tables` starts it, and sends requests over a pipe. A damaged file can affect only this process. An
+exception becomes the answer. A crash, the alarm or the memory limit ends this process, and the client starts
 another one.
 """
 
@@ -26,7 +26,7 @@ with suppress(ImportError):  # not on Windows
 
 
 class _Files:
-    """Cache of the last opened file, because a request for names is followed by a request for columns."""
+    """Cache of the last opened file, because a request for columns usually follows a request for names."""
 
     def __init__(self) -> None:
         self._key: object = None

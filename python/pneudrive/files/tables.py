@@ -1,4 +1,4 @@
-"""Columns of binary files, each with one clear message for damage.
+"""Columns of binary files, with one clear message for each kind of damage.
 
 Parquet is read in this process; a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of
 pneudrive) proves that pneudrive wrote the bytes. Formats whose libraries are written in C are read by a child process
@@ -83,7 +83,7 @@ class Table:
         wanted : iterable of str
             Some of `names`; each is read once.
         rows : (int, int), optional
-            First row and one behind the last; None: all.
+            First row and the row after the last; None: all.
         dates : frozenset of str
             Columns to read as dates: texts or NumPy's ``datetime64``, if the file has them.
 
@@ -95,13 +95,13 @@ class Table:
         Raises
         ------
         RecordingError
-            The file is damaged, or was changed meanwhile.
+            The file is damaged, or was changed since it was opened.
         """
         with clear_errors(self.path, self.kind):
             return self.opened.get(list(dict.fromkeys(wanted)), dates, rows)
 
     def count(self) -> int | None:
-        """Return the number of rows; None where channels may differ in length.
+        """Return the number of rows; None if channels may differ in length.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Safe writing into folders that other people may have made: links are never followed."""
+"""Safe writing into folders that other people may have made. Links are never followed."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _THREADS = threading.Lock()
 
 
 def take(file: int) -> bool:
-    """Take the lock of an open file. Try a few times, because `is_held` takes the lock for a moment.
+    """Take the lock of an open file, with a few attempts, because `is_held` takes the lock for a moment.
 
     Raises
     ------

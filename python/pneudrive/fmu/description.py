@@ -209,7 +209,7 @@ def _units(root: ElementTree.Element, plan: FmuPlan) -> None:
 
 
 def _kind(one: FmuVariable) -> dict[str, str]:
-    """Return causality, variability and, for a value that follows from other variables, its initial attribute."""
+    """Return causality, variability and, for a value calculated from other variables, the attribute ``initial``."""
     if one.causality == "parameter":
         return {"causality": "parameter", "variability": "fixed"}
     variability = "discrete" if one.is_discrete else "continuous"
@@ -283,7 +283,7 @@ def read_fmu(path: Path) -> SeenFmu:
     Raises
     ------
     CommandError
-        The file is not an FMU, or its description is too large or defines XML entities.
+        The file is not an FMU, or its description is too large, or defines XML entities.
     """
     check_file(path, CommandError)
     try:

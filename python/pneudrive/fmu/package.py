@@ -137,11 +137,11 @@ def source_entries(plan: FmuPlan, version: str, place: str) -> list[tuple[str, b
     Parameters
     ----------
     plan : FmuPlan
-        With source code.
+        Plan that contains source code.
     version : str
         ``"2.0"`` or ``"3.0"``.
     place : str
-        Name of the library in the archive. Without a C compiler there is none, and a tool compiles the code.
+        Name of the library in the archive. Without a C compiler, no library is written, and a tool compiles the code.
     """
     code = plan.code
     assert code is not None, "a plan with source code"
@@ -158,7 +158,7 @@ def source_entries(plan: FmuPlan, version: str, place: str) -> list[tuple[str, b
 
 
 def _variables(plan: FmuPlan) -> str:
-    """Return the header that names the variables of the model for the interface."""
+    """Return the C header with the names of the model's variables for the interface."""
     assert plan.code is not None
     name = plan.code.identifier
     counts = {kind: sum(one.causality == kind for one in plan.variables) for kind in ("input", "parameter", "output")}
@@ -266,8 +266,8 @@ def export_fmu(
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
     actuator : bool
-        Whether the other tool moves the piston. Then position and velocity are inputs, and the force on the moved body
-        is an output. This needs model exchange, and a friction law with bristles.
+        Whether the other tool moves the piston. Position and velocity are then inputs, and the force on the moved body
+        is an output. This requires model exchange, and a friction law with bristles.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
     rtol : float

@@ -47,9 +47,9 @@ class FmuVariable:
     start : float or None
         Start value of a parameter or an input.
     is_discrete : bool
-        Whether it changes only at events.
+        Whether the variable changes only at events.
     rate_of : str
-        Name of the state of which it is the rate.
+        Name of the state whose rate this variable is.
     nominal : float or None
         Size of a state, from which a tool derives its absolute tolerance. Without it, tools use 1.
     """
@@ -74,7 +74,7 @@ class FmuCode:
     identifier : str
         Prefix of its names.
     files : tuple of (str, str)
-        Names and texts, with the file that checks a compiled copy, ``conformance.txt``.
+        Names and texts, including ``conformance.txt``, a file for checking a compiled copy.
     period_s : float
     """
 
@@ -141,7 +141,7 @@ class FmuPlan:
 
     @property
     def token(self) -> str:
-        """Token that binds the description of an FMU to its plan: a hash of everything that runs."""
+        """Token that binds the description of an FMU to its plan: a hash of all data that affect a run."""
         roles = [[one.name, one.role, one.start] for one in self.variables]
         law = [] if self.law is None else [self.law]
         law += [] if self.code is None else [self.code.files]
@@ -210,7 +210,7 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 def _as_actuator(described: Drive | Circuit) -> Drive:
     """Check that a description is a drive, and remove the load's force and spring.
 
-    The other tool models force and spring.
+    The other tool models the force and the spring of the load.
     """
     if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")

@@ -59,7 +59,7 @@ CYLINDER_FRICTION = "cylinder.friction."
 
 
 def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
-    """Yield name in the drive file, path, value and the core's entry of each number of a form except friction.
+    """Yield name in the drive file, path, value and core entry of each number of a form, except friction.
 
     The entry of a number without derivatives is marked ``discrete``.
     """
@@ -85,7 +85,7 @@ def table_of(form: Plain, path: str) -> tuple[Plain, str]:
 
 
 def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
-    """Return the start value of an inner state of friction or of the gas of a tube, for pressures of the chambers, Pa.
+    """Return the start value of an inner state of friction or of gas in a tube, from the chamber pressures, Pa.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], tem
 
 
 def side_of(name: str) -> str:
-    """Return the chamber on the side of a tube's or a joint's gas.
+    """Return the chamber on whose side the gas of a tube or a joint is.
 
     Examples
     --------
@@ -146,7 +146,7 @@ class Parameter:
     size : float
         Usual change, for a number that may be negative.
     discrete : bool
-        Whether runs have no derivative by it.
+        Whether runs have no derivative by this number.
     """
 
     name: str
@@ -172,7 +172,7 @@ class Varied(NamedTuple):
 
     @property
     def file_name(self) -> str:
-        """Name of its column in a file, which carries the unit."""
+        """Name of its column in a file, including the unit."""
         return units.column_name(self.name, self.unit)
 
     def written(self, si: float) -> str | float:
@@ -208,7 +208,7 @@ def numbers_of(described: Drive | Circuit) -> dict[str, Parameter]:
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
-    """Return a drive whose valve has overlap or leakage if they are among names; the start values are assumed."""
+    """Return a drive whose valve has overlap or leakage if `names` contain them, with assumed start values."""
     lacking = {
         name for name in names if name in VALVE_SHAPE and getattr(drive.valve, name.removeprefix("valve.")) is None
     }
@@ -221,7 +221,7 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
     Raises
     ------
     CommandError
-        A name is unknown or repeated, or runs have no derivative by its number.
+        A name is unknown or repeated, or runs have no derivative by this number.
     """
     known = numbers_of(described)
     for name in names:
@@ -320,9 +320,9 @@ class DriveFamily:
     Attributes
     ----------
     paths : list of str
-        Numbers of the derivatives of a run: free parameters, then derived values that depend on them.
+        Numbers by which a run has derivatives: free parameters, then derived values that depend on them.
     moving : list of Derived
-        These derived values.
+        Derived values that depend on free parameters.
     """
 
     def __init__(
@@ -378,7 +378,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Fix derived values that are rounded at these values; return whether there are any."""
+        """Fix the derived values that descriptions round, at the present values; return whether there are any."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
@@ -390,7 +390,7 @@ class DriveFamily:
         return bool(rounded)
 
     def many(self, rows: Array) -> Array:
-        """Return the numbers at `paths` of many descriptions, shape (n, paths); rounded as a description rounds them.
+        """Return the numbers at `paths` of many descriptions, shape (n, paths), rounded as in a description.
 
         Parameters
         ----------
@@ -510,7 +510,7 @@ class Sensitivities:
         Names as in a trajectory file.
     values : ndarray, shape (n, c)
     derivatives : ndarray, shape (n, c, p)
-        SI; by each parameter including its derived values, see `pneudrive.describe.tables.derived`.
+        SI, by each parameter, including its effect on derived values (`pneudrive.describe.tables.derived`).
     parameters : list of Parameter
     """
 
@@ -521,7 +521,7 @@ class Sensitivities:
 
 
 class Differentiator:
-    """Simulation of a drive for any values of some of its numbers, with derivatives by them.
+    """Simulation of a drive for any values of some of its numbers, with derivatives by these numbers.
 
     Parameters
     ----------
@@ -531,7 +531,7 @@ class Differentiator:
     command : as for `pneudrive.simulate`
         A function of time is not accepted, because the steps must be known in advance.
     initial : as for `pneudrive.simulate`
-        The start state is held and does not depend on the numbers.
+        The start state is fixed and does not depend on the numbers.
     rtol : float
 
     Raises
@@ -586,7 +586,7 @@ class Differentiator:
         derivatives : bool
             False: no derivatives; their last axis has length 0.
         watch : Watch
-            May end the run.
+            Its cancel flag can end the run.
 
         Raises
         ------

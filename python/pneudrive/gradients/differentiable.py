@@ -1,4 +1,4 @@
-"""Results of a run as a function of numbers of the drive, with its exact Jacobian, also for JAX and PyTorch."""
+"""Results of a run as a function of numbers of the drive, with exact Jacobian, also for JAX and PyTorch."""
 
 # pyright: reportMissingImports=false, reportFunctionMemberAccess=false
 # JAX and PyTorch are not installed with pneudrive.
@@ -42,7 +42,7 @@ class Differentiable:
     vary : sequence of str
         Numbers of the file: the arguments of the function. In a circuit they have names such as ``"left.bore"``.
     outputs : sequence of str or Output
-        Its results: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
+        Results of the function: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
         ``"time_when(position > 0.45 m)"``, ``"samples(position)"``; see `pneudrive.ensemble.outputs`.
     sample_rate : str or float
         Sampling rate of integrals, means, extremes and samples.
@@ -52,9 +52,9 @@ class Differentiable:
     names, units : list of str
         Names and units of the numbers, in the order of the argument.
     start : ndarray, shape (p,)
-        Their values in the drive, SI.
+        Values of the numbers in the drive, SI.
     output_names : list of str
-        One name for each result. Samples have one for each of them, ``"position[3]"``.
+        Names of the results, one for each number: samples have names such as ``"position[3]"``.
 
     Raises
     ------
@@ -242,7 +242,7 @@ SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
 
 
 def _where(x: Array, one: Reduction) -> tuple[int, int]:
-    """Return the samples around a result."""
+    """Return the indices of the samples around a result."""
     if one.word == "time_when":
         k = _passes(x, one)
         return k, k + 1

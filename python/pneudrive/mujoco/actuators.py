@@ -50,7 +50,7 @@ class Response:
     Raises
     ------
     CommandError
-        MuJoCo is not installed, an actuator does not exist, or it is not a force of gain 1.
+        MuJoCo is not installed, or an actuator does not exist or is not a force of gain 1.
     """
 
     def __init__(self, model: Any, names: Sequence[str], data: Any = None) -> None:  # noqa: ANN401 - of an extra
@@ -81,7 +81,7 @@ class Response:
         self._is_new = True
 
     def step(self, forces: Array) -> Array:
-        """Make the step from the present state under these forces, N. Return the lengths at its end, m."""
+        """Make a step from the present state under these forces, N. Return the lengths at the end, m."""
         model, data = self.model, self.data
         if not self._is_new:
             mujoco.mj_setState(model, data, self._state, self._spec)
@@ -135,7 +135,7 @@ class Response:
 
 
 def _places(model: Any, ids: Array) -> Array | None:  # noqa: ANN401
-    """Return the places of the coordinates that are the lengths of the actuators, if all are slides or hinges."""
+    """Return the indices of the coordinates that equal the lengths of the actuators, if all are slides or hinges."""
     if np.any(model.actuator_trntype[ids] != mujoco.mjtTrn.mjTRN_JOINT):
         return None
     joints = model.actuator_trnid[ids, 0]
@@ -144,7 +144,7 @@ def _places(model: Any, ids: Array) -> Array | None:  # noqa: ANN401
 
 
 def _actuator(model: Any, name: str) -> int:  # noqa: ANN401
-    """Return the index of an actuator of this name, or of the one at the joint or tendon of this name."""
+    """Return the index of the actuator with this name, or of the actuator at the joint or tendon with this name."""
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
     if found >= 0:
         return found
@@ -217,17 +217,17 @@ class StepReport(Viewed):
     ----------
     steps : int
     timestep_s : float
-        Step of the model. The error is of first order in it.
+        Time step of the model. The error is of first order in the step.
     loop_gap_m : float
-        Largest residual of an equality constraint: MuJoCo closes loops by springs.
+        Largest residual of an equality constraint, because MuJoCo closes loops by springs.
     position_gap_m : float
         Largest difference between a length of MuJoCo and the position of its cylinder at the end of a step.
     work_j : float
         Sum of the magnitudes of the work of all steps.
     work_gap_j : float
-        Work of the cylinders less the work that MuJoCo received.
+        Work of the cylinders minus the work that MuJoCo received.
     trials : float
-        Mean number of trials of a step: motions for which the forces of all cylinders are computed.
+        Mean number of trials in a step. A trial is a motion for which the forces of all cylinders are computed.
     """
 
     steps: int
@@ -314,8 +314,8 @@ def _number(given: str | float, unit: str) -> float:
 class Actuators:
     """Pneumatic drives at the actuators of a MuJoCo model.
 
-    MuJoCo owns all masses and the weight. Masses and inclines of the drives are not used. The force of a cylinder over
-    a step is the mean of the force along the motion that this force causes. It is solved for all cylinders at once.
+    MuJoCo has all masses and weights. Masses and inclines of the drives are not used. The force of a cylinder over
+    a step is the mean of the force along the motion that this force causes, solved for all cylinders at once.
     The chambers then advance along that motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length
     is the position of the cylinder, plus `zero`.
 
@@ -329,10 +329,10 @@ class Actuators:
     zero : mapping of str to str or float, optional
         Length of an actuator at the cylinder position 0: ``"350 mm"``, or a number in m. Default 0.
     initial : mapping, optional
-        Start of each drive, as for `pneudrive.simulate`, without the position, which MuJoCo gives.
+        Start of each drive, as for `pneudrive.simulate`, without the position, which comes from MuJoCo.
     couplings : mapping of str to str or float, optional
-        Stiffness of the joint between rod and model, N/m: ``"1e7 N/m"``. Friction laws with a stick mode need it. The
-        moving mass and the load of the drive are then between friction and coupling, apart from the masses of MuJoCo.
+        Stiffness of the joint between rod and model: ``"1e7 N/m"``, or a number in N/m. Friction laws with a stick mode
+        need it. Moving mass and load of the drive are then between friction and coupling, besides MuJoCo's masses.
     setup : Setup, str or path-like
         Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
     seed : int
@@ -376,13 +376,13 @@ class Actuators:
         self.reset(keep=data is not None)
 
     def reset(self, keyframe: int | None = None, *, keep: bool = False) -> None:
-        """Start again: the model at `keyframe` or its default, the drives at their initial state.
+        """Start again: reset the model to `keyframe` or its default, and the drives to their initial state.
 
         Parameters
         ----------
         keyframe : int, optional
         keep : bool
-            Keep the present positions and velocities of the model.
+            Whether to keep the present positions and velocities of the model.
 
         Raises
         ------
@@ -435,7 +435,7 @@ class Actuators:
     def sense(self, name: str) -> dict[str, float]:
         """Return the readings of the sensors of a drive now: position_m, and pressures if there are sensors for them.
 
-        Call it once at each sample of a controller: lag and noise follow the calls.
+        Call it once at each sample of a controller, because lag and noise advance with each call.
         """
         axis = self._axis(name)
         period = max(self.time - axis.sampled_s, float(self.model.opt.timestep))
@@ -515,7 +515,7 @@ class Actuators:
         duration: str | float,
         signals: Sequence[str] = SIGNALS,
     ) -> dict[str, Array]:
-        """Run the model under commands of the drives from now on. Warn of wide loops.
+        """Run the model under commands of the drives from now on. Warn of large gaps in closed loops.
 
         Parameters
         ----------

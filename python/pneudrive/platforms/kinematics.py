@@ -55,7 +55,7 @@ class Leg:
     stroke_m : float
         NaN if the component has no stroke.
     areas_m2, dead_volumes_m3 : tuple of float
-        Values of chambers a and b; NaN if the component has no chambers.
+        Piston areas and dead volumes of chambers a and b; NaN if the component has no chambers.
     """
 
     name: str
@@ -83,9 +83,9 @@ class LegDynamics(NamedTuple):
     forces_n : ndarray
         Force of each leg in +x without friction.
     masses_kg : ndarray
-        Mass that a force on the leg moves while the forces of the other legs stay.
+        Mass that a force on the leg moves while the forces of the other legs stay constant.
     couplings : ndarray, shape (m, n, n)
-        W_ij/W_ii: the part of the force of leg j that acts on leg i.
+        W_ij/W_ii: part of the force of leg j that acts on leg i.
     """
 
     positions_m: Array
@@ -99,9 +99,9 @@ class LegDynamics(NamedTuple):
 class Platform(Viewed):
     """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
 
-    Places are in m. Tilts are the angles 2 asin(e) in rad, and e is the vector part of the unit quaternion. For a
-    3-RPS, e is that of its tilt alone, before which it twists about its own z axis. The position of a leg is that of
-    its cylinder, in m. Rows of an array are poses.
+    Places are in m. Tilts are the angles 2 asin(e) in rad, where e is the vector part of the unit quaternion. For a
+    3-RPS, e describes only the tilt, which follows a twist about the platform's z axis. The position of a leg is the
+    position of its cylinder, in m. Rows of an array are poses.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Platform(Viewed):
         self.home = angles(core, core.locate(middle[None])[0])[0]
 
     def view(self) -> View:
-        """Return strokes and loads of the legs at half strokes, the limits of each coordinate, and the drawing."""
+        """Return the view of the platform: strokes and loads of legs at half stroke, limits of coordinates, drawing."""
         return upper("platform_view")(self)
 
     @property
@@ -136,13 +136,13 @@ class Platform(Viewed):
 
     @property
     def force_limits(self) -> Array:
-        """Forces that the supply gives each leg at rest, N, shape (n, 2): against +x, in +x; NaN without a supply."""
+        """Forces of each leg at rest under supply pressure, N, shape (n, 2): against +x, in +x; NaN without supply."""
         areas = np.array([leg.areas_m2 for leg in self.legs])
         return (self.supply_pa - self.ambient_pa) * areas[:, ::-1] * [-1.0, 1.0]
 
     @property
     def normal_m(self) -> float:
-        """Length of the normal whose tip is traced: the mean radius of the joints, or 0 if the platform never tilts."""
+        """Length of the normal whose tip is traced: mean radius of the joints, or 0 if the platform never tilts."""
         places = np.asarray(self.core.joints[1], dtype=float).reshape(-1, 3)
         return float(np.linalg.norm(places, axis=1).mean()) if "rad" in self.units else 0.0
 
@@ -152,12 +152,12 @@ class Platform(Viewed):
         return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
 
     def reach(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> Array:
-        """Return the outermost traced points of the workspace, m, shape (k, 3): the farthest one in each direction.
+        """Return the outermost traced points of the workspace, m, shape (k, 3): the farthest point in each direction.
 
         Parameters
         ----------
         least_singular_value : float
-            Poses with a smaller one count as singular.
+            Poses with a smaller singular value count as singular.
         """
         limits = self.workspace(least_singular_value=least_singular_value).limits.values()
         steps = REACH_STEPS[len(self.legs) > 3]
@@ -179,7 +179,7 @@ class Platform(Viewed):
         return tuple("m" if name.endswith("_m") else "rad" for name in self.core.coordinates)
 
     def pose(self, pose: Pose) -> Array:
-        """Return poses as an array, shape (n,) or (m, n). Coordinates that a mapping leaves out are those of `home`.
+        """Return poses as an array, shape (n,) or (m, n). Coordinates that a mapping leaves out are as in `home`.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class Platform(Viewed):
         return own
 
     def _slopes(self, rows: Array) -> Array:
-        """Return the derivatives of the core's coordinates by those of the pose."""
+        """Return the derivatives of the core's coordinates by the coordinates of the pose."""
         return np.where([unit == "m" for unit in self.units], 1.0, 0.5 * np.cos(0.5 * rows))
 
     def inverse(self, pose: Pose) -> Array:
@@ -252,8 +252,8 @@ class Platform(Viewed):
         ----------
         positions : array, shape (n,) or (m, n)
         near : mapping or array, optional
-            Pose from which the search begins; by default one above the frame. Without `near`, the search for a row of
-            an array begins at the pose of the row before.
+            Pose from which the search begins; by default a pose above the frame. Without `near`, the search for a row
+            of an array begins at the pose of the previous row.
 
         Raises
         ------
@@ -319,7 +319,7 @@ class Platform(Viewed):
         )
 
     def core_motion(self, rows: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
-        """Return the coordinates of the core and two derivatives by time, from those of poses, shape (m, n)."""
+        """Return the coordinates of the core and two time derivatives, from those of poses, shape (m, n)."""
         slopes = self._slopes(rows)
         is_angle = np.array([unit == "rad" for unit in self.units])
         second = slopes * accelerations - np.where(is_angle, 0.25 * np.sin(0.5 * rows) * rates**2, 0.0)
@@ -328,8 +328,8 @@ class Platform(Viewed):
     def singular_values(self, pose: Pose) -> Array:
         """Return the singular values of the pose Jacobian, largest first, without a unit.
 
-        The twist is the velocity of the origin of the platform, and its angular velocity times the mean radius of its
-        joints. A small value means that a motion of the platform hardly moves the legs.
+        The twist consists of the velocity of the platform's origin, and of its angular velocity times the mean radius
+        of its joints. A small value means that a motion of the platform hardly moves the legs.
         """
         pose = self.pose(pose)
         return singular_values(self.core, coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
@@ -346,7 +346,7 @@ class Platform(Viewed):
         pressures : array, shape (2,) or (n, 2)
             Absolute pressures in chambers a and b, Pa.
         forces : array, shape (n,), optional
-            Forces of the legs in +x, N; by default those that hold the platform.
+            Forces of the legs in +x, N; by default the forces that hold the platform at rest.
         """
         pose = self.pose(pose)
         x = self.inverse(pose)
@@ -384,12 +384,12 @@ class Platform(Viewed):
         return with_platform_outputs(self, run)
 
     def workspace(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> PoseLimits:
-        """Return the limits of each coordinate from `home`, with the others held, by strokes, reach and singular poses.
+        """Return the limits of each coordinate from `home`, with the others fixed: strokes, reach, singular poses.
 
         Parameters
         ----------
         least_singular_value : float
-            Poses with a smaller one count as singular.
+            Poses with a smaller singular value count as singular.
         """
         return PoseLimits.of(self, least_singular_value)
 
@@ -416,7 +416,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class PoseLimits:
-    """Limits of each coordinate from the pose at half strokes, the other coordinates held.
+    """Limits of each coordinate from the pose at half strokes, with the other coordinates fixed.
 
     Attributes
     ----------
@@ -471,7 +471,7 @@ def _limit(platform: Platform, k: int, sign: float, least: float) -> Limit:
 
 
 def _reason(platform: Platform, pose: np.ndarray, least: float) -> str:
-    """Return the reason for which a pose is outside the workspace, or an empty text."""
+    """Return the reason why a pose is outside the workspace, or an empty text."""
     with np.errstate(invalid="ignore"):
         positions = platform.evaluate(pose)["positions"][0]
     if not np.all(np.isfinite(positions)):
@@ -560,13 +560,13 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
 def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return outputs of a platform along a run that are not among its columns.
 
-    ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force along leg 1 that carries and
-    accelerates platform, payload, rods and barrels, in +x: pressures, end stop and external force, less friction.
-    ``tripod.leg_1_side_force_n`` is the magnitude of the force across leg 1 at its joint on the platform. For a delta
-    it is the force across the guide of the carriage, with the weight of the carriage.
+    ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
+    and accelerates platform, payload, rods and barrels: pressures, end stop and external force, minus friction.
+    ``tripod.leg_1_side_force_n`` is the magnitude of the force across leg 1 at its joint on the platform. For a delta,
+    it is the force across the guide of the carriage, including the weight of the carriage.
 
     The forces along the legs follow from the mass matrix and the forces of the mechanism. The side forces follow from
-    the balances of momentum of the platform and of each leg.
+    the momentum balances of the platform and of each leg.
 
     Parameters
     ----------
@@ -613,12 +613,12 @@ def _outputs(platform: Platform, pose: Array, rate: Array, acceleration: Array) 
 
 
 class MovingPlatform(NamedTuple):
-    """A moving platform: positions, m, velocities and accelerations of its points, each of shape (m, 3) or (m, n, 3).
+    """Moving platform: positions, m, velocities and accelerations of its points, each of shape (m, 3) or (m, n, 3).
 
     Attributes
     ----------
     masses : dict
-        Masses from the core, and the acceleration of gravity with the opposite sign as `lift`.
+        Masses from the core, and ``lift``, the acceleration of gravity with opposite sign.
     frame, directions : ndarray, shape (n, 3)
         Joints on the frame; axes of hinges or guides.
     origin, axes : ndarray
@@ -662,7 +662,7 @@ class MovingPlatform(NamedTuple):
         return self.origin[1][:, None] + np.cross(rate, arms) + np.cross(velocity, np.cross(velocity, arms))
 
     def needed(self) -> tuple[Array, Array]:
-        """Return the force, N, and the moment about the origin, N m, that move platform and payload."""
+        """Return the force, N, and the moment about the origin, N m, that accelerate and carry platform and payload."""
         masses = self.masses
         arms = np.stack([masses["centre"] @ self.axes, masses["payload_at"] @ self.axes], axis=1)
         forces = np.array([masses["mass"], masses["payload"]]) * (self.acceleration(arms) + masses["lift"])
@@ -674,11 +674,11 @@ class MovingPlatform(NamedTuple):
 
 
 def _legs(body: MovingPlatform) -> Array:
-    """Return the forces of legs on the platform across them, N, shape (m, n, 3).
+    """Return the forces of the legs on the platform, perpendicular to the legs, N, shape (m, n, 3).
 
-    A leg has the unit vector n, the length l, and about its joint on the frame the moment of inertia j and the mass
-    moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a force
-    along its axis. This force is found from the balance of the platform.
+    A leg has the unit vector n and the length l. About its joint on the frame, it has the moment of inertia j and the
+    mass moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a
+    force along its axis, which is found from the balance of the platform.
     """
     place, velocity, acceleration = body.joints
     masses = body.masses
@@ -707,11 +707,11 @@ def _legs(body: MovingPlatform) -> Array:
 
 
 def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -> Array:
-    """Return the forces of carriages on their guides across them, N, shape (m, n, 3).
+    """Return the forces of the carriages on their guides, perpendicular to the guides, N, shape (m, n, 3).
 
     An arm is a uniform rod of mass m along the unit vector n. Its ends at carriage and platform have the accelerations
-    g_1 and g_2, less that of gravity. Its force on the carriage is t n, and -m (g_1/3 + g_2/6) across n. The balance of
-    forces along the guide gives t.
+    g_1 and g_2 minus gravity. Its force on the carriage is t n along n, and -m (g_1/3 + g_2/6) perpendicular to n. The
+    balance of forces along the guide gives t.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Studies, written with the public interface only, like a user's study."""
+"""Studies, which use only the public interface, like a study of a user."""

@@ -50,7 +50,7 @@ class Pressure:
     gauge: bool
 
     def absolute_pa(self, ambient_pa: float) -> float:
-        """Return Pa above vacuum, given the ambient pressure in Pa above vacuum.
+        """Return the absolute pressure, Pa, for an absolute ambient pressure, Pa.
 
         Examples
         --------
@@ -77,7 +77,7 @@ class Pressure:
 
 
 class UnitFloat(float):
-    """Number in SI that is displayed in its common unit.
+    """Number in SI that is displayed in a common unit.
 
     Arithmetic uses the plain SI number; only the displayed text has the common unit.
 
@@ -116,12 +116,12 @@ class UnitFloat(float):
         Raises
         ------
         DescriptionError
-            Unknown unit, or one of another dimension.
+            The unit is unknown, or has another dimension.
         """
         return _in_unit(self, self.si_unit, unit)
 
     def si_as(self, si_unit: str) -> float:
-        """Return the plain number if a quantity of this unit is requested.
+        """Return the plain number in this SI unit.
 
         Raises
         ------
@@ -175,7 +175,7 @@ def suffix(si_unit: str) -> str:
 
 @lru_cache(maxsize=4096)
 def without_unit(name: str, units: tuple[str, ...]) -> tuple[str, str]:
-    """Return a name without the suffix of its unit, and the unit; the longest suffix counts, and "1" is no unit.
+    """Return a name without the suffix of its unit, and the unit, "1" without a suffix. The longest suffix counts.
 
     Examples
     --------
@@ -188,7 +188,7 @@ def without_unit(name: str, units: tuple[str, ...]) -> tuple[str, str]:
 
 
 def column_name(name: str, unit: str) -> str:
-    """Return the name of a column that carries its unit.
+    """Return the name of a column, including its unit.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def parse(text: str, si_unit: str) -> float:
     text : str
         Number and unit.
     si_unit : str
-        Wanted SI unit: ``"m"``, ``"N s/m"``, ``"m^3/(s Pa)"``, ...
+        Requested SI unit: ``"m"``, ``"N s/m"``, ``"m^3/(s Pa)"``, ...
 
     Returns
     -------
@@ -245,7 +245,7 @@ def parse_pressure(text: str) -> Pressure:
     Raises
     ------
     DescriptionError
-        The text has neither of them, or is not a pressure.
+        The text has neither ``abs`` nor ``gauge``, or is not a pressure.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     Raises
     ------
     DescriptionError
-        The text is not two quantities, or the first is not below the second.
+        The text does not have two quantities, or the first is not less than the second.
     """
     ends = text.split("..")
     if len(ends) != 2:
@@ -293,7 +293,7 @@ def share_of(given: object) -> float | None:
 
 
 def write_share(value: float) -> str:
-    """Write a fraction in per cent that reads back to the same number.
+    """Write a fraction in per cent so that it is read back to the same number.
 
     Examples
     --------
@@ -331,12 +331,12 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
     unit : str
         A unit as users write it, without ``abs`` or ``gauge``.
     si_unit : str
-        Wanted SI unit.
+        Requested SI unit.
 
     Raises
     ------
     DescriptionError
-        Unknown unit, or one of another dimension.
+        The unit is unknown, or has another dimension.
     """
     known = TABLE.get(canonical(unit))
     if known is None or (known[0] != si_unit and si_unit not in KINDS):
@@ -379,7 +379,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
 
 
 def like(unit: str) -> list[str]:
-    """Return the common units for the quantity of a unit; for a pressure, absolute or gauge like the given unit.
+    """Return the common units for the quantity of a unit; units of pressure are absolute or gauge like the given one.
 
     Examples
     --------
@@ -403,14 +403,14 @@ def in_unit(text: str, unit: str) -> str:
     Parameters
     ----------
     text : str
-        Number and unit; of a pressure with ``abs`` or ``gauge``, or without.
+        Number and unit; a pressure may have ``abs`` or ``gauge``.
     unit : str
         One of the units that `like` returns for its unit.
 
     Raises
     ------
     DescriptionError
-        The text is not a quantity, or the unit one of another quantity.
+        The text is not a quantity, or the unit belongs to another quantity.
 
     Examples
     --------
@@ -450,7 +450,7 @@ def readable(si_unit: str) -> tuple[float, str]:
 def _apply(number: str, factor: float, offset: float) -> float:
     """Convert in decimal arithmetic and round once.
 
-    "1.013 bar" is exactly 101300.0; a product of floats is not.
+    "1.013 bar" is then exactly 101300.0. A product of floats would be slightly different.
     """
     return float(Decimal(number) * Decimal(repr(factor)) + Decimal(repr(offset)))
 

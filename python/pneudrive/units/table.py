@@ -46,7 +46,7 @@ def canonical(unit: str) -> str:
 
 
 def wrong_dimension(unit: str, si_unit: str, is_a: str) -> DescriptionError:
-    """Return the error on a unit of another quantity."""
+    """Return the error for a unit of another quantity."""
     return DescriptionError(f'unit "{unit}" is {is_a}', rule=needed(si_unit))
 
 

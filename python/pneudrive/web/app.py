@@ -1,7 +1,7 @@
 """Routes of the server. Every route answers with JSON or with a frame of `messages`.
 
-Modules that the first curves do not need are imported where they are used. `BEHIND` lists these modules, so that they
-can be loaded ahead.
+Modules that the first curves do not need are imported at their first use. `BEHIND` lists these modules, so that they
+can be loaded in advance.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ BEHIND = tuple(dict.fromkeys(f"pneudrive.web.{name.partition(':')[0]}" for name 
 
 
 def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *, control: bool = False) -> Guard:
-    """Return the application behind its guard.
+    """Return the application, protected by its guard.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def _route(name: str, function: str, known: Keyed) -> Route:
 
 
 def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
-    """Call a function of `ANSWERS` with the values of a request. A text that a GET request leaves out is empty."""
+    """Call a function of `ANSWERS` with the values of a request. A text that is missing in a GET request is empty."""
     function, names, fields, models = _door(name)
     texts = [key for key, each in fields.model_fields.items() if each.is_required()]
     table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **_table(body)}
@@ -147,7 +147,7 @@ def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keye
 
 @cache
 def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], dict[str, type[PageRequest]]]:
-    """Return a function of `ANSWERS`, its parameters, the model of its values, and its parameters that are models."""
+    """Return a function of `ANSWERS`, its parameters, the model of its values, and the parameters that are models."""
     module, _, function = name.partition(":")
     found = getattr(import_module(f"pneudrive.web.{module}"), function)
     parameters = signature(found, eval_str=True).parameters
@@ -186,7 +186,7 @@ def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:
 
 
 def studies(workspace: Workspace, control: bool, build: str, state: str) -> Plain:
-    """List the workspace and the drives of the catalogue. A folder in a known state is not listed again."""
+    """List the workspace and the drives of the catalogue. An unchanged folder is not listed again."""
     from pneudrive.describe.files.catalogue import PREFIX, entries
 
     files, left_out = workspace.listed()

@@ -1,4 +1,4 @@
-"""Copy files into the workspace and rename them: completely or not at all, never over an existing file."""
+"""Copying of files into the workspace, and renaming: completely or not at all, never over an existing file."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
     Raises
     ------
     CommandError
-        There is no such file or folder, the ending changes, or the new name is taken.
+        The file does not exist or folder, the ending changes, or the new name is taken.
     """
     place, target = workspace.path(path), workspace.path(to)
     if place.suffix.lower() != target.suffix.lower():
@@ -93,12 +93,12 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
 def with_own_layout(workspace: Workspace, path: str, text: str) -> dict[str, str]:
     """Move a recording and its layout into a separate folder. Return its new name.
 
-    A layout holds for all recordings of its folder, so that a recording of another rig needs another folder.
+    A layout is valid for all recordings of its folder, so a recording of another rig needs another folder.
 
     Raises
     ------
     CommandError, LayoutError
-        There is no such file, its folder exists, or the layout is wrong.
+        The file does not exist, its folder exists, or the layout is wrong.
     """
     from pneudrive.signals.layout import Layout, stem
 

@@ -1,6 +1,6 @@
-"""Access control of the server: one user, one page, this machine. Every request and every socket passes here first.
+"""Access control of the server: one user, one page, this machine. It checks every request and every socket first.
 
-The built page is answered from memory, by the standard library only, while other modules are imported.
+The built page is served from memory, by the standard library only, while other modules are imported.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def new_token() -> str:
 
 
 class RefusedError(Exception):
-    """The request is refused: status and one line of text."""
+    """The request is rejected, with a status and one line of text."""
 
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
@@ -79,7 +79,7 @@ class Guard:
     open_paths : iterable of str
         Paths that need no token: the page itself, which holds no data.
     reports : iterable of str
-        Secrets of reports, each a part of the address that opens one report.
+        Secrets of reports; each is part of the address that opens one report.
     """
 
     app: App
@@ -185,7 +185,7 @@ def _is_drop(scope: Scope) -> bool:
 
 
 def _header(scope: Scope, name: str) -> str | None:
-    """Return a header that may occur once, or None."""
+    """Return a header that must not occur twice, or None."""
     values = [value.decode("latin-1") for key, value in scope["headers"] if key.decode("latin-1").lower() == name]
     if len(values) > 1:
         raise RefusedError(400, f"{name} is given twice")
@@ -237,7 +237,7 @@ class BuiltPage:
         self.answers["/"] = self.answers["/index.html"]
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Answer with a file."""
+        """Answer a request with a file of the page."""
         headers, data = self.answers[scope["path"]]
         await send({"type": "http.response.start", "status": 200, "headers": headers})
         await send({"type": "http.response.body", "body": data})
@@ -249,7 +249,7 @@ class Opening:
     Parameters
     ----------
     guard : Guard
-        Around the page.
+        Guard of the page.
     page : BuiltPage
     whole : Future
         Future of the complete application behind its own guard.

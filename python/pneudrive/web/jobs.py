@@ -1,4 +1,4 @@
-"""Jobs: each runs a command line in one process, shows its last lines, and can be cancelled like by Ctrl-C."""
+"""Jobs: each runs a command line in one process, shows its last lines, and can be cancelled, as by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class JobRequest:
     is_new : bool
         Whether the folder must not exist yet.
     python : str
-        Python lines that give the same numbers. Empty if there are none.
+        Python lines that give the same numbers; may be empty.
     """
 
     arguments: list[str]
@@ -166,7 +166,7 @@ class PageJobs:
         Raises
         ------
         CommandError
-            The folder exists, leads out of the workspace or cannot be made, or all processors are busy.
+            The folder exists, is outside the workspace or cannot be made, or all processors are busy.
         """
         with self._lock:
             running = [job.request.out for job in self.all if job.state == "running"]

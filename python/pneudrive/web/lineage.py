@@ -1,7 +1,7 @@
 """Lineage of each result of the workspace: its stored list of inputs, and whether these have changed.
 
-A result of an earlier version has no such list. Its provenance names its inputs with their hashes, and mostly without
-their files.
+A result of an earlier version has no such list. Its provenance names inputs with their hashes, but usually not their
+files.
 """
 
 from __future__ import annotations
@@ -77,13 +77,13 @@ class Edge(NamedTuple):
     Attributes
     ----------
     kind, name, digest : str
-        Kind and name in words, and SHA-256 of the content that decides the result.
+        Kind and name in words, and SHA-256 of the content that determines the result.
     path : str
         Path of the file. Empty if the file is missing.
     state : str
         ``"same"``, ``"changed"`` (the file has other content), ``"differs"`` (the run had other values than the file,
-        possibly set for the run), ``"missing"``, ``"named"`` (the result does not contain its hash), ``"unread"`` (too
-        long or not readable).
+        possibly set for the run), ``"missing"``, ``"named"`` (the result does not contain a hash), ``"unread"`` (too
+        large or not readable).
     """
 
     kind: str
@@ -110,7 +110,7 @@ class Lineage:
         return by_stem(self.files.values())
 
     def _read(self, read: Callable[..., Any], path: str, *of: Any) -> Any:  # noqa: ANN401 - content of the file, or its hash
-        """Call a kept function of workspace, path and time of the last change with a file."""
+        """Call a cached function of workspace, path and time of the last change for a file."""
         return read(self.workspace, path, *of, self.files[path].changed if path in self.files else 0.0)
 
     def edges(self, path: str) -> list[Edge]:
@@ -130,7 +130,7 @@ class Lineage:
         return Edge(one.kind, one.name, one.sha256, path, state)
 
     def _path(self, one: Input, of: str) -> str:
-        """Return the file of an input from the folder of the result or the workspace, or a recording by its name."""
+        """Return the file of an input, from the folder of the result or the workspace; for a recording, by its name."""
         if one.kind == "drive" and is_in_catalogue(one.file):
             return one.file
         file, root = Path(one.file), self.workspace.root
@@ -141,7 +141,7 @@ class Lineage:
         return next((path for path in near if path in self.files), alike[0] if len(alike) == 1 else "")
 
     def _digests(self, kind: str, path: str, of: str) -> frozenset[str]:
-        """Return the hashes that a result may have of an input. Empty if the file cannot be read."""
+        """Return the hashes by which a result may name an input; empty if the file cannot be read."""
         if kind == "friction map":
             return _map_hashes(self._read(map_at, path), self._read(fit_at, of))
         if kind == "recording" and self.files[path].size > MOST_BYTES:
@@ -149,12 +149,12 @@ class Lineage:
         return self._read(_hashes, path, kind)
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
-        """Return the file of the drive of a result, and the drive; "" and None if it is missing or has changed."""
+        """Return file and drive of a result's drive; "" and None if the file is missing or has changed."""
         place = next((edge.path for edge in self.edges(path) if edge.kind == "drive" and edge.state == SAME), "")
         return place, self._read(drive_at, place) if place else None
 
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
-        """Return the names of changed inputs, of the result or of its inputs."""
+        """Return the names of changed inputs of a result, and of changed inputs of its inputs."""
         names: list[str] = []
         for edge in self.edges(path):
             if edge.state == CHANGED:
@@ -164,7 +164,7 @@ class Lineage:
         return list(dict.fromkeys(names))
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[Plain]:
-        """Return the inputs of a file, and their inputs, as plain tables."""
+        """Return the inputs of a file, and the inputs of these, as plain tables."""
         inner = [[] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)) for edge in self.edges(path)]
         edges = (edge._replace(digest=edge.digest[:12]) for edge in self.edges(path))
         return [edge._asdict() | {"inputs": inputs} for edge, inputs in zip(edges, inner, strict=True)]
@@ -176,7 +176,7 @@ class Lineage:
         return [file.path for file in runs if file.kind in ABOUT]
 
     def again(self, path: str) -> Plain | None:
-        """Return the request that makes a result again from the present inputs, or None if this is not possible."""
+        """Return the request that repeats a result with the present inputs, or None if this is not possible."""
         kind, edges = self.files[path].kind, self.edges(path)
         recordings = [edge.path for edge in edges if edge.kind == "recording"]
         others = [edge.path for edge in edges if edge.kind != "recording"]
@@ -203,13 +203,13 @@ class Lineage:
         return None
 
     def _new(self, path: str, suffix: str = "") -> str:
-        """Return an unused name that is similar to that of a path, without folder and suffix."""
+        """Return an unused name, without folder and suffix, similar to the name of a path."""
         places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
 
 def _law(fit: FrictionFit) -> str:
-    """Return the law that repeats this fit. Empty if some options cannot be expressed, or if the law was reduced."""
+    """Return the value of ``--laws`` that repeats this fit; empty if it cannot express all options of the fit."""
     plain = fit.provenance["direction"] == "both" and fit.provenance["robust"]
     plain &= fit.provenance["exclude_flags"] in ([], list(NOT_SLIDING))
     plain &= fit.model.law == fit.law
@@ -249,7 +249,7 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
 
 
 def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
-    """Return the hash of the values that a fit takes from a map. Empty text for a map of other recordings."""
+    """Return the hash of the values that a fit uses from a map; empty for a map of other recordings."""
     with suppress(PneudriveError, LookupError):
         if table is not None and fit is not None:
             values = values_of_fit(table, fit.provenance)
@@ -259,7 +259,7 @@ def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
 
 @kept(2 * MOST_TRACED)
 def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> frozenset[str]:
-    """Return the hashes that results carry of a file: of its values, its samples, or its bytes.
+    """Return the hashes by which results name a file: of its values, its samples, or its bytes.
 
     Controllers refer to the circuit of a drive, friction maps to the file of a recording, and other results to its
     samples.
@@ -288,7 +288,7 @@ def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> froze
 
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Input, ...]:
-    """Return the inputs that a file lists, or that its provenance names. Empty for a file that is not a result."""
+    """Return the inputs that a file lists, or that its provenance names; empty for a file that is not a result."""
     try:
         about = ABOUT[kind](workspace.folder(path)) if kind in ABOUT else {}
         inputs = _INPUTS.validate_python(about.get(INPUTS) or list(_named(about)))
@@ -367,7 +367,7 @@ def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
 
 
 def shown_lineage(workspace: Workspace, path: str) -> Plain:
-    """Return the inputs of a file, the files made from it, and the request that makes it again.
+    """Return the inputs of a file, the files made from it, and the request that repeats it.
 
     Raises
     ------

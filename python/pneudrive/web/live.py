@@ -1,4 +1,4 @@
-"""The socket of the sliders: a thread runs one request, the newest request waits, and older ones are dropped."""
+"""Socket of the sliders: a thread runs one request, the newest request waits, and older requests are dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests of the page as models, lines that repeat them elsewhere, and answers: problems, plain data and frames.
+"""Requests of the page as models, lines that repeat requests elsewhere, and answers: problems, plain data and frames.
 
 A frame is a head of JSON, then arrays that the page reads in place. It has the length of the head (4 bytes,
 little-endian), the head, then each array on a multiple of 8 bytes.
@@ -53,8 +53,8 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
     arrays : mapping
         Shape (n,) each.
     drawn : bool
-        Whether arrays are only drawn. They are sent in 32 bits as differences from a middle value, which is listed
-        last. No value has an error above 2^-25 of the range of its array.
+        Whether arrays are only drawn. They are then sent in 32 bits as differences from a middle value, which is listed
+        last. The error of each value is at most 2^-25 of the range of its array.
     """
     listed, blocks, at = [], [], 0
     for name, values in arrays.items():
@@ -116,7 +116,7 @@ def fault_of(error: BaseException, path: str = "") -> CommandError:
     Parameters
     ----------
     error : BaseException
-        Panics of the core are not of the class `Exception`.
+        The exception. Panics of the core are not of the class `Exception`.
     path : str
         File that was read. Empty if the request names no file.
     """
@@ -154,7 +154,7 @@ def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
 
 
 class PageRequest(BaseModel):
-    """A request of the page. Additional fields are ignored, because one message may contain several requests."""
+    """Request of the page. Additional fields are ignored, because one message may contain several requests."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -179,7 +179,7 @@ def wrong_request() -> CommandError:
 
 
 def python(name: str, **values: Any) -> str:  # noqa: ANN401 - any value
-    """Return lines of Python of ``python.toml``."""
+    """Return lines of Python from ``python.toml``."""
     return package_table(__file__, "python.toml")[name].format(**values)
 
 
@@ -218,7 +218,7 @@ def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: AN
 
 
 def keywords(**options: Any) -> str:  # noqa: ANN401 - any value
-    """Return arguments by name in Python, each behind a comma, without the empty ones."""
+    """Return keyword arguments in Python, each after a comma, without the empty ones."""
     return "".join(f", {name}={value!r}" for name, value in options.items() if not _is_empty(value))
 
 

@@ -18,8 +18,8 @@ _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 class OpenReports:
     """Addresses of reports. A report never runs code.
 
-    A tab that is opened by a link has no token. The address itself is therefore the key: a secret of the length of a
-    token, for one folder, valid until the server stops.
+    A tab that is opened by a link has no token. The address itself therefore contains a secret as long as a
+    token. It is valid for one folder until the server stops.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class OpenReports:
         self.workspace, self.folders = workspace, dict[str, str]()
 
     def read(self, secret: str, name: str) -> tuple[bytes, str]:
-        """Return a report, or a picture of it, with its type.
+        """Return a report, or a picture of a report, with its media type.
 
         Raises
         ------

@@ -32,7 +32,7 @@ def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any resul
     Raises
     ------
     CommandError
-        The name leads out of the workspace, or the kind of the file is not known.
+        The name refers to a file outside the workspace, or the kind of the file is not known.
     """
     if is_in_catalogue(path):
         return results.load(path)
@@ -98,7 +98,7 @@ def _of_recording(workspace: Workspace, path: str) -> str:
 
 
 def _of_view(workspace: Workspace, path: str) -> str:
-    """Return the first leading values of a result with their limits, or its headline, and the word of its verdict."""
+    """Return the first leading values of a result with their limits, or its headline, and its verdict in one word."""
     view = view_at(workspace, path)
     is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
     word = f": {VERDICTS[view.state]}" if is_judged else ""

@@ -105,7 +105,7 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
 
 
 def warm_up() -> None:
-    """Simulate once, then import the modules of other views, so that the first click does not wait."""
+    """Simulate once, then import the modules of other views, so that the first click is answered without delay."""
     from pneudrive.web.app import BEHIND
     from pneudrive.web.drive.run_request import RunRequest
     from pneudrive.web.live import ANSWERED

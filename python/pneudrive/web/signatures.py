@@ -1,4 +1,4 @@
-"""Commands that the page starts: form, copied command, copied Python and job of each.
+"""Commands that the page can start; each has a form, a copied command, copied Python and a job.
 
 Arguments, options and defaults are those of the command's function.
 """
@@ -64,7 +64,7 @@ class CommandInput:
         ``"recordings"``, ``"choice"``, ``"text"``, ``"number"`` (a whole one), ``"flag"``, ``"keys"``
         (of values, between commas), ``"name"`` (of the result) or ``"out"`` (a new TOML file).
     option : str
-        Parameter of the command. Empty: the key.
+        Parameter of the command; empty if it equals the key.
     start : object
         Value that a form begins with.
     choices : tuple of (str, str)
@@ -74,7 +74,7 @@ class CommandInput:
     hint, suffix : str
         Example in an empty field, and ending of a name.
     only : tuple of str
-        Key of a choice and its value, without which the input does not apply.
+        Key and value of a choice. The input applies only if the choice has this value.
     """
 
     key: str
@@ -131,7 +131,7 @@ class CommandInput:
 
 
 def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None:
-    """Refuse recordings without a layout and without the columns of such a recording."""
+    """Reject recordings that have neither a layout nor the column names of pneudrive."""
     if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(name, str) for name in given):
         raise CommandError("no recording is named", remedy="Choose at least one.")
     for name in given:
@@ -146,7 +146,7 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
 
 
 def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
-    """Return the channels that a command needs and a recording lacks; only ``layout`` if nothing tells its channels."""
+    """Return the channels that a command needs and a recording lacks; only ``layout`` if the channels are unknown."""
     if path.suffix in SUFFIXES:
         columns = columns_in(path, NEEDED)
         if is_trajectory(path) if hint == "rig" else len(columns) == len(NEEDED):
@@ -160,7 +160,7 @@ def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
 
 @dataclass(frozen=True)
 class CommandForm:
-    """A command that a page starts: text of its button, its result and its Python from the values, and its inputs."""
+    """Command that a page starts: text of its button, functions of the values for result and Python, and inputs."""
 
     title: str
     out: str
@@ -193,7 +193,7 @@ class CommandForm:
 
 
 def _python(kind: str, values: Keyed) -> Plain:
-    """Return further names of the Python of a command, which gives the same numbers: options, without empty ones."""
+    """Return the names for the Python lines of a command, which give the same numbers; empty options are left out."""
     found: Plain = {}
     match kind:
         case "fit":
@@ -224,7 +224,7 @@ STARTS = {"number": None, "flag": False}
 
 
 def _inputs(command: str, given: list[Any], shared: Keyed) -> Iterator[CommandInput]:
-    """Yield the inputs of a command. Fields begin with its defaults."""
+    """Yield the inputs of a command. Fields start with the defaults of the command."""
     for one in given:
         table = {"key": one} | shared[one] if isinstance(one, str) else one
         key, kind = table["key"], table["kind"]
@@ -246,7 +246,7 @@ SIGNATURES = dict(_read())
 
 
 def forms(workspace: Workspace) -> Plain:
-    """Return the form of each command. A field of recordings offers those that have the needed channels."""
+    """Return the form of each command. A field of recordings offers recordings that have the needed channels."""
     offered = {hint: [(path, path) for path in _offered(workspace, hint)] for hint in ("rig", "")}
 
     def about(field: CommandInput) -> Plain:
@@ -256,7 +256,7 @@ def forms(workspace: Workspace) -> Plain:
 
 
 def _offered(workspace: Workspace, hint: str) -> list[str]:
-    """Return the recordings with the channels of a command, but not the runs of validations."""
+    """Return the recordings with the channels of a command, without the runs of validations."""
     paths, files = [], workspace.files()
     validations = {dirname(file.path) for file in files if file.kind == "validation"}
     for file in files:

@@ -1,7 +1,7 @@
 """The folder of the page: its accessible files, safe writing of files, and the cache of this user.
 
-The import of this module is fast, because the address is printed only after it. Modules for descriptions are imported
-in functions.
+The import of this module must be fast, because the address is printed only after it. Modules for descriptions are
+therefore imported in functions.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _FORBIDDEN, _NO_UTF8 = re.compile(r"[\x00-\x1f\x7f\\\ud800-\udfff]"), re.compile
 
 
 class ChangedError(Exception):
-    """The file changed since the page read it, and is not overwritten."""
+    """The file has changed since the page read it. It is not overwritten."""
 
     def __init__(self, text: str, version: str) -> None:
         super().__init__("the file changed on disk")
@@ -87,7 +87,7 @@ class Workspace:
         return cls(folder.resolve())
 
     def state(self, kind: Callable[[Workspace], State]) -> State:
-        """Return the only object of a class for this workspace, such as its jobs. The first call makes it."""
+        """Return the single object of a class for this workspace, such as its jobs. The first call makes it."""
         with self._lock:
             if kind not in self._states:
                 self._states[kind] = kind(self)
@@ -99,7 +99,7 @@ class Workspace:
         Raises
         ------
         CommandError
-            The name leads elsewhere.
+            The name is not valid, or leads out of the workspace.
         """
         place = self.folder(name)
         if not name.lower().endswith(suffixes):
@@ -112,7 +112,7 @@ class Workspace:
         Raises
         ------
         CommandError
-            The name leads elsewhere.
+            The name is not valid, or leads out of the workspace.
         """
         if not isinstance(name, str):
             raise _refused(name)
@@ -129,7 +129,7 @@ class Workspace:
         return place
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
-        """Refuse a description that names a file outside the workspace. Names are relative to its folder."""
+        """Reject a description that names a file outside the workspace. Names are relative to its folder."""
         from pneudrive.describe.formulas.written import FILE_PREFIX
 
         for given in _texts(tables):
@@ -183,8 +183,7 @@ class Workspace:
         """Write a file that has not changed since the page read it, and return its new version.
 
         A version is the SHA-256 of the text. If the text is unchanged, a random word is appended to the version.
-        Otherwise a
-        second writer with the same version would not notice the save.
+        Otherwise a second writer with the same version would not notice the save.
 
         Parameters
         ----------
@@ -227,7 +226,7 @@ class Workspace:
 
 
 class NewNames:
-    """Names of files that copied commands write. Existing names are avoided, because the file would be overwritten."""
+    """Names of files that copied commands write. Existing names are avoided, so that no file is overwritten."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._root = workspace.root
@@ -259,7 +258,7 @@ def built_page(built: Path = BUILT) -> dict[str, bytes]:
 
 
 def last_lines(path: Path, most_bytes: int) -> list[str]:
-    """Return the last complete lines of a log. Empty if it cannot be read."""
+    """Return the last complete lines of a log; empty if it cannot be read."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -282,7 +281,7 @@ def is_in_catalogue(name: str) -> bool:
 
 
 def safe(name: str) -> str:
-    """Return a name that commands do not read as an option."""
+    """Return a name in a form that commands do not read as an option."""
     return f"./{name}" if name.startswith("-") else name
 
 
@@ -345,7 +344,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _user_cache() -> Path:
-    """Return the cache folder of this user, whose files can be made again."""
+    """Return the cache folder of this user. Its files can be deleted and made again."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches"
     named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")

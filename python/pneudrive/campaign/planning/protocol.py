@@ -423,7 +423,7 @@ class Stops(ProtocolTable):
     recovery_m: MaybeDistance = None
     """length of the move after the stop; absent: to the end of the range"""
     preconditioning: Preconditioning = Preconditioning()
-    """see below"""
+    """table, see its own keys"""
     reference_strokes: CountOrNone = 1
     """uninterrupted strokes before the stop, over the same distance at the restart speed"""
 
@@ -491,7 +491,7 @@ class WarmUp(ProtocolTable):
     cycles: CountOrNone = 10
     """strokes out and back before each block"""
     speed_m_s: Speed = 0.1
-    """their speed"""
+    """speed of these strokes"""
     run_in_cycles: CountOrNone = 0
     """additional strokes with a new seal or drive: in the first block and after a change"""
 
@@ -529,13 +529,13 @@ class BeforeBlock(ProtocolTable):
 
     table_name: ClassVar[str] = "before_block"
     tare_s: MaybeDuration = None
-    """zero of the force sensor: standing, force released, vented"""
+    """duration of a zero run of the force sensor: at rest, force released, vented"""
     known_weight: KnownWeight | None = None
-    """see below"""
+    """table, see its own keys"""
     leak_check_s: MaybeDuration = None
-    """standing under the highest pressures of the protocol, supply shut"""
+    """duration of a leak check: at rest under the highest pressures of the protocol, supply shut"""
     blank_stroke_m_s: MaybeSpeed = None
-    """speed of a stroke out and back, vented, before and after the block"""
+    """speed of a vented stroke out and back, before and after the block"""
 
 
 class Sentinel(ProtocolTable):
@@ -543,11 +543,11 @@ class Sentinel(ProtocolTable):
 
     table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed
-    """out and back at this speed"""
+    """speed of the strokes out and back"""
     every: Count = 10
-    """points between two of them"""
+    """number of points between two control runs"""
     pressure: MaybePressure = None
-    """pressures; absent: the first pair of the protocol"""
+    """pressures of control runs; absent: the first pair of the protocol"""
 
 
 class Filter(ProtocolTable):
@@ -616,19 +616,19 @@ class Protocol(ProtocolTable):
     """
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
-    """of this file"""
+    """version of the file format"""
     name: str = "unnamed protocol"
-    """of the campaign"""
+    """name of the campaign"""
     about: str = ""
     """free text"""
     operator: str = ""
-    """who is at the rig"""
+    """name of the person at the rig"""
     seed: Annotated[int, Whole(at_least=0, bound=None)] = 0
     """seed of the order and of a simulated rig"""
     repeats: Count = 1
     """repetitions of every point within each block"""
     directions: Literal["both", "+x", "-x"] = "both"
-    """pressures of sweeps and stops; x grows as chamber a grows"""
+    """directions of sweeps and stops; x grows as chamber a grows"""
     labels: dict[str, str] = Field(default_factory=dict)
     """free text, kept with every result"""
     speed: Speeds | None = None
@@ -644,14 +644,14 @@ class Protocol(ProtocolTable):
     sentinel: Sentinel | None = None
     filter: Filter = Filter()
     adaptive: dict[str, Any] | None = None
-    """of earlier versions; not applied"""
+    """key of earlier versions; has no effect"""
     conditions: Conditions = Conditions()
     limits: Tightened = Tightened()
     position: Range = Range()  # pyright: ignore[reportCallIssue] - its validator gives the range
     design: dict[str, Any] | None = None
-    """of earlier versions; not applied"""
+    """key of earlier versions; has no effect"""
     fraction: dict[str, Any] | None = None
-    """of earlier versions; not applied"""
+    """key of earlier versions; has no effect"""
 
     _text: str = PrivateAttr(default="")
     _origin: str = PrivateAttr(default="protocol")

@@ -1,4 +1,4 @@
-"""The source paper's experiments on simulated rigs, a figure made of them, and verdicts on the paper's sentences."""
+"""The source paper's experiments on simulated rigs, figures of their data, and verdicts on the paper's sentences."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def run_experiments(
     seed : int
         Seed of the rigs.
     rigs : mapping, optional
-        Experiment -> rig to use instead.
+        Experiment -> rig that replaces its default rig.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> 
 
 
 def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> float | None:
-    """Return the mean true friction of a stroke while its commanded speed is constant; None for a short one."""
+    """Return the mean true friction of a stroke while its commanded speed is constant; None for a short stroke."""
     direction = 1.0 if step.to_m > motion.start_m else -1.0
     commanded = motion.at(true["time_s"])[1] * direction
     steady = np.abs(commanded - step.speed_m_s) < AT_SPEED * step.speed_m_s
@@ -153,7 +153,7 @@ class Claim:
     Attributes
     ----------
     place : str
-        Its place in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
+        Place of the sentence in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
     said : str
         The paper's words, or its caption; ``...`` marks omissions.
     verdict : {"holds", "holds in part", "does not hold"}
@@ -169,7 +169,7 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Return a verdict from two tests: of the whole sentence, and of a part of it."""
+    """Return a verdict from two tests, one of the whole sentence and one of a part of it."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
@@ -213,13 +213,13 @@ class PaperFigure:
     measured : str
         The result in words.
     quantities : dict
-        Its numbers, SI.
+        Numbers of the result, SI.
     columns : dict
         Name with unit -> array; the arrays of a figure have matching shapes (curves over pressure are 2-D).
     assumed : str
         Assumptions of the simulated rig beyond the paper.
     rig : (Identity, Envelope) or None
-        For a figure that shows a rig.
+        Rig that the figure shows, if any.
     synthetic : bool
         Always true: the paper's own data are not published.
     """
@@ -244,7 +244,7 @@ class PaperFigure:
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:
-        """Return a figure of these numbers; `more` are numbers for its texts only."""
+        """Return a figure of these numbers; the numbers in `more` are used only in its texts."""
         texts, numbers = texts_of(TEXTS)[str(number)], {**quantities, **more}
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))

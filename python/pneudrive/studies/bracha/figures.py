@@ -76,7 +76,7 @@ def cycle(data: PaperFigure) -> Figure:
 
 
 def over_speed(data: PaperFigure) -> Figure:
-    """Draw figure 6: friction over speed, on linear and logarithmic axes; below it, friction minus the ground truth."""
+    """Draw figure 6: friction over speed, on linear and logarithmic axes; below, friction minus its true value."""
     c, settled = data.columns, Look("blue", "-", "x")
     speed, true = c["speed_m_s"], c["friction_true_n"]
     above = [

@@ -41,7 +41,7 @@ def figure_5(run: Experiment) -> PaperFigure:
     Parameters
     ----------
     run : Experiment
-        One cycle, out and back.
+        Experiment with one cycle, out and back.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def figure_6(run: Experiment) -> PaperFigure:
     Parameters
     ----------
     run : Experiment
-        Speeds without pressure.
+        Experiment with several speeds, without pressure.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def figure_8(run: Experiment) -> PaperFigure:
     Parameters
     ----------
     run : Experiment
-        The same speeds at each pressure.
+        Experiment with the same speeds at each pressure.
 
     Returns
     -------
@@ -228,7 +228,7 @@ def figure_8(run: Experiment) -> PaperFigure:
 
 
 def _after_turn(recording: Recording, stroke: Stroke) -> slice:
-    """Return the samples from the turn of the carriage on, with the rest before the stroke."""
+    """Return the samples from the turn of the carriage on, including the rest before the stroke."""
     begin = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
     return slice(min(begin, stroke.start), stroke.stop)
 

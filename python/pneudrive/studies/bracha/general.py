@@ -1,4 +1,4 @@
-"""The drive as a whole: the printed chamber equations (2) and (3) against the energy balance, and the conclusions."""
+"""The drive as a whole: printed chamber equations (2) and (3) compared with the energy balance, and conclusions."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ RTOL = 1e-8
 
 @dataclass(frozen=True)
 class ChamberComparison:
-    """One stroke out and back with both chamber laws. SI, absolute pressures.
+    """Results of one stroke out and back with both chamber laws. SI, absolute pressures.
 
     Attributes
     ----------
     drive : Drive
-        With the energy balance.
+        Drive with the energy balance as chamber law.
     runs : dict of xarray.Dataset
-        Trajectory by law.
+        Law -> trajectory.
     stroke_time_s : dict of float
-        First arrival at the far stop by law; NaN if it is not reached.
+        Law -> time of the first arrival at the far stop; NaN if the stop is not reached.
     energy_residual_j : dict of float
-        Largest error of the energy balance of chamber a.
+        Law -> largest error of the energy balance of chamber a.
     stroke_work_j : float
         Supply pressure times swept volume, the reference of the residual.
     """
@@ -105,8 +105,8 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt,    U = p V / (k - 1),    h = k / (k - 1) R T
 
-    It is computed from a finished trajectory, so it also applies to a law without a ledger. The wall area is that of
-    the law, so that a difference in wall area does not count as an error.
+    The residual is computed from a finished trajectory, so it also applies to a law without a ledger. The wall area of
+    the law is used, so that a difference in wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k
@@ -146,7 +146,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     Parameters
     ----------
     chambers : ChamberComparison
-        Printed equations against the energy balance.
+        Comparison of the printed equations with the energy balance.
     figures : mapping of PaperFigure
         Figures by number. 6 and 9 give the effects of speed and of a stop on friction.
 

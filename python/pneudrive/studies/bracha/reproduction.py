@@ -50,17 +50,17 @@ class Reproduction:
     Attributes
     ----------
     rig : SimulatedRig
-        Rig of the recordings with known ground truth.
+        Rig of the recordings with known true values.
     figures : dict of PaperFigure
         Figures by number in the source paper.
     rigs : dict
         Rig -> its description, for the figures.
     found : Characterisation
-        Result of simulated recordings with known ground truth.
+        Result of simulated recordings with known true values.
     fits : dict
-        Group -> law -> fit, of those recordings.
+        Group -> law -> fit of those recordings.
     chambers : ChamberComparison
-        Printed equations against the energy balance.
+        Comparison of the printed equations with the energy balance.
     claims : tuple of Claim
         Every sentence of the paper that can be checked, with its verdict.
     seed : int
@@ -109,7 +109,7 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     seed : int
         Seed of all random values of the rigs.
     rigs : mapping, optional
-        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file to use instead.
+        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file that replaces the default one.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
 
 
 def chambers(compared: ChamberComparison) -> Section:
-    """Return the section on the errors of equations (2) and (3) of the paper, in numbers and over time."""
+    """Return the section on the errors of equations (2) and (3) of the paper, with numbers and curves over time."""
     topic, laws = Topic(PAGE, "chambers"), (ENERGY_BALANCE, AS_PRINTED)
     gas = {side: [compared.runs[law][f"temperature_{side}"] for law in laws] for side in "ab"}
     rows = (
@@ -264,7 +264,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
 
 
 def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:
-    """Return the values of the default rig, then those of other rigs that differ, and the drives."""
+    """Return the values of the default rig, the values that differ in other rigs, and the values of the drives."""
     topic, base = Topic(PAGE, "provenance"), rig.sources
     for name, sources in {rig.name: base, **{one.name: one.sources for one in rigs}}.items():
         own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}

@@ -50,7 +50,7 @@ SLOPE_HALF_WIDTH = 12
 
 
 def slow_drive(law: str = "lugre") -> pn.Drive:
-    """Return the drive of the stick-slip figures, with the LuGre law or with Coulomb and Stribeck combined."""
+    """Return the drive of the stick-slip figures, with the LuGre law or with combined Coulomb and Stribeck friction."""
     drive = pn.Drive.load(SLOW_DRIVE)
     if law == drive.friction.law:
         return drive
@@ -81,7 +81,7 @@ def creep(law: str, opening: float | None = None) -> xr.Dataset:
 
 
 def figure_1(seed: int = 0) -> PaperFigure:
-    """Return stick-slip in sensor readings of a drive: counted position, speed from its slope, noisy pressures."""
+    """Return stick-slip in sensor readings of a drive: position in counts, speed from its slope, noisy pressures."""
     run = creep("lugre")
     rng = np.random.default_rng(seed)
     time = run.time.to_numpy()
@@ -272,7 +272,7 @@ def figure_4(run: Experiment) -> PaperFigure:
 
 
 def figure_7(run: Experiment) -> PaperFigure:
-    """Return the rig of the second campaign: the same under 0.1 to 1.5 bar in both chambers, 1 to 500 mm/s."""
+    """Return the rig of the second campaign: the same rig under 0.1 to 1.5 bar in both chambers, 1 to 500 mm/s."""
     speeds, gauges, samples = _ran(run)
     spans = _spans(speeds, SPEEDS_UNDER_PRESSURE_M_S) and _spans(gauges, GAUGES_PA, REACHED * GAUGES_PA[1])
     return PaperFigure.make(
@@ -303,6 +303,6 @@ def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _spans(values: np.ndarray, ends: tuple[float, float], zero_error: float = 0.0) -> bool:
-    """Return whether the values reach both ends, within the error of the sensors."""
+    """Return whether the values reach both ends of a range, within the error of the sensors."""
     low, high = float(values.min()), float(values.max())
     return low <= ends[0] * (1.0 + REACHED) + zero_error and high >= ends[1] * (1.0 - REACHED) - zero_error

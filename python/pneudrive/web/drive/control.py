@@ -59,10 +59,10 @@ class ControlRequest(PageRequest):
     gains : dict
         Gain -> value, in place of the derived gain. Only with a key.
     reference, setup, mismatch : str
-        As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` stands for no mismatch.
+        As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` means no mismatch.
     seed : int
     duration : str
-        Empty: from the reference.
+        Duration of the run; empty: from the reference.
     pixels : int
         Width of the drawing.
     """
@@ -78,12 +78,12 @@ class ControlRequest(PageRequest):
     pixels: Pixels = 1000
 
     def prepared(self, workspace: Workspace) -> Prepared:
-        """Return everything that determines the run, except its seed.
+        """Return all inputs that determine the run, except its seed.
 
         Raises
         ------
         PneudriveError
-            A name leads out of the workspace, a file is not valid, or the drive cannot follow the reference.
+            A name is outside the workspace, a file is not valid, or the drive cannot follow the reference.
         """
         drive = described_at(workspace, self.path)
         controller: Controller | str | None = _checked_law(workspace, self.law) or None
@@ -216,7 +216,7 @@ def answer(workspace: Workspace, asked: Keyed, limit: RunLimit | None = None) ->
 
 
 def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
-    """Run a law as a request says, and return its largest error, m; null if it lost the drive.
+    """Run a law as requested, and return its largest error, m; null if it lost the drive.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def _about(prepared: Prepared, run: Run) -> Plain:
 
 
 def _assumed(title: str, about: Keyed, notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()) -> Plain:
-    """Return the drive as laws assume it, their gains and their limits as the data of a view."""
+    """Return the drive that the laws assume, their gains and their limits as the data of a view."""
     plant = tuple(map(tuple, about["plant"]))
     shown = (
         ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),
@@ -302,7 +302,7 @@ def _is_text(text: str) -> bool:
 
 
 def _names(given: object, info: ValidationInfo) -> list[str]:
-    """Return a list of words for one argument of a command. No item may contain a comma."""
+    """Return names as a list. They must not contain commas, which separate names in commands."""
     each = [given] if isinstance(given, str) else given
     if not isinstance(each, list) or not each or not all(isinstance(name, str) and name.strip() for name in each):
         raise CommandError(f"{info.field_name} are missing", remedy="Choose at least one.")
@@ -317,7 +317,7 @@ Text = Annotated[StrictStr, BeforeValidator(lambda text: text or "")]
 
 
 class BenchmarkRequest(PageRequest):
-    """A benchmark, as the page starts it and as its folder repeats it."""
+    """Request for a benchmark, from the page or from its folder to repeat it."""
 
     drive: Text = ""
     laws: Names = Field(default_factory=list, validate_default=True)
@@ -328,12 +328,12 @@ class BenchmarkRequest(PageRequest):
     count: Annotated[StrictInt, bounded(1, MOST_MEMBERS)] = 1
 
     def job(self, workspace: Workspace, out: str, *, is_new: bool = False) -> JobRequest:
-        """Return the job that makes a folder, or continues in it.
+        """Return the job that makes the folder of a benchmark, or continues in it.
 
         Raises
         ------
         PneudriveError
-            A name leads out of the workspace, or is not known.
+            A name refers to a file outside the workspace, or is not known.
         """
         drive = described_at(workspace, self.drive)
         for law in self.laws:
@@ -361,7 +361,7 @@ def started_comparison(workspace: Workspace, given: Plain, resume: str | None = 
     Raises
     ------
     PneudriveError
-        A part is missing, leads out of the workspace, or is not valid, or the folder does not match the request.
+        A part is missing, outside the workspace or not valid, or the folder does not match the request.
     """
     if resume is not None:
         asked = read_comparison(workspace.folder(resume)).about.get("asked")
@@ -420,7 +420,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
 
 
 def _cell(card: ControlComparison, law: str, track: str, measure: str) -> Plain:
-    """Return a measure of a controller along a reference: median, least and largest, or 95 and 100 % limits."""
+    """Return a measure of a controller along a reference: median and extremes, or quantiles of a spread."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
     middle, *others = (card.within(law, track, measure, share) for share in shares)
     return {

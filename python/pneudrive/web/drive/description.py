@@ -1,4 +1,4 @@
-"""View of a description: its problems by line, its values as fields, its drawing; and the description of an FMU."""
+"""View of a description: problems by line, values as fields, and drawing. View of an FMU."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def checked_text(workspace: Workspace, path: str, text: str) -> Plain:
 
 
 def _copies(text: str) -> dict[str, list[str]]:
-    """Return the names of all copies for each component whose table describes several."""
+    """Return, for each component that is one of several copies of a table, the names of all these copies."""
     try:
         tables = toml.parse(text, "").get("components", {}).values()
     except PneudriveError:  # another format
@@ -99,7 +99,7 @@ def fields_of(described: Described) -> Plain:
 
 
 def _absent(described: Described, every: Sequence[DescribedValue]) -> set[str]:
-    """Return the keys of defaults that are not valid alone, such as those of an absent cushion."""
+    """Return the keys of defaults that are not valid on their own, such as those of a cushion that is not given."""
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
     given = {key for key, _ in leaves(described.to_dict())}
@@ -122,7 +122,7 @@ def _lowest_commands(described: Described) -> dict[str, int]:
 
 
 def _owners(described: Described) -> Callable[[str], str]:
-    """Return a function from a key to its component in the drawing. Empty: no component."""
+    """Return a function that returns the component of a key in the drawing; empty without a component."""
     # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
     ordered = described.component_places
 
@@ -153,7 +153,7 @@ def field_of(one: DescribedValue) -> Plain:
 
 
 def first_platform() -> dict[str, str]:
-    """Return the text with which a platform begins."""
+    """Return the initial text of a platform."""
     return {"text": FIRST_PLATFORM.read_text(encoding="utf-8")}
 
 
@@ -177,12 +177,12 @@ def drawing(workspace: Workspace, path: str, text: str) -> Plain:
 
 
 def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> dict[str, str]:
-    """Return a text with one value changed. With a unit, write the value in this unit."""
+    """Return a text with one value changed as requested; if a unit is given, the value is written in this unit."""
     return {"text": edited(text, key, value if unit is None else in_unit(str(value), unit))}
 
 
 def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> Plain:
-    """List the parts of a family of the catalogue whose values fit a table of a text: name and title."""
+    """List name and title of the catalogue parts of a family whose values fit a table of a text."""
     found = []
     for name, entry in entries().items():
         if entry.kind.startswith(f"{family}/"):
@@ -193,7 +193,7 @@ def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family
 
 
 def with_part(text: str, table: str, part: str) -> dict[str, str]:
-    """Return a text with the values of a part of the catalogue in one of its tables. A stroke made to order stays.
+    """Return a text with the values of a catalogue part in one of its tables. A custom stroke is kept.
 
     Raises
     ------
@@ -221,12 +221,12 @@ def _has_keys(entry: Any) -> bool:  # noqa: ANN401 - of tomlkit
 
 
 def edited(text: str, key: str, value: str | float) -> str:
-    """Return a TOML text with one value changed. Comments and order stay.
+    """Return a TOML text with one value changed. Comments and order are kept.
 
     Raises
     ------
     CommandError
-        The text is not TOML, or the key leads through a value that is not a table.
+        The text is not TOML, or a part of the key is not a table.
     """
     try:
         document = tomlkit.parse(text)
@@ -268,7 +268,7 @@ def edited(text: str, key: str, value: str | float) -> str:
 
 
 def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
-    """Return the parts of the key in a text: in a table of copies, or in a table of a drive."""
+    """Return the parts of a key as they are written in a text: in a table of copies, or in a table of a drive."""
     names = key.split(".")
     if names[0] != "components" or len(names) < 3:
         return names
@@ -286,7 +286,7 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
 def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:
     """Return the text of a file and its version, and on request its check as a description.
 
-    For a drive of the catalogue, return a text that starts from it, and None.
+    For a drive of the catalogue, return a text that uses this drive, and None as the version.
     """
     text, version = (f'drive = "{path}"\n', None) if is_in_catalogue(path) else workspace.read(path)
     about = {"checked": checked_text(workspace, path, text)} if checked else {}

@@ -40,7 +40,7 @@ _FILE = re.compile(r"(\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+)(\S.*\.cs
 
 
 def check_changes(changes: Plain) -> Plain:
-    """Refuse changed values that name a file.
+    """Reject changed values that name a file.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class RunRequest(PageRequest):
     @field_validator("command")
     @classmethod
     def _check_command(cls, command: str | list[str]) -> str | list[str]:
-        """Refuse a text that is neither a command nor the name of a file. Empty lines of a circuit are left out."""
+        """Reject a text that is neither a command nor the name of a file. Empty lines of a circuit are left out."""
         lines = command if isinstance(command, list) else [command]
         for line in lines:
             if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):
@@ -113,7 +113,7 @@ class RunRequest(PageRequest):
         return [line for line in lines if line.strip()] if isinstance(command, list) else command
 
     def with_path(self, path: str) -> RunRequest:
-        """Return the same run of another drive or circuit, without changes."""
+        """Return the same request for another drive or circuit, without changes."""
         return self.model_copy(update={"path": path, "text": None, "changes": {}})
 
     def described(self, workspace: Workspace) -> Described:
@@ -122,7 +122,7 @@ class RunRequest(PageRequest):
         Raises
         ------
         CommandError, DescriptionError
-            The name leads out of the workspace, or the description is not valid.
+            The name refers to a file outside the workspace, or the description is not valid.
         """
         return with_changes(described_at(workspace, self.path, self.text), self.changes)
 
@@ -134,7 +134,7 @@ class RunRequest(PageRequest):
         PneudriveError
             As for `pneudrive.simulate`, or the run is too long for a page.
         Cancelled
-            The flag was set, or the time is over.
+            The flag was set, or the time limit is reached.
         """
         return self.run_of(self.described(workspace), workspace, cancel)
 
@@ -151,7 +151,7 @@ class RunRequest(PageRequest):
         Raises
         ------
         CommandError
-            The name of a file leads out of the workspace.
+            The name refers to a file outside the workspace.
         """
         if "" not in described.commandable:
             return [_placed(line, workspace) for line in self.lines] or None
@@ -176,12 +176,12 @@ class RunRequest(PageRequest):
 
     @property
     def lines(self) -> list[str]:
-        """Each command that is not empty."""
+        """Commands that are not empty."""
         each = self.command if isinstance(self.command, list) else [self.command]
         return [line for line in each if line.strip()]
 
     def as_python(self, described: Described, number: str = "") -> str:
-        """Return the Python lines that make the same run. The names of its drive and its run end with a number."""
+        """Return the Python lines that make the same run. The variables of drive and run end with the given number."""
         lines = [f"drive{number} = pn.{type(described).__name__}.load({self.path!r})"]
         if self.changes:
             lines.append(f"drive{number} = drive{number}.replace({dict(self.changes)!r})")
@@ -198,7 +198,7 @@ class RunRequest(PageRequest):
 
 
 def check_samples(samples: float) -> None:
-    """Refuse a run that is too long for the page."""
+    """Reject a run that is too long for the page."""
     if not math.isfinite(samples) or samples > MOST_SAMPLES:
         raise CommandError.of("web.samples", samples=samples, most=MOST_SAMPLES)
 
@@ -210,9 +210,9 @@ def _placed(command: str, workspace: Workspace) -> str:
 
 
 def described_at(workspace: Workspace, path: str, text: str | None = None) -> Described:
-    """Read a drive or a circuit of the workspace or the catalogue, or a text in its place.
+    """Read a drive or a circuit from the workspace, from the catalogue, or from a text in its place.
 
-    Each is read once, except those that refer to files.
+    Each is read only once, except descriptions that refer to files.
 
     Raises
     ------
@@ -235,9 +235,9 @@ def _described(workspace: Workspace, path: str, text: str | None) -> Described:
 
 
 def kept(most: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
-    """Keep the content of a file: by workspace, name, and time of its last change.
+    """Return the content of a file, cached by workspace, name, and time of the last change.
 
-    A content that refers to other files is not kept, because they may change.
+    Content that refers to other files is not cached, because these may change.
     """
 
     def decorate(function: Callable[..., Found]) -> Callable[..., Found]:

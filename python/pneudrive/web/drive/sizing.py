@@ -48,9 +48,9 @@ def checked_or_first(text: str | None = None) -> dict[str, Any]:
 
 
 def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return a search from its folder: its task, the simulated candidates, and the ranking once it exists.
+    """Return a search from its folder: its task, the simulated candidates, and the ranking if it exists.
 
-    If nothing is in the folder yet because the search has just started, the answer is ``{"waits": True}``.
+    If the search has just started and the folder is still empty, the answer is ``{"waits": True}``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Components of a circuit that are added, joined and removed in the drawing, as changes of its TOML text."""
+"""Adding, joining and removing components of a circuit in the drawing, as changes of its TOML text."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class StructureRequest(PageRequest):
     Attributes
     ----------
     path, text : str
-        Description, with its text in the page.
+        Name of the description, and its text in the page.
     act : str
         ``"add"`` a component of `kind` at the port `one`, ``"join"`` the ports `one` and `other`, ``"cut"`` the lines
         of the port `one`, ``"remove"`` the component `one`, or ``"open"`` a drive as a circuit.
@@ -87,7 +87,7 @@ def restructured(workspace: Workspace, request: StructureRequest) -> dict[str, s
 
 
 class CircuitText:
-    """The text of a valid circuit, whose structure is changed step by step. Comments and order stay.
+    """Text of a valid circuit, for step-by-step changes of its structure. Comments and order are kept.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class CircuitText:
         return found
 
     def add(self, kind: str, at: str) -> str:
-        """Add a component at a port, inside the line of this port if the component has two ports; return its name."""
+        """Add a component at a port and return its name. With two ports, it is inserted into the line of the port."""
         if kind not in starters():
             raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(starters()))
         port = self._port(at)
@@ -184,7 +184,7 @@ class CircuitText:
         self._chains.append(f"{one} {mark} {other}")
 
     def _open(self, at: str) -> None:
-        """Close the opening to the ambient air that `written` added to a port."""
+        """Remove the opening to the ambient air that `written` added to a port."""
         for number in reversed(range(len(self._chains))):
             if _words(self._chains[number]) == [at, AMBIENT]:
                 del self._chains[number]
@@ -241,10 +241,10 @@ class CircuitText:
     def written(self) -> str:
         """Return the text.
 
-        Ports that need a line and have none are plugged, or opened to the ambient air if gas flows through the
+        Ports that need a line, but have no line, are plugged, or opened to the ambient air if gas flows through the
         component.
 
-        A plug at a restriction would make a joint without any gas.
+        A plug at a restriction would make a joint without any gas volume.
         """
         named: set[str] = set()
         if not len(self._chains):
@@ -285,7 +285,7 @@ def _is_needed(port: Port) -> bool:
 
 
 def _is_passed(needed: list[Port]) -> bool:
-    """Return whether gas flows through a component of these ports without being stored."""
+    """Return whether gas flows through a component with these ports without being stored."""
     return len(needed) == 2 and all(one.is_single for one in needed)
 
 

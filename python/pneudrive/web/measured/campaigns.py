@@ -54,7 +54,7 @@ def planned(workspace: Workspace, protocol: object = None) -> Plain:
 
 
 class WatchedCampaign:
-    """One campaign folder. The data of a campaign are kept until they are out of date."""
+    """One campaign folder. Its data are cached until they are out of date."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -129,7 +129,7 @@ def shown_campaign(workspace: Workspace, path: str) -> Plain:
 
 
 def running_cycle(workspace: Workspace, path: str) -> bytes:
-    """Return the running cycle as a frame. If no cycle is running, the head does not contain a cycle."""
+    """Return the running cycle as a frame. Without a running cycle, the head does not contain a cycle."""
     folder = workspace.folder(path)
     found = read_live(folder) if holder(folder) is not None else None
     if found is None:

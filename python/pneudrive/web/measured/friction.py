@@ -53,8 +53,8 @@ NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
     """Return the fit of each assembly, and reasons for missing fits.
 
-    In a map with several assemblies, the usual name refers to the fit of each. Another file belongs to one seal,
-    mounting or drive.
+    For a map with several assemblies, the default name refers to the fit of each assembly. Any other file is the fit of
+    one seal, mounting or drive.
     """
     files = {name: fit_file(name) for name in names if fit_name in (FIT, fit_file(name))}
     if len(names) == 1:
@@ -155,9 +155,9 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     path : str
         Name of the map.
     fit : str
-        Name of the fit next to the map whose curves are drawn.
+        Name of the fit, next to the map, whose curves are drawn.
     speed : float or "all"
-        m/s; points count within `NEAR` of it. "all": all points count, and curves hold at the mean speed of a seal.
+        Speed, m/s. Points within `NEAR` of it are used. "all": all points are used; curves are at a seal's mean speed.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def _fit(workspace: Workspace, path: str) -> AnyFit:
 
 
 def behind_fit(workspace: Workspace, path: str) -> Plain:
-    """Return the details of a fit as a view with figures: its ellipses and, with its map, residuals and profiles.
+    """Return the details of a fit as a view with figures: confidence ellipses, and with the map residuals and profiles.
 
     Raises
     ------

@@ -47,7 +47,7 @@ MOST_SAMPLES = 1 << 21  # of a view, for a spectrum or as numbers
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A recording with its blocks."""
+    """A recording with the blocks of its pyramid."""
 
     file: ChannelFile
     pyramid: Pyramid
@@ -89,13 +89,13 @@ class OpenRecording:
 
     @cached_property
     def span(self) -> Interval:
-        """First and last time, s. A single time gets a span of one second, because a view needs a width."""
+        """First and last time, s. For a single sample, the span is one second, because a view needs a width."""
         first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
         return (first, last) if first < last else (first - 0.5, last + 0.5)
 
 
 class Reading(threading.Thread):
-    """A recording that is being read for the first time, in the background. Its end sets `done` or `error`."""
+    """A recording that is being read for the first time, in the background. At the end, `done` or `error` is set."""
 
     def __init__(self, path: Path, layout: Layout | None, key: tuple[str, str]) -> None:
         super().__init__(daemon=True)
@@ -126,7 +126,7 @@ class Reading(threading.Thread):
             self.error = fault_of(fault)
 
     def need(self, name: str) -> OpenRecording:
-        """Return the recording after reading.
+        """Return the recording, once it has been read.
 
         Raises
         ------
@@ -145,8 +145,8 @@ class Reading(threading.Thread):
 class Recordings:
     """Open recordings of a workspace. Each recording is read once, in the background.
 
-    A file may change while it is shown. Data that were read have the key that the file had before reading. Later
-    additions give the file another key, so that the next request reads it again.
+    A file may change while it is shown. Data are stored under the key that the file had before reading. A change
+    gives the file another key, so that the next request reads it again.
     """
 
     def __init__(self, workspace: Workspace) -> None:
@@ -198,7 +198,7 @@ class Recordings:
 
 
 class ViewRequest(PageRequest):
-    """A part of a recording: from and to in s or samples, width of the drawing, names of columns on lines.
+    """A part of a recording: start and end in s or samples, width of the drawing, names of columns (one per line).
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ class ViewRequest(PageRequest):
     pixels : int
     columns : str
     beside : str or None
-        Another recording that is drawn over it.
+        Another recording that is drawn in the same panels.
     shift : float
         Time shift of the other recording, s.
     """
@@ -238,7 +238,7 @@ class ViewRequest(PageRequest):
 
 
 def shown_recording(workspace: Workspace, path: str) -> Plain:
-    """Open a recording, or report the progress of its reading or its errors: the file may be half written."""
+    """Open a recording, or report the progress of its reading or its errors; the file may be incomplete."""
     file = workspace.path(path, TABLES)
     try:
         reading = workspace.state(Recordings).opened(path)
@@ -259,9 +259,9 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
 
 
 def shown_window(workspace: Workspace, given: Keyed) -> bytes:
-    """Return a view of a recording with the requested key as a frame, or None if the recording has another key.
+    """Return a view of a recording as a frame, or None if the recording does not have the requested key.
 
-    A view of the changed recording would have times and channels that do not match those in the page.
+    Times and channels of a changed recording would not match those in the page.
     """
     name, key = str(given.get("path", "")), str(given.get("key", ""))
     head: Plain = {"number": given.get("number"), "path": given.get("path"), "key": None}
@@ -312,8 +312,8 @@ def shown_samples(workspace: Workspace, path: str, request: ViewRequest) -> byte
 def shown_strokes(workspace: Workspace, path: str) -> Plain:
     """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
-    A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time.
-    Without times, or with too many samples, a note says why both are empty.
+    A stroke has start, end, direction and speed. A kind of fault has a count, and first and last times of its places.
+    Without times, or with too many samples, both are empty and a note states the reason.
     """
     file, nothing = workspace.path(path, TABLES), {"strokes": [], "faults": {}}
     reading = workspace.state(Recordings).opened(path)
@@ -376,7 +376,7 @@ class MeasureRequest(PageRequest):
         s, or numbers of samples.
     columns : tuple of str
     beside : str
-        Another recording. Empty for no other.
+        Another recording; may be empty.
     shift : float
         Time shift of the other recording, s.
     """
@@ -420,7 +420,7 @@ def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
 def nearest_sample(time_s: Array, at: float) -> int:
     """Return the index of the sample nearest to a time among increasing times.
 
-    The earlier of two equally near samples.
+    Of two equally near samples, the earlier one is returned.
     """
     after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
     return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
@@ -429,7 +429,7 @@ def nearest_sample(time_s: Array, at: float) -> int:
 def motion_of(path: Path, layout: Layout | None) -> Recording | None:
     """Return a recording of a rig or a drive by its layout, or a trajectory.
 
-    None for others, whose motion is unknown.
+    Return None for other files, whose motion is unknown.
     """
     if layout is not None:
         return None if layout.kind == "fixed-volume" else load_recording(path, layout, kind=layout.kind)
@@ -437,7 +437,7 @@ def motion_of(path: Path, layout: Layout | None) -> Recording | None:
 
 
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
-    """Return the recordings of each name without folder and suffix, which results may refer to."""
+    """Return the recordings by their names without folder and suffix, to which results may refer."""
     out: dict[str, list[str]] = {}
     for one in files:
         if one.kind == "recording":
@@ -446,7 +446,7 @@ def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
 
 
 def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
-    """Return the reason why strokes and faults of a recording are not shown. Empty if they are."""
+    """Return the reason why strokes and faults of a recording are not shown; empty if they are shown."""
     count = opened.pyramid.count
     if count > MOST_SAMPLES_OF_STROKES:
         reason = f"Strokes and faults are not detected: {count:,} samples, and the limit is {MOST_SAMPLES_OF_STROKES:,}"
@@ -458,7 +458,7 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
 
 
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
-    """Return the layout next to a recording, or in the folder above, inside the workspace. None without a layout.
+    """Return the layout next to a recording, or in the folder above, inside the workspace; None without a layout.
 
     A file with the column names of pneudrive needs no layout, and a layout of another file would not fit.
     """
@@ -493,15 +493,15 @@ def needs_none(path: Path) -> bool:
 
 @lru_cache(maxsize=4 * MOST_OPEN)
 def _has_own_names(path: Path, _size: int, _changed_ns: int) -> bool:
-    """Query a file once, because the reader process may be busy."""
+    """Query a file only once, because the reader process may be busy."""
     return is_trajectory(path) or len(columns_in(path, NEEDED)) == len(NEEDED)
 
 
 def _key(path: Path) -> str:
     """Return the key of a file: its path, its inode, its size and times, and the bytes at both ends.
 
-    Another file of the same size and time has another inode. A file with a changed middle has another change time,
-    which users cannot set.
+    A different file of the same size and time has another inode. A file that was changed only in the middle has another
+    change time, which users cannot set.
     """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
@@ -519,7 +519,7 @@ def _key(path: Path) -> str:
 
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
-    """Open a recording. A file that is not Parquet is converted once, and its blocks are made once."""
+    """Open a recording. A file that is not Parquet is converted; this, and making the blocks, is done only once."""
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` reads this time
     file = open_channels(path, layout, cache)

@@ -1,4 +1,4 @@
-"""Lowest and highest value of every pixel column, so that no sample of a recording is lost on the screen.
+"""Lowest and highest value of every pixel column, so that no peak of a recording is lost on the screen.
 
 One pass over a recording builds blocks of 256 samples. A block has the lowest and the highest value of each channel,
 the times of its first and last sample, and the number of missing values. A view with at least one block for each pixel
@@ -47,7 +47,7 @@ def _forget(recording: int) -> None:
 
 
 class KeptSamples:
-    """The samples of a recording. They are read in parts, which stay for the next views of an open recording.
+    """Samples of a recording. They are read in parts, which are cached for the next views of an open recording.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class KeptSamples:
 
 
 class TileWindow(NamedTuple):
-    """A view: times, and for each channel values to be joined by a line. NaN is a gap.
+    """A view: times, and for each channel the values of a line. NaN marks a gap.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Pyramid:
     missing : ndarray, shape (channels, blocks)
         Number of missing values.
     fall : int or None
-        First sample whose time is missing or less than the previous one: the clock was set back.
+        First sample whose time is missing or less than the previous one, for instance because the clock was set back.
     """
 
     names: tuple[str, ...]
@@ -197,7 +197,7 @@ class Pyramid:
         return cls(tuple(names), count, time, low, high, missing, fall)
 
     def save(self, folder: Path) -> None:
-        """Write the blocks into a folder. The last file makes the whole folder valid."""
+        """Write the blocks into a folder. The folder is valid only with the last file."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -276,7 +276,7 @@ class Pyramid:
 
 
 class _Pixels(NamedTuple):
-    """Columns of pixels: first and last time of each, and the width of a pixel, s."""
+    """Pixel columns: first and last time of each, and the width of a pixel, s."""
 
     begins: Array
     ends: Array
@@ -308,10 +308,10 @@ class _Pixels(NamedTuple):
 
 
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns over ``time_s``. Long columns become the lowest and the highest value of each pixel.
+    """Return columns over ``time_s``. Long columns are reduced to the lowest and highest value of each pixel.
 
-    Thinned columns also have ``NAME/at``: the values at the sent times. Lowest and highest values of pixels are for
-    drawing. The displayed number under the cursor is therefore a value of the run at that time.
+    Reduced columns also have ``NAME/at``: the values at the sent times. The number that the page shows at the cursor is
+    therefore a value of the run at that time, and not an extreme value of a pixel.
     """
     time = np.asarray(columns["time_s"])
     if len(time) <= 2 * pixels + 1:
@@ -325,14 +325,14 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
-    """Return where the columns of pixels begin among increasing times. Pixel columns without a sample are left out."""
+    """Return the first sample of each pixel column, at increasing times; columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
     edges = np.concatenate([[0], wanted, [len(seconds)]])
     return edges[np.diff(edges, prepend=-1) > 0]
 
 
 def _outward(values: Array, towards: float) -> Array:
-    """Round to 32 bits, never inward."""
+    """Round lowest values down and highest values up to 32 bits."""
     with np.errstate(over="ignore"):
         short = values.astype("f4")
     inward = short > values if towards < 0 else short < values

@@ -1,4 +1,4 @@
-"""A drive against recordings for the page: the result of `pneudrive validate`, and runs of a changed drive."""
+"""Comparison of a drive with recordings for the page: result of `pneudrive validate`, and runs of a changed drive."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
     Raises
     ------
     CommandError
-        The file is not one of `pneudrive validate`.
+        The file was not written by `pneudrive validate`.
     """
     content = _read(workspace, path)
     provenance = content["provenance"]
@@ -97,7 +97,7 @@ def _read(workspace: Workspace, name: str) -> Plain:
 
 
 def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
-    """Return fields for the values that the causes name but the file does not contain.
+    """Return fields for values that the causes name, but that the file does not contain.
 
     Such values are derived from others.
     """
@@ -114,7 +114,7 @@ def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
 
 
 def _values(inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Keyed) -> list[Plain]:
-    """Return the values of the drive with their sources, or without the drive the identified values."""
+    """Return the values of the drive with their sources; without the drive, return the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
     out: list[Plain] = [
         {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
@@ -210,7 +210,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[Plain, Signals]:
 
 
 def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, float], Keyed]:  # noqa: ANN401
-    """Return the free run of a drive with changed values, and its agreement with each channel, %."""
+    """Return the free run of a drive with changed values, and the agreement of each channel, %."""
     if not isinstance(drive, Drive):
         raise CommandError("a circuit cannot be validated here")
     if signals.time_s.size > MOST_LIVE:
@@ -220,7 +220,7 @@ def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, fl
 
 
 def _labels(*paths: PurePosixPath) -> tuple[str, str]:
-    """Return short names of two files that differ: those of seals for fits, or else of files or folders."""
+    """Return different short names of two files: names of seals for fits, otherwise of files or folders."""
     ways = ([path.stem.removeprefix("fit-") for path in paths], [path.parent.name for path in paths])
     return next(((a, b) for a, b in ways if a != b), (str(paths[0]), str(paths[1])))
 
@@ -249,7 +249,7 @@ def compared(workspace: Workspace, before: str, after: str) -> Plain:
     Raises
     ------
     PneudriveError
-        A name leads out of the workspace, a file is not a result, or the files are of two kinds.
+        A name refers to a file outside the workspace, a file is not a result, or the files are of different kinds.
     """
     names = (before, after)
     sources = [load_at(workspace, name) for name in names]
