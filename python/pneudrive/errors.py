@@ -297,7 +297,7 @@ class RigError(PneudriveError):
 
 
 class ConnectionLostError(RigError):
-    """The connection to a rig was lost and is back: the rig is at rest without pressure, its saved state may be lost.
+    """The connection to a rig was lost and is back. The rig is at rest without pressure; its saved state may be lost.
 
     The running cycle is lost. The caller restores the rig's saved state (`Reproducible.restore`) and repeats the cycle.
     """

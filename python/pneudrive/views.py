@@ -202,7 +202,7 @@ class ShownFigure:
 class SentValue:
     """A value in the data of a view: in SI with the ends of its interval, and as text in its usual unit.
 
-    Limit and state belong to leading values.
+    Only leading values have a limit and a state.
     """
 
     key: str
@@ -240,7 +240,7 @@ class SentCurve:
 
     @classmethod
     def of(cls, curve: ShownCurve) -> SentCurve:
-        """Return a curve in usual units, at most some thousand points of a long one."""
+        """Return a curve in usual units; a long curve is reduced to some thousand points."""
         (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
         titles = f"{curve.x_quantity}, {x_unit}".strip(", "), f"{curve.quantity}, {unit}".strip(", ")
         part = thin(curve.x)
@@ -293,7 +293,7 @@ class View(Shown):
     state : str
         "good", "open" or "bad".
     leading : tuple of LeadingValue
-        At most five.
+        At most five leading values.
     findings : tuple of Finding
         Findings, sorted with the worst first.
     tables : tuple of ShownTable

@@ -267,7 +267,7 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
     Raises
     ------
     RigError, CampaignError
-        With file, value, rule and remedy.
+        The message gives file, value, rule and remedy.
     """
     folder, tolerance, identity, limits = Path(source), Tolerance(), None, None
     if not folder.is_dir():

@@ -266,7 +266,7 @@ def run_axes(
     seconds, rtol : float
     watch : Watch
     own : RunningLaw, optional
-        A custom law, of a single axis.
+        Custom law; only for a single axis.
     """
     try:
         return _core.control_run(

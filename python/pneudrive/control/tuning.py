@@ -414,7 +414,7 @@ def core_form(
     belief: Circuit,
     numbers: Mapping[str, dict[str, float]],
 ) -> dict[str, Any]:
-    """Return a controller in the core's form, SI. `numbers` are those of ``gains`` and of ``valves``."""
+    """Return a controller in the core's form, SI. `numbers` has the numbers of ``gains`` and of ``valves``."""
     held = None if hold is None else [hold.band_m, hold.after_s]
     core = {"law": law, "period_s": period_s, "gains": {}, "hold": held, "adaptation": adaptation}
     core |= {table: each for table, each in numbers.items() if each or table == "gains"}

@@ -308,7 +308,7 @@ def linearise(
     pressures : pair of str or float, or one for both, optional
         Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default the mean of supply and ambient.
     command : float
-        Command of the valve. The default, 0, stands for the command at which the valve begins to open.
+        Command of the valve. The default, 0, means the command at which the valve begins to open.
     opening : {"+", "-"}
         Side to which the valve opens, because the slope of the flow differs between sides. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}

@@ -74,7 +74,7 @@ def used(given: object, problems: Problems) -> object:
 
 
 def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
-    """Return table and key of each component, by name, and the names of the copies of each table with copies."""
+    """Return table and key of each component by name, and the names of copies for each table that has copies."""
     tables: dict[str, Any] = {}
     keys: dict[str, str] = {}
     templates: dict[str, list[str]] = {}

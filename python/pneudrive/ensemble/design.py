@@ -296,7 +296,7 @@ class Rows:
     points : callable
         (first, last) -> rows of the members from first to before last, shape (members, names).
     shape : Marginals or NormalCoordinates, optional
-        Of a sampled design: mapping from the unit cube to values.
+        For a sampled design: mapping from the unit cube to values.
     """
 
     names: tuple[str, ...]

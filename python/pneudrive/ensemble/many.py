@@ -607,7 +607,7 @@ def simulate_many(
     DescriptionError
         The start state does not fit the drive.
     SimulationError
-        With ``errors="raise"``, a member failed.
+        A member failed, with ``errors="raise"``.
     Cancelled
         `cancel` was set; finished chunks in `out` are kept.
 

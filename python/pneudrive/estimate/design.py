@@ -99,8 +99,7 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
 def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D") -> tuple[Ints, int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
-    Each point is chosen at most once, and all points are repeated equally often, as in a protocol. The number of
-    repeats is optimised.
+    A point is chosen at most once. As in a protocol, all points have the same number of repeats, which is optimised.
 
     Returns
     -------

@@ -373,7 +373,7 @@ class Platform(Viewed):
         Returns
         -------
         xarray.Dataset
-            With ``tripod.smallest_singular_value``, ``tripod.leg_1_force`` and ``tripod.leg_1_side_force``, see
+            Run with ``tripod.smallest_singular_value``, ``tripod.leg_1_force`` and ``tripod.leg_1_side_force``, see
             `platform_outputs`.
 
         Raises

@@ -187,7 +187,7 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     found : SizingResult
         From `pneudrive.size`.
     folder : path-like
-        Must be there.
+        An existing folder.
 
     Raises
     ------

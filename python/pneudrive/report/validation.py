@@ -140,7 +140,7 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     ----------
     found : Validation
     folder : path-like
-        Must be there.
+        An existing folder.
 
     Raises
     ------

@@ -133,7 +133,7 @@ class ChannelFile:
 
 
 def first_fall(seconds: Array, before: float) -> int | None:
-    """Return the first sample whose time is missing or less than the previous time; None if there is no such sample.
+    """Return the first sample whose time is missing or less than the previous time; None if all times increase.
 
     Parameters
     ----------

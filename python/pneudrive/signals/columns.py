@@ -178,7 +178,7 @@ class Role:
     si : str
         SI unit of its quantity; a column with the unit of another quantity is not a candidate.
     by_size : tuple of (float, str)
-        Units to assume for numbers without a unit, each up to a size: of the span of a position, of a pressure itself.
+        Units to assume for numbers without a unit, each up to a largest span (position) or largest value (pressure).
     scaled : str
         Unit in a layout for volts and counts, which need a scale.
     """

@@ -290,7 +290,7 @@ def read_drive_recordings(
     Raises
     ------
     RecordingError, LayoutError
-        With file, value, rule and remedy.
+        The message gives file, value, rule and remedy.
     """
     items, layout = _items(recordings, layout)
     out: list[DriveRecording] = []
@@ -322,7 +322,7 @@ def read_volume_recordings(
     Raises
     ------
     RecordingError, LayoutError
-        With file, value, rule and remedy.
+        The message gives file, value, rule and remedy.
     """
     items, layout = _items(recordings, layout)
     out = []

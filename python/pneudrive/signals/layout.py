@@ -457,7 +457,7 @@ class Layout(Shown):
         Raises
         ------
         LayoutError
-            With file, line, value, rule and remedy.
+            The message gives file, line, value, rule and remedy.
         """
         tree, text = toml.read(path, LayoutError, "`pneudrive layout FILE` proposes one.")
         return cls(tree, str(path), text)._checked()

@@ -107,7 +107,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     Raises
     ------
     RecordingError, LayoutError
-        With file, value, rule and remedy.
+        The message gives file, value, rule and remedy.
     """
     return [file.read() for file in recording_files(paths, layout)]
 
@@ -395,6 +395,6 @@ def read_trajectory(path: Path, name: str) -> Recording:
     Raises
     ------
     RecordingError
-        If it is damaged, or a column does not hold numbers.
+        The file is damaged, or a column does not hold numbers.
     """
     return from_trajectory(read_columns(path, COLUMNS), name, path)

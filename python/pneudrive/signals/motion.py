@@ -195,7 +195,7 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     Raises
     ------
     RecordingError
-        With fewer than 20 samples, or without motion beyond the position noise.
+        There are fewer than 20 samples, or no motion beyond the position noise.
     """
     travel, noise = _travel(name, time_s, position_m)
     points = turning_points(position_m, REVERSAL_SHARE * travel)

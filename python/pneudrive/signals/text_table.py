@@ -102,7 +102,7 @@ def _check_lines(data: bytes, path: Path) -> None:
 
 
 def decode(data: bytes, path: Path) -> str:
-    """Return the text of a file; binary content is refused."""
+    """Return the text of a file; reject binary content."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
     head = data[:4096]
@@ -186,7 +186,7 @@ def read_text(
     Parameters
     ----------
     path : Path
-        For messages.
+        Name of the file in messages.
     data : bytes
     form : TextForm
     wanted : list of int or str

@@ -141,7 +141,7 @@ class TubedCylinder:
         return [widest]
 
     def _flow(self, valve: float, needle: float) -> float:
-        """Return the conductance of the exhaust path, in series."""
+        """Return the conductance of the exhaust path, whose parts are in series."""
         return sum(size**-2.0 for size in (valve, self.tube_flow, needle)) ** -0.5
 
 

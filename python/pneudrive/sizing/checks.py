@@ -321,7 +321,7 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
 
 
 def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
-    """Return the check of the force that must hold load and piston when the pressure fails."""
+    """Return the check that load and piston are held when the pressure fails."""
     numbers = choice.cylinder.numbers
     mass = task.mass_kg * (1.0 + task.spread.mass) + numbers["moving_mass"]
     hangs = mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(task.incline_rad))

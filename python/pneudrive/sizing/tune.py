@@ -187,7 +187,7 @@ def _joined(every: Sequence[Tuned]) -> Tuned:
 
 
 def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
-    """Return the first openings of needle and cushion."""
+    """Return the first grid of openings of needle and cushion."""
     choice = strokes.choice
     needles = _needles(strokes, outward) if choice.is_throttled else [1.0]
     return needles, CUSHIONS if choice.is_cushioned else (1.0,)

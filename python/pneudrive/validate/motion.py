@@ -316,7 +316,7 @@ def close_balance(recording: Recording) -> Closure:
     Parameters
     ----------
     recording : Recording
-        With force, pressures and parallel forces.
+        Recording with force, pressures and parallel forces.
     """
     delay, begin = pressure_delay(recording), float(recording.time_s[0])
     if delay is None or not delay.is_clear:

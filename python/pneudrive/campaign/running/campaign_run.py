@@ -49,7 +49,7 @@ class Terminal:
 
     @property
     def there(self) -> bool:
-        """Whether answers are possible: standard input is a terminal."""
+        """Whether a user can answer, that is, standard input is a terminal."""
         try:
             return self._open and sys.stdin.isatty() and sys.stdout.isatty()
         except (AttributeError, ValueError):  # closed or missing

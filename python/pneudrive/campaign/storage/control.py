@@ -76,7 +76,7 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
     Raises
     ------
     CampaignError
-        If it cannot be written: disk full, read-only, no permission. No new file exists then.
+        The file cannot be written: disk full, read-only, no permission. No new file is then left.
     """
     temporary = path.with_name(path.name + PART)
     with clear_errors("a file of the campaign cannot be written", path):
@@ -101,7 +101,7 @@ def make_folder(path: Path) -> None:
     Raises
     ------
     CampaignError
-        If it cannot be created.
+        The folder cannot be created.
     """
     with clear_errors("a folder of the campaign cannot be created", path):
         missing = [p for p in (path, *path.parents) if not p.exists()]

@@ -352,7 +352,7 @@ def read_head(path: Path) -> Head:
     Raises
     ------
     CampaignError
-        If it cannot be read or is invalid.
+        The file cannot be read, or is invalid.
     """
     (text,) = read_texts([path], HEAD, CampaignError)
     return _file_of(path, text)[0].head
@@ -364,7 +364,7 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
     Raises
     ------
     CampaignError
-        If it cannot be read, or is invalid.
+        The file cannot be read, or is invalid.
     """
     if isinstance(found, PneudriveError):
         raise found
@@ -411,7 +411,7 @@ class Campaign(Shown):
         Raises
         ------
         CampaignError
-            If it is not a campaign.
+            The folder is not a campaign.
         """
         folder = Path(path)
         missing = [name for name in (RIG, ABOUT) if not exists(folder / name)]

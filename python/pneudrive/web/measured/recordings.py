@@ -84,7 +84,7 @@ class OpenRecording:
 
     @cached_property
     def samples(self) -> KeptSamples:
-        """Samples of the recording. Those of the last views are kept."""
+        """Samples of the recording. Samples of the last views are cached."""
         return KeptSamples(self.file, self.pyramid.count)
 
     @cached_property
