@@ -210,7 +210,7 @@ class PenStroke:
     width, size : float
         Width of a line and size of a text, points.
     dash : sequence of float
-        Lengths of dashes and gaps, widths of the line; empty for a solid line.
+        Lengths of dashes and gaps, in line widths; empty for a solid line.
     opacity, tint : float
         Opacity of the line and of the area.
     align : str

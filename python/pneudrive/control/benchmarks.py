@@ -176,7 +176,7 @@ class ControlComparison(Viewed):
         return sum(run.score is None or run.score.lost for run in self.of(law, along))
 
     def values(self, along: str, measures: Collection[str] = ()) -> list[ShownValue]:
-        """Return the measures that apply to a reference for each law: medians, or 50, 95 and 100 % of a spread.
+        """Return each law's measures that apply to a reference: medians, or 50, 95 and 100 % quantiles of a spread.
 
         Parameters
         ----------

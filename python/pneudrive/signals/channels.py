@@ -296,7 +296,7 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
 
 
 def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Read every numeric column by name, with further data of an open table."""
+    """Read every numeric column by name, and the other data of an open table."""
     if said is None:
         form, values = read_foreign(path)
         names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]

@@ -255,7 +255,7 @@ def _derivatives(
     columns: Keyed,
     watch: Watch,
 ) -> Sensitivities:
-    """Return the derivatives of the columns of a run, from a run with the same command, start state and tolerance."""
+    """Return the derivatives of a run's columns, by a second simulation with the same command, start and tolerance."""
     from pneudrive.free.parameters import Differentiator
 
     differentiator = Differentiator(drive, names, *conditions)

@@ -281,7 +281,7 @@ class SizingCandidate:
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Store simulated spreads.
 
-        The candidate is left out if more samples fail than are allowed, or likely, among the final samples.
+        The candidate is left out if more samples fail than are allowed, or than is likely for a choice that passes.
         """
         self.drives[found.draws] = found
         allowed, failed = 1.0 - PROBABILITY, found.draws - found.met

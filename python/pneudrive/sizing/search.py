@@ -275,7 +275,7 @@ class Search:
         self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choices of a cylinder and a tube that were not simulated together."""
+        """Return the most promising choices of a cylinder with one of the tubes that were not yet run with it."""
         run = {one.choice.tube.name for one in every if one.rough}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
         if not left:

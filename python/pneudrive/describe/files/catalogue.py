@@ -257,7 +257,7 @@ def _leaves(given: object, before: str) -> Iterator[tuple[str, Any]]:
 
 
 class SourceTable(Described):
-    """Source in a file of the catalogue that is not in references.bib."""
+    """Source that a catalogue file describes, because references.bib lacks it."""
 
     model_config = ConfigDict(extra="ignore")
     title: str
