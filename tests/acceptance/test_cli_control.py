@@ -231,7 +231,7 @@ def test_tune_says_which_parts_of_cylinder_valve_and_supply_no_law_knows(tmp_pat
     (tmp_path / "axis.toml").write_text(text.replace("moving_mass", 'leakage = "0.01 dm3/(s bar)"\nmoving_mass'))
     assert run(["control", "tune", str(tmp_path / "axis.toml"), "--law", "inversion"]) == 0
     said = capsys.readouterr().out
-    words = ("does not model", "cylinder.leakage", "valve.stroke_time", "leakage 0.006 in place of")
+    words = ("does not model", "cylinder.leakage", "valve.stroke_time", "leakage 0.006 instead of")
     assert all(own in " ".join(said.split()) for own in words)
     told = {"reference": "250 mm", "duration": "20 ms"}
     assert pn.control.run(pn.Circuit.load(tmp_path / "axis.toml"), "inversion", mismatch="sag", **told).attrs["air"]
@@ -289,7 +289,7 @@ def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(t
     assert "within the stroke, 0 mm to 300 mm" in capsys.readouterr().err
     assert run([*told, "--reference", "150 mm; 0.1 s: 160 mm in 0.3 s", "--duration", "0.5 s"]) == 0
     said = capsys.readouterr()
-    assert "inversion, told of controlled axis, on bench" in said.out
+    assert "inversion, with a model of controlled axis, on bench" in said.out
     assert said.err.count("Note: period = 8 ms is too long") == 1
 
 

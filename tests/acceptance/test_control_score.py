@@ -438,7 +438,7 @@ def test_a_verdict_says_what_the_model_leaves_out(axis, tmp_path, capsys):
     along = "100 mm; 0.1 s: 400 mm in 0.3 s"
     assert run(["control", "reference", along, "--drive", str(file)]) == 0
     said = capsys.readouterr().out
-    assert "yes, as far as the model goes, which leaves out flow_control_a, flow_control_b:" in said
+    assert "yes, but the model leaves out flow_control_a, flow_control_b:" in said
     assert pn.control.run(pn.Drive.load(file), "inversion", reference=along, duration="0.5 s").attrs["score"]["lost"]
     assert "left out" not in str(pn.control.feasibility(pn.control.tune(axis), pn.control.reference(along)))
 
@@ -460,7 +460,7 @@ def test_a_reference_is_checked_against_the_valve_and_slowed(axis, capsys):
     fast = "100 mm; 0.2 s: 400 mm in 0.22 s"
     assert run(["control", "reference", fast, "--drive", str(AXIS)]) == 0
     said = capsys.readouterr().out
-    assert "slower by" in said
+    assert "slowed by a factor of" in said
     tuning = pn.control.tune(axis)
     found = pn.control.feasibility(tuning, pn.control.reference(fast))
     assert not found.is_feasible
@@ -483,7 +483,7 @@ def test_what_a_verdict_advises_is_feasible(capsys):
     assert found.slowed.valve_share <= 0.85
     assert run(["control", "reference", "order 9; 100 mm; 1 s: 250 mm in 0.05 s", "--drive", str(upright)]) == 2
     said = capsys.readouterr()
-    assert re.search(r"slower by 4\.\d+;", said.out)
+    assert re.search(r"slowed by a factor of 4\.\d+,", said.out)
     assert re.search(r"Stretch it in time by 3\.\d+\.\n", said.err)
 
 

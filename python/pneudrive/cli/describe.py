@@ -209,7 +209,7 @@ def _to_note(core_json: str) -> Iterator[tuple[str, str]]:
                 given, least, most = (units.write(value, *unit) for value in (numbers[key], low, high))
                 yield f"{{}}.{key} = {given}; usual are {least} to {most} (assumed): check the unit", name
         if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
-            cost = "pneudrive control tune states what they can cost a controller"
+            cost = "pneudrive control tune shows their effect on a controller"
             yield f"{{}}: {', '.join(zeros)} = 0, as of an ideal valve; {cost}", name
 
 

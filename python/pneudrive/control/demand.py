@@ -131,17 +131,17 @@ class Feasibility(Viewed):
     def _verdict(self) -> str:
         limit = f"{100.0 * SHARE:.0f} % of each limit"
         if self.is_feasible:
-            unknown = f"as far as the model goes, which leaves out {', '.join(self.left_out)}: "
+            unknown = f"but the model leaves out {', '.join(self.left_out)}: "
             return f"yes{', ' + unknown if self.left_out else ': '}it takes at most {limit}"
         beyond = beyond_stroke(self.reference, self.stroke_m)
         if beyond is not None:
             return f"no: {beyond[0]}; {beyond[1]}"
         if self.factor is None:
-            return f"no, however slow: it never takes less than {limit}"
+            return f"no, at no speed: it always takes more than {limit}"
         slower = self.reference.stretched(self.factor)
         written = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
-        kept = f"{limit} would be kept if it were slower by {rounded_up(self.factor):g}{written}"
-        return f"no: {kept}; pneudrive control run shows the error without this"
+        kept = f"slowed by a factor of {rounded_up(self.factor):g}{written}, it takes at most {limit}"
+        return f"no: {kept}; pneudrive control run shows the error at full speed"
 
 
 def _percent(share: float) -> str:
@@ -326,7 +326,7 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
         middle_s = 0.5 * (low_s + high_s)
         _, fault = _trial(drive, tuning, setup, {"delay": f"{numbers['delay'] + middle_s} s"})
         low_s, high_s = (low_s, middle_s) if fault else (middle_s, high_s)
-    text = f"{law} bears {1e3 * low_s:.2g} ms more dead time than described along {ALONG}."
+    text = f"{law} tolerates {1e3 * low_s:.2g} ms more dead time than described along {ALONG}."
     findings = [Finding(text) if low_s >= ENOUGH_LAG_S else Finding(text, "open", SLOWER)]
     highest = {key: ranges[name][1] for name, key in OF_VALVE.items() if numbers[key] == 0.0}
     if highest:
@@ -336,7 +336,7 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
         errors = [f"{1e3 * _trial(drive, tuning, setup, each)[0]:.3g} mm" for each in ({}, texts)]
         listed = ", ".join(map(" ".join, texts.items()))
         cost = (
-            f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} in place of zero."
+            f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} instead of zero."
         )
         remedy = "Take them from the data sheet, or identify them from a recording: pneudrive identify."
         findings.append(Finding(cost, "open", remedy))

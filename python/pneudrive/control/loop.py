@@ -43,13 +43,13 @@ RTOL = 1e-5
 LEAST_MISSED_M = 1e-5
 #: Meaning of the columns that are not those of a trajectory.
 MEANINGS = {
-    "reference_m": "where the drive is to be",
+    "reference_m": "reference position",
     "command": "command of the law, as it leaves the converter",
     "estimated_velocity_m_s": "velocity as the law's observer has it",
-    "disturbance_n": "force that the law's observer needs beside those that it knows",
-    "holds": "1 while the law stands still and keeps the force",
+    "disturbance_n": "force that the law's model does not explain, from the observer",
+    "holds": "1 while the law holds the drive at rest",
     "step_time_s": "time that a step of the law took on this machine",
-    "least_step_time_s": "the same, the least of its repeats",
+    "least_step_time_s": "the same, smallest of its repeats",
 }
 
 
@@ -344,7 +344,7 @@ def _missed(along: Reference, setup: Setup) -> Iterator[str]:
     least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
     if along.points_missed_m is not None and along.points_missed_m > least:
         missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
-        yield f"{along.text}: {missed}; errors are those from the curve"
+        yield f"{along.text}: {missed}; errors refer to the curve"
 
 
 def _provenance(prepared: Prepared, seed: int) -> Plain:

@@ -94,17 +94,17 @@ class Mismatch(Described):
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     about: str = ""
-    friction_level: Factor = _factor("the law's Coulomb and breakaway friction; what pressure adds to them stays")
+    friction_level: Factor = _factor("the law's Coulomb and breakaway friction, without the effect of pressure")
     viscous: Factor = _factor("the viscous friction")
     stribeck_velocity: Factor = _factor("the Stribeck velocity")
     bristle_stiffness: Factor = _factor("the stiffness of the contact in stick")
     conductance: Factor = _factor("the conductance of the valve")
     moving_mass: Factor = _factor("the moving mass, loads included")
-    heat_transfer: Factor = _factor("the heat-transfer coefficient, or of its law")
+    heat_transfer: Factor = _factor("the heat-transfer coefficient, or that of its law")
     dead_volume: Factor = _factor("both dead volumes")
     supply_pressure: Factor = _factor("the absolute pressure of the supply")
     supply_conductance: Factor = Field(
-        default=None, description="conductance from the supply to 0.2 l before the valve, as a factor of the valve's"
+        default=None, description="conductance from the supply to 0.2 l before the valve, relative to the valve's"
     )
     spool_frequency_hz: Annotated[_Range | None, ValueOrRange("1/s", "Hz")] = None
     delay_s: Annotated[_Range | None, ValueOrRange("s", "ms", _POSITIVE)] = None
@@ -118,7 +118,7 @@ class Mismatch(Described):
         default=None, description="relative error of the gain of each pressure sensor"
     )
     friction_law: Annotated[str | None, Choice(tuple(str(own["name"]) for own in _core.friction_laws()))] = Field(
-        default=None, description="law in the place of the drive's, with the numbers that both have"
+        default=None, description="law that replaces the drive's; the numbers that both have are kept"
     )
     disturbances: tuple[Disturbance, ...] = ()
 

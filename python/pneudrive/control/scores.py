@@ -181,7 +181,7 @@ def view_of_score(about: Keyed) -> View:
 
 def run_title(about: Keyed) -> str:
     """Return a headline: law, drive, reference, setup and seed of a run under control."""
-    model = f", told of {about['model']}," if about.get("model") else ""
+    model = f", with a model of {about['model']}," if about.get("model") else ""
     loaded = f", payload {about['payload']}" if about.get("payload") else ""
     named = f"{about['law']}{model} on {about['title']} along {about['reference']}"
     return f"{named}, setup {about['setup']}, seed {about['seed']}{loaded}, simulated"

@@ -125,7 +125,7 @@ class LimitSwitches(Described):
 #: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
 FAULTS = {
     "stuck": ("a channel keeps its value", "-"),
-    "nan": ("a channel is no number", "-"),
+    "nan": ("a channel is not a number", "-"),
     "saturated": ("a channel shows `value`, pressures absolute", "channel"),
     "offset": ("a channel shows too much by `value`", "channel"),
     "jump": ("a single sample of a channel shows too much by `value`", "channel"),
@@ -134,7 +134,7 @@ FAULTS = {
     "valve-dead": ("the valve's spool goes to its centre", "-"),
     "supply-fallen": ("the supply has the absolute pressure `value`", "Pa"),
     "late": ("the law is not ready in time", "-"),
-    "reference": ("the reference is no number, or stands at `value`", "m"),
+    "reference": ("the reference is not a number, or stays at `value`", "m"),
     "enable-lost": ("the drive may not move", "-"),
     "emergency-stop": ("emergency stop", "-"),
 }

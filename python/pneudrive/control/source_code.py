@@ -27,12 +27,12 @@ LANGUAGES = {
 #: Outputs of an FMU of `nmpc`: name, unit, meaning.
 _OUTPUTS = (
     ("command", "1", "command to the valve, -1 .. 1, of the last sample"),
-    ("reference", "m", "where the piston was to be at the last sample"),
-    ("reference_velocity", "m/s", "how fast it was to be there"),
+    ("reference", "m", "reference position at the last sample"),
+    ("reference_velocity", "m/s", "reference velocity at the last sample"),
     ("estimated_velocity", "m/s", "velocity of the piston as the observer has it"),
     ("disturbance", "N", "force on the piston that the model does not explain"),
-    ("holds", "1", "1 where the law stands still on purpose, else 0"),
-    ("events", "1", "how many events the supervisor has told so far"),
+    ("holds", "1", "1 while the law holds the drive at rest, else 0"),
+    ("events", "1", "number of events that the supervisor has reported"),
 )
 
 

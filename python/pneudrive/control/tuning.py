@@ -129,7 +129,7 @@ class Controller(Described):
     period_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = Field(
         default=PERIOD_S, description="time between two samples"
     )
-    drive: str | None = Field(default=None, description="what the law believes; absent: the drive it is run on")
+    drive: str | None = Field(default=None, description="drive that the law assumes; absent: the drive of the run")
     adaptation: bool = Field(
         default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
     )

@@ -257,7 +257,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     friction = abs(plant.sliding(AT_REST_M_S, (ambient, ambient), 0.5 * plant.stroke_m))
     if plant.hanging_n > friction:
         text = f"without pressure, weight pulls the piston with {plain(plant.hanging_n)} N, but friction at rest holds "
-        remedy = "A lock or a clamp must hold them (ISO 4414)."
+        remedy = "A lock or a clamp must hold the load (ISO 4414)."
         yield Finding(f"{HAZARD}{text}{plain(friction)} N.", "bad", remedy)
     limit = energy_limit_j(plant.bore_m)
     energy = float(results["square-response"].end_energy.max()) if "square-response" in results else 0.0

@@ -276,7 +276,7 @@ class SizingCandidate:
         """Store the results of the samples with the smallest margins."""
         self.hardest = found
         if found.failed > (1.0 - PROBABILITY) * final:
-            self.lost = f"spreads: {found.failed} of {final} draws miss a limit"
+            self.lost = f"spreads: {found.failed} of {final} samples miss a limit"
 
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Store simulated spreads.
@@ -288,7 +288,7 @@ class SizingCandidate:
         likely = allowed + DOUBT * math.sqrt(allowed / found.draws)
         is_final = found.draws >= final
         if failed > allowed * final or (not found.is_feasible if is_final else failed > likely * found.draws + 1.0):
-            self.lost = f"{found.binding}: {failed} of {found.draws} draws miss it"
+            self.lost = f"{found.binding}: {failed} of {found.draws} samples miss it"
 
 
 #: Key of the ranking: see `SizedDrive.rank`.

@@ -445,7 +445,7 @@ class SizedDrive:
         missed = (name for name in self.worst if self.margins[name] < 0.0)
         limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in missed)
         said = "; ".join(f"{name} {value}, limit {limit}" for name, value, limit in limits)
-        return said or f"{self.met} of {self.draws} draws keep all limits together"
+        return said or f"{self.met} of {self.draws} samples keep all limits together"
 
     @property
     def is_feasible(self) -> bool:

@@ -360,7 +360,7 @@ def nearest_miss(
     if simulated:
         drive = max(simulated, key=lambda drive: (drive.met / drive.draws, drive.margin))
         value, limit, unit = drive.worst[drive.binding]
-        gives = _gives(drive.binding, limit, value, unit, "1 % of the draws pass")
+        gives = _gives(drive.binding, limit, value, unit, "1 % of the samples exceed")
         if drive.margin >= 0.0:
             gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
         return NearestMiss(drive.parts, drive.binding, gives)
