@@ -405,7 +405,7 @@ class View(Shown):
 
 
 class Viewed(Shown):
-    """Base of results with a view: prompt and notebook show it, the notebook with its figures."""
+    """Base of results with a view. The prompt and a notebook show the view; a notebook also shows the figures."""
 
     def view(self) -> View:
         """Return the view of the result."""

@@ -60,7 +60,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Items:
-    """A list of sentences; `kind` as of a paragraph."""
+    """A list of sentences; `kind` as for a paragraph."""
 
     items: tuple[str, ...]
     kind: str = "plain"

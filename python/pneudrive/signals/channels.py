@@ -322,7 +322,7 @@ def _kinds(table: Table) -> dict[str, str]:
 
 
 def _time(said: FileLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
-    """Return the column of the time, in s: that of the layout, or a column with a name of time whose unit fits."""
+    """Return the time column, in s: that of the layout, or a column named like a time with a fitting unit."""
     for name, role in opened.roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")

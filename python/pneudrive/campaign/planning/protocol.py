@@ -176,9 +176,9 @@ class ListOf(Mark):
     spacing : str
         Default of a range, ``log`` or ``linear``; empty: no ranges.
     sorts : bool
-        Store the values in ascending order, otherwise in the given order.
+        Whether to store the values in ascending order, otherwise in the given order.
     only_list : bool
-        A single value needs a list, too.
+        Whether a single value must be given as a list, too.
     """
 
     mark: Mark

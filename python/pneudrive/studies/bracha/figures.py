@@ -61,7 +61,7 @@ def rig(data: PaperFigure) -> Figure:
 
 
 def cycle(data: PaperFigure) -> Figure:
-    """Draw figure 5: friction after a turn, the stroke and its start."""
+    """Draw figure 5: friction after a turn, over the whole stroke and over its start."""
     c = data.columns
     marks = [
         Markers(c["time_s"], c["friction_n"], "every sample", DOTS, size=1.2),
