@@ -317,7 +317,7 @@ def recordings_report(
     study: Study | None = None,
     curves: CampaignCharacteristics | None = None,
 ) -> Report:
-    """Return the report: the view, and sections on measurement, record, strokes and budget; equal keys are merged.
+    """Return the report: view, and sections on measurement, record, strokes, budget. Sections with one key are merged.
 
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
