@@ -136,7 +136,7 @@ def integrated_wiener(s: Array, t: Array) -> Array:
 
 
 def matern(s: Array, t: Array, reach: float) -> Array:
-    """Return the covariance of a function that is smooth over `reach` and uncorrelated at larger distances (Matern 3/2).
+    """Return the covariance of a function that is smooth over `reach` and uncorrelated far beyond it (Matern 3/2).
 
     Examples
     --------
