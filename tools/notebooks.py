@@ -26,11 +26,13 @@ NOTEBOOKS = {
 def notebook(page: str) -> nbformat.NotebookNode:
     """Return the cells of a page, named relative to ``docs/`` without suffix, as Jupyter shows them.
 
-    Cells that serve the site only are left out. Links name files of the project.
+    Cells that serve the site only show their figure, or are left out. Links name files of the project.
     """
     book = read_myst_markdown_notebook((ROOT / "docs" / f"{page}.md").read_text("utf-8"))
-    book.cells = [cell for cell in book.cells if "from myst_nb import" not in cell.source]
+    book.cells = [cell for cell in book.cells if "display=False" not in cell.source]
     for number, cell in enumerate(book.cells):
+        if "from myst_nb import" in cell.source:
+            cell.source, cell.metadata = "figure", nbformat.NotebookNode()
         cell.id = f"cell-{number}"  # random otherwise
         if cell.cell_type == "markdown":
             text = re.sub(r"\{[a-z:]+\}`([^`<]+?)(?: <[^`]*>)?`", r"\1", cell.source)
