@@ -246,7 +246,7 @@ def _of_record(path: Path) -> motion.Reference:
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
         shown = f"columns: {', '.join(there)}"
-        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s, s, and position_m, m")
+        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s in s, position_m in m")
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)
