@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
 
 from pneudrive.describe.files import toml
-from pneudrive.errors import FitError, nearest
+from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
@@ -267,7 +267,7 @@ class Fit(Viewed):
     converged : bool
         False if the search ended early: the values are the best so far.
     details : dict
-        Name -> further entries of a value in the file, those of `DETAILS` for instance.
+        Name -> further entries of a value in the file, those in the words of its kind for instance.
     profiler : callable or None
         Free value -> its interval by profile likelihood; None if the fit was read from a file.
     fitted : dict
@@ -276,15 +276,10 @@ class Fit(Viewed):
         File that it was read from, or written to.
     """
 
-    #: Names of this kind of fit in file and messages, and tables of its values, those of `values` first.
+    #: Name of this kind of fit in files and in messages, and its table in kinds.toml.
     KIND: ClassVar[str]
     TITLE: ClassVar[str]
-    GROUPS: ClassVar[tuple[str, ...]] = ("values",)
-    HEAD: ClassVar[str]
-    #: Units of the values in older files without units.
-    OLDER_UNITS: ClassVar[dict[str, str]] = {}
-    #: Shown details of a value -> words. A number is a fraction, several are values.
-    DETAILS: ClassVar[dict[str, str]] = {}
+    WORDS: ClassVar[Plain]
 
     values: dict[str, float]
     units: dict[str, str]
@@ -303,6 +298,12 @@ class Fit(Viewed):
     profiler: Callable[[str], Interval] | None = field(default=None, repr=False)
     fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
     file: str = field(default="", repr=False)
+
+    def __init_subclass__(cls, kind: str = "") -> None:
+        """Take the words of this kind of fit from kinds.toml."""
+        words = {"title": "", "groups": ["values"], "details": {}}
+        cls.WORDS = words | package_table(__file__, "kinds.toml").get(kind, {})
+        cls.KIND, cls.TITLE = kind, cls.WORDS["title"]
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
@@ -526,7 +527,7 @@ class Fit(Viewed):
     # -- the file ---------------------------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the values in the tables of `GROUPS`."""
+        """Return the values in the tables of this kind of fit."""
         return (self.values,)
 
     def free_values(self) -> dict[str, float]:
@@ -554,7 +555,7 @@ class Fit(Viewed):
     def toml(self, folder: Path | None = None) -> str:
         """Return the text of fit.toml. It lists the inputs of the fit only if `folder` is given."""
         tables: Plain = {"schema": SCHEMA, **self._first()}
-        for table, values in zip(self.GROUPS, self._groups(), strict=True):
+        for table, values in zip(self.WORDS["groups"], self._groups(), strict=True):
             tables |= {f"{table}.{toml.key_text(name)}": self._entry(name, value) for name, value in values.items()}
         if self.covariance.size:
             tables["covariance"] = {"names": list(self.free), "matrix": self.covariance.tolist()}
@@ -562,7 +563,7 @@ class Fit(Viewed):
             tables["undetermined"] = [vars(one) if isinstance(one, Undetermined) else one for one in self.undetermined]
         about = {key: value for key, value in self.provenance.items() if key != INPUTS or folder is not None}
         tables |= {"statistics": self.statistics, "provenance": stored_beside(about, folder or Path())}
-        text = "\n".join([self.HEAD, *toml.sections(tables)]) + "\n"
+        text = "\n".join([self.WORDS["head"], *toml.sections(tables)]) + "\n"
         return text + (f"\n{toml.write(self._last())}" if self._last() else "")
 
     def to_toml(self, path: str | Path) -> None:
@@ -593,7 +594,7 @@ class Fit(Viewed):
         if content.get("schema", SCHEMA) != SCHEMA:
             raise FitError.of("identify.other_schema", where=where, value=content["schema"], schema=SCHEMA)
         try:
-            file = FitFile.read(cls._present(content), cls.TITLE, cls.GROUPS, where, text)
+            file = FitFile.read(cls._present(content), cls.TITLE, cls.WORDS["groups"], where, text)
             fields = cls._fields(file)
             fields["provenance"] = located(fields["provenance"], Path(path).parent)
             found = cls(**fields, file=str(path))
@@ -616,7 +617,7 @@ class Fit(Viewed):
         """Return the tables of a file. Older ones of motions and regulators have one for each property of a value."""
         if "provenance" in content or "intervals" not in content:
             return content
-        content = {"units": cls.OLDER_UNITS} | content
+        content = {"units": cls.WORDS.get("older_units", {})} | content
         values = {
             name: {"value": value} | {key: content[t][name] for key, t in OLDER.items() if name in content.get(t, ())}
             for name, value in content["values"].items()
@@ -676,7 +677,7 @@ class Fit(Viewed):
         is_wrong = not self.converged or not getattr(self, "fits", True)
         words = [MODEL_ERROR_WORDS] if self.intervals and self.model_errors else []
         return View(
-            self._title(),
+            self.WORDS["headline"].format(fit=self, s=self.statistics, count=len(self.recordings)),
             tuple(rows),
             notes=(*self._residual_lines(), *words, *self.notes),
             state="bad" if is_wrong else "open" if self.undetermined else "good",
@@ -685,10 +686,6 @@ class Fit(Viewed):
             tables=self._tables(),
             figures=(ShownFigure("residuals", caption, comparison_figure(every)),) if every else (),
         )
-
-    def _title(self) -> str:
-        """Return the headline."""
-        raise NotImplementedError
 
     def _residual_lines(self) -> list[str]:
         """Return the lines on residuals."""
@@ -716,7 +713,7 @@ class Fit(Viewed):
             cells["model ±"] = plain(self.model_errors[name] / size, 2)
         if len(set(self.sources.values())) > 1 and name in self.free:
             cells["recordings"] = joined(self.sources.get(name, self.recordings))
-        for key, words in self.DETAILS.items():
+        for key, words in self.WORDS["details"].items():
             if (found := self.details.get(name, {}).get(key)) is not None:
                 is_fraction = isinstance(found, float)
                 cells[words] = f"{100 * found:.0f} %" if is_fraction else " .. ".join(plain(v / size, 5) for v in found)

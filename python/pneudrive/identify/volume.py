@@ -57,7 +57,7 @@ _WRITTEN = {"m^3/(s Pa)": "dm3/(s bar)", "m^3": "dm3", "Pa": "bar", "W/K": "W/K"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class VolumeFit(Fit):
+class VolumeFit(Fit, kind="volume"):
     """Values of a tank with their uncertainty.
 
     Attributes
@@ -81,10 +81,6 @@ class VolumeFit(Fit):
     start : Tank or None
         Tank at the start of the search; None if read from a file without it.
     """
-
-    KIND: ClassVar[str] = "volume"
-    TITLE: ClassVar[str] = "fit of a volume"
-    HEAD: ClassVar[str] = "# Identified fixed volume. SI units, pressures absolute; intervals are 95 %, by profile."
 
     start: Tank | None = field(repr=False)
     starts_pa: dict[str, float] = field(default_factory=dict)
@@ -132,10 +128,6 @@ class VolumeFit(Fit):
     def _fields(cls, file: FitFile) -> Plain:
         tank = file.content.get("tank")
         return super()._fields(file) | {"start": None if tank is None else Tank.model_validate(tank)}
-
-    def _title(self) -> str:
-        name = self.provenance["tank"]
-        return f"fixed volume {name}: {self.statistics['samples']:.0f} samples"
 
     def _residual_lines(self) -> list[str]:
         rms, share = self.statistics["rms.pressure"], self.statistics["rms_share.pressure"]
@@ -500,7 +492,6 @@ def _notes(tank: Tank, attempt: search.Attempt, tau: float, interrupted: list[st
 # The model is a grey box: p' = (g u(t - d) + o - p) / T. Filling and venting have separate times T. Volume,
 # conductance and leak act only through T, so such recordings do not determine them.
 
-REGULATOR_UNITS = {"gain_pa": "Pa", "offset_pa": "Pa", "filling_s": "s", "venting_s": "s"}
 #: Coordinates of a search: gain and offset in bar, logarithms of both lags.
 REGULATOR_SCALES = Transforms([-np.inf, -np.inf, 0.0, 0.0], size=[1e5, 1e5, 1.0, 1.0])
 
@@ -552,7 +543,7 @@ class Regulator(Described):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class RegulatorFit(Fit):
+class RegulatorFit(Fit, kind="regulator-fit"):
     """Lag and gain of a regulator.
 
     Attributes
@@ -575,12 +566,6 @@ class RegulatorFit(Fit):
         Name -> ``run_to_run``: relative standard deviation from run to run.
     """
 
-    KIND: ClassVar[str] = "regulator-fit"
-    TITLE: ClassVar[str] = "fit of a regulator"
-    HEAD: ClassVar[str] = "# Identified pressure regulator. SI units, pressures absolute; intervals are 95 %."
-    DETAILS: ClassVar[dict[str, str]] = {"run_to_run": "run to run"}
-    OLDER_UNITS: ClassVar[dict[str, str]] = REGULATOR_UNITS
-
     name: str
     runs: dict[str, dict[str, float]]
 
@@ -591,9 +576,6 @@ class RegulatorFit(Fit):
     def simulate(self, record: VolumeRecording) -> Array:
         """Return the pressure of a recording from its command and its first pressure, absolute, Pa."""
         return 1e5 * _simulate(REGULATOR_SCALES.internal([*self.values.values()]), record, 0.0)
-
-    def _title(self) -> str:
-        return f"{self.name}: {len(self.runs)} runs"
 
     def _residual_lines(self) -> list[str]:
         rms, held, predicted = (100.0 * self.statistics.get(key, np.nan) for key in ("rms", "held", "predicted"))
@@ -610,6 +592,9 @@ class RegulatorFit(Fit):
     def _fields(cls, file: FitFile) -> Plain:
         name = str(file.content.get("name", cls.TITLE))
         return super()._fields(file) | {"name": name, "runs": file.content["runs"]}
+
+
+REGULATOR_UNITS: dict[str, str] = RegulatorFit.WORDS["older_units"]
 
 
 def identify_regulator(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -451,7 +451,7 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Presliding(Fit):
+class Presliding(Fit, kind="presliding"):
     """Bristle parameters from reversals; SI.
 
     Attributes
@@ -464,12 +464,6 @@ class Presliding(Fit):
         directions. ``slope_factor`` is the slope relative to the stiffness of the law.
     """
 
-    KIND: ClassVar[str] = "presliding"
-    TITLE: ClassVar[str] = "fit of presliding"
-    HEAD: ClassVar[str] = (
-        "# Bristles from slow reversals. SI units; intervals are 95 %, from the scatter between reversals."
-    )
-
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with the determined values, each with its interval and its recordings.
 
@@ -479,10 +473,6 @@ class Presliding(Fit):
             The drive's law has no bristles.
         """
         return apply_identified(self.identified_as({name: name for name in self.determined}), drive)
-
-    def _title(self) -> str:
-        reversals, force = self.statistics["reversals"], self.statistics["breakaway_n"]
-        return f"bristles from {reversals:.0f} reversal(s), friction of {force:.4g} N in each direction"
 
 
 def identify_presliding(

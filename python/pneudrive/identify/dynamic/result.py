@@ -18,7 +18,7 @@ import hashlib
 import json
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -50,7 +50,7 @@ KEPT = "apply keeps the start value of "
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DriveFit(Fit):
+class DriveFit(Fit, kind="drive"):
     """Values of a drive's description with their uncertainty.
 
     Attributes
@@ -89,14 +89,6 @@ class DriveFit(Fit):
     start : Drive
         Drive with the start values of the search.
     """
-
-    KIND: ClassVar[str] = "drive"
-    TITLE: ClassVar[str] = "fit of a drive"
-    GROUPS: ClassVar[tuple[str, ...]] = ("values", "sensors")
-    HEAD: ClassVar[str] = (
-        "# Identified drive. SI units, pressures absolute; intervals are 95 %, for noise only; model_error is how\n"
-        "# far a value moves as each number that was held is off by 1 %."
-    )
 
     sensors: dict[str, float]
     start: Drive = field(repr=False)
@@ -189,11 +181,10 @@ class DriveFit(Fit):
         """Values of the drive, without those of its sensors."""
         return tuple(self.values)
 
-    def _title(self) -> str:
-        recordings = self.provenance.get("recordings", [])
-        seconds = sum(float(r["seconds"]) for r in recordings)
-        samples = self.statistics["samples"]
-        return f"{len(recordings)} recording(s), {seconds:.4g} s, {samples:.0f} samples; {self.state}"
+    @property
+    def seconds(self) -> float:
+        """Duration of all recordings."""
+        return sum(float(r["seconds"]) for r in self.provenance.get("recordings", []))
 
     def _residual_lines(self) -> list[str]:
         lines = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -253,7 +253,7 @@ class FollowRecord:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FollowFit(Fit):
+class FollowFit(Fit, kind="motion"):
     """A circuit identified along recorded motions.
 
     Attributes
@@ -273,11 +273,6 @@ class FollowFit(Fit):
         For figures; None if it was read from a file.
     """
 
-    KIND: ClassVar[str] = "motion"
-    TITLE: ClassVar[str] = "fit along motions"
-    HEAD: ClassVar[str] = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %."
-    DETAILS: ClassVar[dict[str, str]] = {"spread": "models that fit as well", "parts": "parts of the recordings"}
-
     circuit: Circuit
     records: tuple[FollowRecord, ...]
     rivals: tuple[Rival, ...] = ()
@@ -290,9 +285,6 @@ class FollowFit(Fit):
     def report(self, folder: str | Path = "report") -> Path:
         """Write the page of the fit into a folder."""
         return upper("follow_page")(self, folder)
-
-    def _title(self) -> str:
-        return f"{self.circuit.name} along {len(self.records)} recordings"
 
     def _residual_lines(self) -> list[str]:
         return [f"{record.name}: {record}" for record in self.records]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -100,7 +100,7 @@ class Prediction(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FrictionFit(SlidingFit):
+class FrictionFit(SlidingFit, kind="friction map"):
     """Parameters of a sliding law with their uncertainty.
 
     Attributes
@@ -133,13 +133,6 @@ class FrictionFit(SlidingFit):
     dependences : Dependences
         Measured friction modifiers: direction, position, stops, temperature. `apply` also puts them into the drive.
     """
-
-    KIND: ClassVar[str] = "friction map"
-    TITLE: ClassVar[str] = "friction fit"
-    GROUPS: ClassVar[tuple[str, ...]] = ("parameters", "shared")
-    HEAD: ClassVar[str] = (
-        "# Friction fit. SI units; intervals are 95 %, statistical; u_systematic is a standard uncertainty."
-    )
 
     law: str
     model: sliding.FrictionModel
@@ -352,14 +345,6 @@ class FrictionFit(SlidingFit):
         hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
         return {name: value for name, value in self.free_values().items() if name not in hidden}
 
-    def _title(self) -> str:
-        s = self.statistics
-        return (
-            f"{self.law} friction from {s['values']:.0f} values "
-            f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
-            f"residuals {s['scale']:.2g} times their standard errors)"
-        )
-
 
 def slope_key(name: str) -> str:
     """Return the name in a drive file for the slope of a force over a chamber's pressure."""
@@ -398,7 +383,7 @@ AT_REST = ("dwell", "relaxation")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LawFit(SlidingFit):
+class LawFit(SlidingFit, kind="law"):
     """Parameters of any law with their uncertainty.
 
     Attributes
@@ -422,13 +407,6 @@ class LawFit(SlidingFit):
     observations : Observations or None
         Fitted values (None if read from a file).
     """
-
-    KIND: ClassVar[str] = "law"
-    TITLE: ClassVar[str] = "fit of a law"
-    GROUPS: ClassVar[tuple[str, ...]] = ("parameters",)
-    HEAD: ClassVar[str] = (
-        "# Fit of any law. SI units; intervals are 95 %, statistical; [given] has the start values of the search."
-    )
 
     model: sliding.AnyLaw
     unseen: tuple[str, ...]
@@ -504,14 +482,6 @@ class LawFit(SlidingFit):
         model = sliding.AnyLaw(Friction.model_validate(file.content["given"]["friction"]), found["free"])
         lost = tuple(name for name, entry in file.content["parameters"].items() if not entry["determined"])
         return found | {"model": model, "unseen": tuple(file.content["unseen"]), "undetermined": lost}
-
-    def _title(self) -> str:
-        s = self.statistics
-        return (
-            f"{self.model.friction.law} friction from {s['values']:.0f} values (rms {s['rms_n']:.3g} N, "
-            f"residuals {s['scale']:.2g} times their standard errors, "
-            f"{s['starts_agreeing']:.0f} of {s['starts']:.0f} starts agree)"
-        )
 
 
 Sliding = TypeVar("Sliding", bound=SlidingFit)
