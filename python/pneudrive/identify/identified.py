@@ -39,6 +39,11 @@ def sentences(topic: str) -> Plain:
     return package_table(__file__, "sentences.toml")[topic]
 
 
+def number_table(topic: str) -> Plain:
+    """Return a table of the numbers that fits know."""
+    return package_table(__file__, "tables.toml")[topic]
+
+
 def stated(topic: str, key: str, /, **values: object) -> dict[str, str]:
     """Return the parts of a message, such as what, rule and remedy, with these values."""
     return {part: text.format(**values) for part, text in sentences(topic)[key].items()}
@@ -302,10 +307,7 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str,
     own, limit = known[kept[0].removeprefix("friction.")], found.values[breakaway if kept == [coulomb] else coulomb]
     if own <= limit if kept == [coulomb] else own >= limit:
         return {}
-    warn(
-        f"{kept[0]} = {own:.5g} N is not determined by the fit and contradicts it (breakaway >= coulomb); it is set to "
-        f"its limit, {limit:.5g} N"
-    )
+    warn(sentence("notes", "limit", name=kept[0], own=own, limit=limit))
     other = breakaway if kept == [coulomb] else coulomb
     return {kept[0]: _rounded(limit, found.intervals.get(other), marks_of(drive)[other])}
 

@@ -36,7 +36,7 @@ from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
 from pneudrive.identify.dynamic.sensors import Channel
-from pneudrive.identify.identified import FittedData, sentence, sentences
+from pneudrive.identify.identified import FittedData, number_table, sentence, sentences
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
@@ -135,25 +135,11 @@ class VolumeFit(Fit, kind="volume"):
 
 
 #: Name in the file -> name in the circuit of the tank, SI unit.
-NUMBERS: dict[str, tuple[str, str]] = {
-    "line.conductance": ("line.conductance", "m^3/(s Pa)"),
-    "line.critical_pressure_ratio": ("line.critical_pressure_ratio", "1"),
-    "line.pressure": ("other_side.pressure", "Pa"),
-    "tube.friction_scale": ("tube.friction_scale", "1"),
-    "volume.value": ("volume.volume", "m^3"),
-    "volume.heat_transfer": ("volume.heat_transfer", "W/K"),
-    "volume.leakage": ("leak.conductance", "m^3/(s Pa)"),
-}
+NUMBERS: dict[str, tuple[str, str]] = number_table("tank")
 #: Start of a leak that is given as zero, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
 RTOL = 1e-7
-#: Parameters with several minima, and logarithmic distances of their starts: isothermal and adiabatic gas are
-#: different minima.
-BENDS = {
-    "line.critical_pressure_ratio": (-1.5, 1.5),
-    "volume.heat_transfer": (-1.5, 1.5, 5.0),
-    "volume.leakage": (-1.5, 1.5),
-}
+BENDS: dict[str, list[float]] = number_table("tank_starts")
 ENOUGH_TO_START = 500
 #: Distance between the coordinates of two minima.
 APART = 0.05
@@ -499,10 +485,6 @@ BLOCK_S = 1.0  # blocks of time for the covariance
 TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
 TURNED = 0.2  # relative spread from run to run above which a number differs between runs
 DELAYS = np.linspace(0.0, 3.0, 7)  # dead times that are tried, in sampling intervals
-NEVER = (
-    "volume, area, conductance, leak, moving mass, friction and the kind of actuator are not determined by command and "
-    "pressure: they act only together, through the lag"
-)
 
 
 class RegulatorTable(Described):
@@ -639,15 +621,13 @@ def identify_regulator(
     held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records).ravel(), solved[2:])
     dead = _dead_time(records, solved)
     step = float(np.median(np.diff(records[0].time_s)))
-    lost = [NEVER]
+    lost = [sentence("regulator", "never")]
     if abs(correlation) > TIED:
-        words = f"gain and offset are not separated: they correlate at {correlation:.2f}"
-        lost.insert(0, f"{words}. Add a run at rest, or hold the stated gain")
+        lost.insert(0, sentence("regulator", "tied", correlation=correlation))
     if dead[0] == 0.0:
-        lost.insert(0, f"the dead time is not determined: 0 to {dead[1]:.3f} s fit, at a sample each {step:.3f} s")
-    for name, value in spread.items():
-        if value > TURNED:
-            lost.append(f"{name} differs from run to run by {100 * value:.0f} %")
+        lost.insert(0, sentence("regulator", "dead_time", most=dead[1], step=step))
+    turned = {name: 100 * value for name, value in spread.items() if value > TURNED}
+    lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned.items()]
     statistics = {"rms": 1e5 * rms / span, "held": 1e5 * float(np.sqrt(np.mean(held.fun**2))) / span}
     if predicted:
         statistics["predicted"] = 1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span

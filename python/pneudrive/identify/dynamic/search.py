@@ -21,6 +21,7 @@ from pneudrive.estimate.estimates import student
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
 from pneudrive.identify.dynamic.sensors import Delay
+from pneudrive.identify.identified import stated
 from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
@@ -245,11 +246,7 @@ def _overflow(problem: FitProblem, i: int, information: Array) -> FitError:
     lost = ~np.isfinite(np.diag(information))
     names = [name for name, is_lost in zip(problem.names, lost, strict=False) if is_lost]
     by = ", ".join(names) or "its start"
-    return FitError(
-        f"{problem.experiments[i].shooter.recording.name}: the derivatives by {by} overflow",
-        rule="the normal equations have a solution if each value has a finite effect within a segment",
-        remedy="Use shorter segments (segment=...), or hold these values.",
-    )
+    return FitError.of("identify.overflow", name=problem.experiments[i].shooter.recording.name, by=by)
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
@@ -307,7 +304,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
     believed = [s.copy() for s in point.states]
-    shots = _run(problem, point, "the recordings cannot be simulated from the start values", reset=True)
+    shots = _run(problem, point, "start", reset=True)
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
         residuals = judge(problem, point, believed, shots, reset=True).residuals
@@ -322,16 +319,14 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
                 break
             states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
             point, longest, closings = problem.possible(replace(point, states=states)), LONGEST, closings + 1
-            shots = _run(
-                problem, point, "the search reached values for which the drive cannot be simulated", reset=True
-            )
+            shots = _run(problem, point, "reached", reset=True)
             continue
         point, standing, longest = found
         closings = 0
         watcher.step(problem, "steps with separate segments", standing, point)
         if 1.0 - standing.cost / at.standing.cost < SMALL_GAIN:
             break
-        shots = _run(problem, point, "the search reached values for which the drive cannot be simulated", reset=True)
+        shots = _run(problem, point, "reached", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
     problem.held = np.zeros(problem.size, dtype=bool)
@@ -341,8 +336,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
 def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = False) -> list[Shot]:
     shots = problem.run(point, reset=reset)
     if isinstance(shots, str):
-        remedy = "Use shorter segments (segment=...) or other start values, or check the units of the recordings."
-        raise FitError(otherwise, value=shots, remedy=remedy)
+        raise FitError(value=shots, **stated("not_simulated", otherwise))
     return shots
 
 
@@ -391,7 +385,7 @@ def join_segments(
     Iterate, Joined, bool
         Last accepted point, its linearisation, and whether the search converged.
     """
-    shots = _run(problem, point, "a segment cannot be simulated from the values found so far")
+    shots = _run(problem, point, "segment")
     longest = LONGEST
     at = linearise(problem, point, believed, shots)
     for _ in range(most):
@@ -411,7 +405,7 @@ def join_segments(
         if found is None:
             return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
         point, _, longest = found
-        shots = _run(problem, point, "the search reached a drive that cannot be simulated")
+        shots = _run(problem, point, "drive")
         at = linearise(problem, point, believed, shots)
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at.standing, point)

@@ -41,7 +41,7 @@ from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.content import rendered
 from pneudrive.files.csv_tables import spreadsheet_text
-from pneudrive.identify.identified import sentences
+from pneudrive.identify.identified import number_table, sentence, sentences
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
 
@@ -201,9 +201,7 @@ def curve_of_friction(
     entries = (*entries, *(CurveEntry(key, word, "", np.nan, np.nan, "") for key, word in rest))
     unwritten = () if friction.formula is None else (f"the formulas of law {friction.law}",)
     if friction.law not in ("coulomb", "stribeck"):
-        lost.append(
-            f"presliding and the lag of friction behind speed (law {friction.law}): only the steady curve is exported"
-        )
+        lost.append(sentence("not_exported", "presliding", law=friction.law))
     exponent = friction.parameters.get("stribeck_exponent", 2.0)
     shape = friction.stribeck_shape or f"exp(-(v/vs)^{exponent:g})"
     curve = 0.5 * (sides[0] + sides[1])
@@ -322,10 +320,20 @@ class Exported(Shown):
         return write_whole(Path(path), self.text)
 
 
-def _rendered(made: Exported, **values: Any) -> Exported:  # noqa: ANN401 - values of a template
-    """Return the conversion with the text of its template."""
-    values |= {"made": made, "curve": made.curve, "remarks": made.remarks()}
-    return replace(made, text=rendered(Path(__file__).with_name(f"{made.tool}.jinja"), {"real": _real}, **values))
+def _converted(
+    tool: str,
+    curve: SlidingCurve,
+    converted_n: Array,
+    values: Sequence[float] = (),
+    **places: Any,  # noqa: ANN401 - for the template
+) -> Exported:
+    """Return the conversion to a tool, from the values of its parameters, with the text of its template."""
+    table = number_table("tools")[tool]
+    named = zip(table["parameters"], values, strict=True)
+    parameters = tuple(ToolParameter(name, value, unit, words) for (name, unit, words), value in named)
+    made = Exported(tool, parameters, curve, converted_n, (*curve.lost, *table["lost"]))
+    places |= {"made": made, "curve": curve, "remarks": made.remarks()}
+    return replace(made, text=rendered(Path(__file__).with_name(f"{tool}.jinja"), {"real": _real}, **places))
 
 
 def best_scale(
@@ -369,18 +377,8 @@ def _simscape(curve: SlidingCurve) -> Exported:
     speed = curve.speed_m_s
     v_brk, weights = best_scale(curve, lambda v: simscape_columns(speed, v), speed[0] / BEYOND, speed[-1])
     excess, coulomb, viscous = weights.tolist()
-    parameters = (
-        ToolParameter("brkwy_frc", excess + coulomb, "N", "Breakaway friction force"),
-        ToolParameter("brkwy_vel", v_brk, "m/s", "Breakaway friction velocity"),
-        ToolParameter("Col_frc", coulomb, "N", "Coulomb friction force"),
-        ToolParameter("visc_coef", viscous, "N*s/m", "Viscous friction coefficient"),
-    )
-    lost = (
-        *curve.lost,
-        "sticking: the block's force is a steep slope through zero speed, so a loaded piston creeps",
-        "dwell and presliding: the block has no history",
-    )
-    return _rendered(Exported("simscape", parameters, curve, simscape_columns(speed, v_brk) @ weights, lost))
+    values = excess + coulomb, v_brk, coulomb, viscous
+    return _converted("simscape", curve, simscape_columns(speed, v_brk) @ weights, values)
 
 
 def modelica_columns(speed: Array, fexp: float) -> Array:
@@ -394,18 +392,14 @@ def _modelica(curve: SlidingCurve) -> Exported:
         curve, lambda v: modelica_columns(speed, 1.0 / v), speed[0] / BEYOND, BEYOND * speed[-1]
     )
     coulomb, stribeck, viscous = weights.tolist()
-    parameters = (
-        ToolParameter("F_prop", viscous, "N.s/m", "Velocity dependent friction"),
-        ToolParameter("F_Coulomb", coulomb, "N", "Constant friction: Coulomb force"),
-        ToolParameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
-        ToolParameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
-    )
-    lost = (*curve.lost, "dwell and presliding: the component sticks immediately, without memory")
     knots = np.geomspace(speed[0], speed[-1], TABLE_POINTS)
     level = np.interp(np.log(knots), np.log(speed), curve.friction_n)
     knots, level = np.r_[0.0, knots], np.r_[level[0], level]  # at 0 the friction of the lowest measured speed
-    return _rendered(
-        Exported("modelica", parameters, curve, modelica_columns(speed, 1.0 / scale) @ weights, lost),
+    return _converted(
+        "modelica",
+        curve,
+        modelica_columns(speed, 1.0 / scale) @ weights,
+        (viscous, coulomb, stribeck, 1.0 / scale),
         rows="; ".join(f"{v:.6g}, {f:.6g}" for v, f in zip(knots, level, strict=True)),
         peak=f"{max(level[0], 1e-300):.6g}",
         between=f"{np.abs(np.interp(speed, knots, level) - curve.friction_n).max():.2g}",
@@ -456,9 +450,10 @@ def _structured_text(curve: SlidingCurve) -> Exported:
     coefficients, converted = spline_of(curve)
     low, high = float(curve.speed_m_s[0]), float(curve.speed_m_s[-1])
     step = np.log(high / low) / len(coefficients)
-    lost = (*curve.lost, "sticking and presliding: below the lowest speed the force is proportional to the velocity")
-    return _rendered(
-        Exported("st", (), curve, converted, lost),
+    return _converted(
+        "st",
+        curve,
+        converted,
         table=coefficients.tolist(),
         low=low,
         high=high,

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, FitError, RecordingError, nearest
-from pneudrive.identify.identified import stated
+from pneudrive.identify.identified import number_table, stated
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import Recording
@@ -172,30 +172,8 @@ STIFF_RAD_S = 4000.0
 CAPACITY, OUTER = 5e3, 30.0
 #: Share of the gas that a leak of the start value exchanges in this time, s (assumed).
 LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
-#: Groups of numbers: short name -> meaning.
-GROUPS = {
-    "volumes": "dead volume of each chamber",
-    "heat": "heat transfer of each chamber",
-    "wall": "heat capacity and outer heat transfer of both walls",
-    "wall_a": "the same for chamber a alone",
-    "wall_b": "the same for chamber b alone",
-    "leak": "leak past the piston",
-    "leak_a": "leak of chamber a to the ambient air",
-    "leak_b": "leak of chamber b to the ambient air",
-    "barrel": "heat transfer of the exposed barrel, in addition to that of the dead volume",
-}
-UNITS = {
-    "volume": "m3",
-    "dead_volume_a": "m3",
-    "dead_volume_b": "m3",
-    "heat_transfer": "W/(m2 K)",
-    "heat_transfer_scale": "",
-    "wall_capacity": "J/K",
-    "wall_outer_heat_transfer": "W/(m2 K)",
-    "coefficient": "kg K/(s Pa2)",
-    "perimeter_a": "m",
-    "perimeter_b": "m",
-}
+#: Groups of numbers: short name -> meaning; and units of numbers.
+GROUPS, UNITS = number_table("groups"), number_table("circuit_units")
 
 
 class Number(NamedTuple):

@@ -16,7 +16,7 @@ from pneudrive.files.inputs import INPUTS, inputs_of, origin
 from pneudrive.identify.base import Fit, FitFile, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, solve_follow
-from pneudrive.identify.identified import FittedData, remedy_for, sentence, stated
+from pneudrive.identify.identified import FittedData, number_table, remedy_for, sentence, stated
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Flag, Progress, Watch
@@ -139,10 +139,7 @@ def other_readings(solution: FollowSolution) -> list[str]:
             continue
         # A reading is the cause only if the model fits with it. A wrong model says nothing about sensors.
         if size < min(BETTER * base, POOR):
-            found.append(
-                f"the pressures are read as {words}: with {'+' if shift > 0 else '-'}{ambient / 1e5:.4g} bar the "
-                f"residuals fall to {100 * size / base:.0f} % of their present size; check gauge and abs in the layout"
-            )
+            found.append(sentence("notes", "other_reading", words=words, bar=shift / 1e5, percent=100 * size / base))
     return found
 
 
@@ -156,15 +153,6 @@ def poor_fit(solution: FollowSolution) -> list[str]:
     return [] if worst < POOR else [sentence("notes", "poor", percent=100 * worst)]
 
 
-#: Other models: groups that are added, and words. The first one holds start and delay instead.
-RIVALS: dict[str, tuple[tuple[str, ...], str]] = {
-    "held": ((), "gas at the temperature of the wall at the start, and one clock"),
-    "wall_a": (("wall_a",), "a wall that stores heat in chamber a"),
-    "wall_b": (("wall_b",), "a wall that stores heat in chamber b"),
-    "barrel": (("barrel",), "a wall that grows with the exposed barrel"),
-    "leak": (("leak",), "a leak past the piston"),
-    "leaks": (("leak_a", "leak_b"), "leaks to the ambient air"),
-}
 FIRST = ("volumes", "heat")  # groups that are fitted alone at first
 WORTH = 0.9  # a model that lowers the sum of squares of the fit less than to this ratio adds nothing
 EARNS = 0.95  # a model earns its place if it lowers that of each prediction to this ratio
@@ -529,7 +517,7 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
     base_fit = _squares(solution)
     folds = _folds(problem)
     base_folds = [_predict(problem, solution.point, fold) for fold in folds]
-    for name, (extra, words) in RIVALS.items():
+    for name, (extra, words) in number_table("rivals").items():
         if extra and (set(extra) <= set(free) or ("wall" in free and name.startswith("wall"))):
             continue
         try:

@@ -25,6 +25,7 @@ from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction.friction_map import FILE
 from pneudrive.identify.base import SIMULATED
+from pneudrive.identify.identified import number_table
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -45,15 +46,7 @@ PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
 PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
 #: Shapes of the Stribeck curve, by their names in the core.
 STRIBECK_SHAPES = ("gaussian", "exponential", "lorentzian", "free")
-UNITS = {
-    "coulomb": "N",
-    "breakaway": "N",
-    "stribeck_velocity": "m/s",
-    "stribeck_exponent": "1",
-    "viscous": "N s/m",
-    **dict.fromkeys(PRESSURE_NAMES, "N/Pa"),
-    **{f"{force}_{term}": "N/Pa2" for force in FORCES for term in ("curve_a", "curve_b", "product")},
-}
+UNITS: dict[str, str] = number_table("friction_units")
 #: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].
 EXPONENT_BOUNDS = (0.3, 4.0)
 #: Start values of a free Stribeck exponent: Tustin's exponential, Gauss, and one between.
