@@ -219,6 +219,14 @@ def group_of(labels: Mapping[str, str]) -> str:
     return ", ".join(labels[name] for name in LEVELS if labels.get(name)) or ALL_RECORDINGS
 
 
+def assemblies_of(table: xr.Dataset) -> list[str]:
+    """Return the assembly of each row of a map, from its columns of labels."""
+    names = [name for name in LEVELS if name in table]
+    columns = [table[name].to_numpy().astype(str).tolist() for name in names]
+    rows = zip(*columns, strict=True) if names else [()] * table.sizes["row"]
+    return [group_of(dict(zip(names, row, strict=True))) for row in rows]
+
+
 def classify_pressures(pairs: Array) -> str:
     """Return the slopes that pressure pairs determine: both, one, their sum, or one along a line."""
     away = pairs - pairs.mean(axis=0)
@@ -290,14 +298,12 @@ class MapGroup(NamedTuple):
 
 def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
     """Return the groups of the first rows of a map: the assemblies in the order of their first rows."""
-    rows = np.arange(table.sizes["row"])[:most]
-    columns = {name: table[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in table}
-    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
-    assemblies = np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
+    table = table.isel(row=slice(most))
+    assemblies = np.array(assemblies_of(table))
     # Both pressures of a row are the means of its recording.
-    recordings = np.unique(table["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
+    recordings = np.unique(table["recording"].to_numpy().astype(str), return_inverse=True)[1]
     sizes = np.bincount(recordings)
-    means = [np.bincount(recordings, table[f"pressure_{side}_pa"].to_numpy()[rows]) / sizes for side in "ab"]
+    means = [np.bincount(recordings, table[f"pressure_{side}_pa"].to_numpy()) / sizes for side in "ab"]
     gauges = np.column_stack(means)[recordings] - float(table.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
     groups = []
     for name in dict.fromkeys(assemblies.tolist()):

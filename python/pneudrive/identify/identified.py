@@ -248,9 +248,10 @@ def apply_identified(
     marks = marks_of(after)
     origins = found.origins(marks)
     if beside is not None:
-        inside = {name: ends for name, ends in beside.intervals.items() if name in marks}
+        values = {name: value for name, (value, *_) in beside.intervals.items()}
+        inside = {name: (low, high) for name, (_, low, high) in beside.intervals.items() if name in marks}
         sources = dict.fromkeys(inside, (beside.source,))
-        origins |= replace(found, values=beside.values, intervals=inside, sources=sources).origins(marks)
+        origins |= replace(found, values=values, intervals=inside, sources=sources).origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
 
@@ -438,48 +439,35 @@ class Dependences:
 
     Attributes
     ----------
-    tables : dict
-        Key in ``[friction]`` -> table of a drive file: ``direction``, ``position``, ``dwell``, ...
-    values : dict
-        Dotted name in the drive file -> value in SI, of values with an interval.
-    intervals : dict
-        Dotted name -> (lower, upper), 95 %, SI.
+    source : str
+        Campaign.
+    notes : tuple of str
+        Measured effects that a drive cannot have, each with the reason; assumptions.
     sliding : dict
         ``coulomb`` and ``breakaway`` -> force in N from the age of a sliding contact. A measured sliding law includes
         it, and so does ``[friction.dwell]`` of a drive, so it is subtracted when both are combined.
-    notes : tuple of str
-        Measured effects that a drive cannot have, each with the reason; assumptions.
-    source : str
-        Campaign.
+    intervals : dict
+        Dotted name in the drive file -> [value, lower, upper], 95 %, SI.
+    tables : dict
+        Key in ``[friction]`` -> table of a drive file: ``direction``, ``position``, ``dwell``, ...
     """
 
-    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
-    values: dict[str, float] = field(default_factory=dict)
-    intervals: dict[str, Interval] = field(default_factory=dict)
-    sliding: dict[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
     source: str = ""
+    notes: tuple[str, ...] = ()
+    sliding: dict[str, float] = field(default_factory=dict)
+    intervals: dict[str, list[float]] = field(default_factory=dict)
+    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def table(self) -> Plain:
         """Return the table for fit.toml; empty if nothing was measured."""
-        if not self.tables and not self.notes:
-            return {}
-        ends = {name: [self.values[name], *self.intervals[name]] for name in self.intervals}
-        said = {"source": self.source, "notes": list(self.notes)}
-        return said | {"sliding": self.sliding, "intervals": ends, "friction": self.tables}
+        table = {{"tables": "friction"}.get(name, name): value for name, value in vars(self).items()}
+        return table if self.tables or self.notes else {}
 
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:
         """Return the modifiers from a table of :meth:`table`."""
-        ends = {name: tuple(float(end) for end in three) for name, three in content.get("intervals", {}).items()}
-        return cls(
-            tables=dict(content.get("friction", {})),
-            values={name: three[0] for name, three in ends.items()},
-            intervals={name: (three[1], three[2]) for name, three in ends.items()},
-            sliding={name: float(force) for name, force in content.get("sliding", {}).items()},
-            notes=tuple(content.get("notes", ())),
-            source=str(content.get("source", "")),
-        )
+        known = {{"friction": "tables"}.get(name, name): value for name, value in content.items()}
+        return cls(**known | {"notes": tuple(content.get("notes", ()))})
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""

@@ -22,7 +22,7 @@ from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristic
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.friction_map import BOTH, LEVELS, Condition
+from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, Condition, assemblies_of
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
@@ -325,14 +325,9 @@ def dependences_of(
     notes += _run_in(found)
     estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
     tables = {key: table for key, table, _ in parts}
-    return Dependences(
-        tables=tables,
-        values={name: one.value for name, one in estimates.items()},
-        intervals={name: (one.low, one.high) for name, one in estimates.items()},
-        sliding={} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)},
-        notes=tuple(notes),
-        source=f"campaign {found.name}",
-    )
+    sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
+    ends = {name: [one.value, one.low, one.high] for name, one in estimates.items()}
+    return Dependences(f"campaign {found.name}", tuple(notes), sliding, ends, tables)
 
 
 def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
@@ -539,11 +534,11 @@ def fit_campaign(
     """
     with one_thread():
         table = found.friction_map
-        names = np.array([", ".join(level for level in row if level) or ALL for row in _levels(table)])
-        groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
-        fits, problems = fit_groups(groups, laws, NO_POINTS)
+        names = [ALL if name == ALL_RECORDINGS else name for name in assemblies_of(table)]
+        fits, problems = fit_groups(table, names, laws, NO_POINTS)
         for group, by_law in fits.items():
-            fits[group] = {law: with_dependences(fit, found, groups[group]) for law, fit in by_law.items()}
+            part = table.isel(row=np.flatnonzero(np.array(names) == group))
+            fits[group] = {law: with_dependences(fit, found, part) for law, fit in by_law.items()}
         return fits, problems
 
 
@@ -552,7 +547,7 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
 
     Rows of several sets of mounting, seal and drive do not have a common set. A note then reports this.
     """
-    sets = set(_levels(part))
+    sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:
         return replace(fit, dependences=Dependences(notes=(AVERAGED,), source=f"campaign {found.name}"))
     viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
@@ -560,8 +555,3 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
         measured = dependences_of(found, viscous, sets.pop())
     is_of_both = fit.provenance["direction"] == "both"
     return replace(fit, dependences=measured if is_of_both else measured.without("direction"))
-
-
-def _levels(table: xr.Dataset) -> list[tuple[str, str, str]]:
-    columns = [table[name].to_numpy().tolist() for name in ("mounting", "seal", "drive")]
-    return list(zip(*columns, strict=True))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import LOSSES, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.profile import intervals, profile_interval
-from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
@@ -408,12 +409,9 @@ def fit_characterisation(
         ``all recordings`` if there is only one. Friction may depend on pressure if the recordings have several
         pressures.
     """
-    curves = characterisation.friction_map
-    of_row = np.array(row_seals_and_runs(characterisation)[0])
-    groups = {ALL_RECORDINGS: curves}
-    if len(set(of_row)) > 1:
-        groups = {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
-    return fit_groups(groups, laws)
+    names = assemblies_of(characterisation.friction_map)
+    names = names if len(set(names)) > 1 else [ALL_RECORDINGS] * len(names)
+    return fit_groups(characterisation.friction_map, names, laws)
 
 
 def fit_file(group: str) -> str:
@@ -428,20 +426,19 @@ def fit_file(group: str) -> str:
 
 
 def fit_groups(
-    groups: Mapping[str, xr.Dataset], laws: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
+    table: xr.Dataset, names: Sequence[str], laws: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
-    """Fit laws to each of several friction maps: group -> law -> fit, and notes on failed fits."""
+    """Fit laws to each group of rows of a map, by the name of its group: group -> law -> fit, and failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
-    for group, part in groups.items():
-        for law in laws:
-            label = f"{group}, {law}"
-            try:
-                found = fit_map(part, law, exclude_flags)
-            except FitError as error:
-                problems.append(f"{label}: {error.what}")
-            else:
-                fits.setdefault(group, {})[law] = found
+    for group, law in product(dict.fromkeys(names), laws):
+        part = table.isel(row=np.flatnonzero(np.array(names) == group))
+        try:
+            found = fit_map(part, law, exclude_flags)
+        except FitError as error:
+            problems.append(f"{group}, {law}: {error.what}")
+        else:
+            fits.setdefault(group, {})[law] = found
     return fits, problems
 
 
@@ -453,7 +450,6 @@ def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = sliding.
 
 def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
     """Return seal and run of each row of the friction map of a characterisation, for :func:`survey`."""
-    labels = {r.name: (group_of(r.labels), "1") for r in characterisation.recordings}
-    labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
-    rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
-    return [seal for seal, _ in rows], [run for _, run in rows]
+    table = characterisation.friction_map
+    runs = table["run"].to_numpy().tolist() if "run" in table else [""] * table.sizes["row"]
+    return assemblies_of(table), [run or "1" for run in runs]
