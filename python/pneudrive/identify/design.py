@@ -17,7 +17,7 @@ from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
 from pneudrive.identify.static.fit import NAMES, assembled, fit_values
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.survey import SPEED_SPAN, pressure_levels, row_labels
+from pneudrive.identify.static.survey import SPEED_SPAN, of_values, pressure_levels, row_labels
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
@@ -248,11 +248,7 @@ def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[
     elif wanted == "recording":
         folds = np.unique(data.group, return_inverse=True)[1]
     else:
-        labels = row_labels(friction_map, wanted)
-        recordings = friction_map["recording"].to_numpy().astype(str)
-        of_recording = dict(zip(recordings.tolist(), labels.tolist(), strict=True))
-        names = np.unique(recordings)
-        folds = np.unique([of_recording[names[g]] for g in data.group], return_inverse=True)[1]
+        folds = np.unique(of_values(friction_map, row_labels(friction_map, wanted), data), return_inverse=True)[1]
     if folds.max() < 2:
         raise FitError.of("identify.few_conditions", name=name, count=int(folds.max()) + 1)
     return name, np.asarray(folds, dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Interval
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
-KINDS: dict[str, type[AnyFit]] = {
-    kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit, Presliding, FollowFit, RegulatorFit)
-}
+KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in get_args(AnyFit)}
 
 
 def read_fit(path: str | Path) -> AnyFit:

@@ -132,7 +132,7 @@ def other_readings(solution: FollowSolution) -> list[str]:
         records = [replace(r, pressures_pa=r.pressures_pa + shift) for r in problem.records]
         if min(float(r.pressures_pa.min()) for r in records) < LEAST_LEVEL * ambient:
             continue
-        other = replace(problem, records=records, weights=list(problem.weights))
+        other = replace(problem, records=records)
         try:
             size = _size(solve_follow(other, FollowPoint(point.shared, point.local), passes=1))
         except FitError:
@@ -452,7 +452,7 @@ def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
             for at, record in enumerate(problem.records)
         ]
     else:
-        pieces = [(replace(problem, parts=own, weights=list(problem.weights)), 0) for own, _ in _folds(problem)]
+        pieces = [(replace(problem, parts=own), 0) for own, _ in _folds(problem)]
     found: dict[str, list[float]] = {}
     for piece, at in pieces:
         piece.model = "part of the recordings"
@@ -525,11 +525,11 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             numbers = driven.numbers_of([*free, *extra])
             if len(numbers) < len(problem.numbers):
                 continue
-            rival = replace(problem, driven=driven, numbers=numbers, weights=list(problem.weights), model=words)
+            rival = replace(problem, driven=driven, numbers=numbers, model=words)
             begin = FollowPoint(rival.begin().shared, solution.point.local.copy())
             begin.shared[: solution.point.shared.size] = solution.point.shared
             if name == "held":
-                rival = replace(rival, is_delayed=False, starts_free=False, weights=list(problem.weights))
+                rival = replace(rival, is_delayed=False, starts_free=False)
                 begin.local[:, 2:] = 0.0
             solved = solve_follow(rival, begin, passes=1)
             gain = _squares(solved) / base_fit
@@ -556,9 +556,9 @@ def _folds(problem: FollowProblem) -> list[tuple[list[Interval], list[Interval]]
 
 def _predict(problem: FollowProblem, point: FollowPoint, fold: tuple[list[Interval], list[Interval]]) -> float:
     """Fit one part of the recordings, and return the squared residuals of the other part, relative to the range."""
-    own = replace(problem, parts=fold[0], weights=list(problem.weights))
+    own = replace(problem, parts=fold[0])
     solved = solve_follow(own, point, passes=1)
-    every = replace(own, parts=[(0.0, np.inf)] * len(problem.records), weights=list(problem.weights))
+    every = replace(own, parts=[(0.0, np.inf)] * len(problem.records))
     form = every.driven.values_form(every.numbers, np.exp(solved.point.shared))
     raws = [every.raw(at, form, solved.point.local[at]) for at in range(len(every.records))]
     whole_run = replace(solved, problem=every, raws=raws)

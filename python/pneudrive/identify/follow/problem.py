@@ -7,7 +7,7 @@ by their size and correlation time, and the covariance is a sandwich over blocks
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -83,15 +83,12 @@ class FollowProblem:
     starts_free: bool = True
     model: str = "requested model"
     watch: Watch = UNWATCHED
-    weights: list[Array] = field(default_factory=list)
+    weights: Sequence[Array] = ()
 
     def __post_init__(self) -> None:
-        """Set the weights before the first fit."""
+        """Set the weights before the first fit; those of another problem are copied, as each fit renews its own."""
         self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
-        for record in self.records:
-            size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
-            step = float(np.median(np.diff(record.grid_s)))
-            self.weights.append(1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0))))
+        self.weights = list(self.weights or map(_first_weights, self.records))
 
     def begin(self) -> FollowPoint:
         """Return the start point."""
@@ -132,6 +129,13 @@ class FollowProblem:
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
         kelvin = kelvin if self.starts_free else 0.0
         return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S if self.is_delayed else 0.0])
+
+
+def _first_weights(record: DrivenRecording) -> Array:
+    """Return the weights of both pressures before the first fit."""
+    size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
+    step = float(np.median(np.diff(record.grid_s)))
+    return 1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0)))
 
 
 @dataclass
@@ -351,13 +355,15 @@ def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
 
 def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> None:
     """Weight the residuals by their size and correlation time."""
+    weights = []
     for at, raw in enumerate(raws):
         record, (begin, end) = problem.records[at], problem.parts[at]
         rest = record.pressures_pa - problem.shown(at, raw, point.local[at, 4])
         rest = rest[:, (record.grid_s >= begin) & (record.grid_s <= end) & np.isfinite(rest[0])]
         size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
         tau = np.array([_correlation_time(one) for one in rest])
-        problem.weights[at] = 1.0 / (size * np.sqrt(tau))
+        weights.append(1.0 / (size * np.sqrt(tau)))
+    problem.weights = weights
 
 
 def _correlation_time(rest: Array) -> float:

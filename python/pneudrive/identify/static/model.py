@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     import xarray as xr
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.arrays import Array, Bools, Ints, Keyed, Plain
     from pneudrive.describe.tables.friction import Friction
@@ -94,12 +94,11 @@ class Observations:
         return Observations(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def at_conditions(speed_m_s: Array, gauge_a_pa: Array, gauge_b_pa: Array) -> Observations:
-    """Return conditions, shape (n,) each, as rows without values, at which a law is evaluated."""
-    one = np.ones(speed_m_s.size)
-    return Observations(
-        speed_m_s, one, one, np.array(gauge_a_pa), np.array(gauge_b_pa), 0.0 * one, np.zeros(one.size, np.int64)
-    )
+def at_conditions(*conditions: ArrayLike) -> Observations:
+    """Return speeds and gauge pressures, broadcast, as rows without values, at which a law is evaluated."""
+    speed, a, b = (x.ravel() for x in np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in conditions)))
+    one = np.ones(speed.size)
+    return Observations(speed, one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
 
 
 class StaticLaw:
@@ -545,9 +544,7 @@ def observations(
         A variable is missing, a value is not valid, or no row is left.
     """
     column = _columns(friction_map)
-    notes: list[str] = []
-    keep, note = _usable(column, direction, exclude_flags)
-    notes += note
+    keep, notes = _usable(column, direction, exclude_flags)
     pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
     if not pairs.size:
         raise FitError.of("identify.no_row", notes="; ".join(notes) or "the map is empty")
@@ -557,21 +554,11 @@ def observations(
     value = friction[pairs].mean(axis=1)
     if np.abs(value).max() < NO_FRICTION_N:
         raise FitError("friction is zero in every row of the map", rule="a fit needs measured friction")
-    stderr, note = _standard_errors(column, pairs, value, speed)
-    notes += note
+    stderr, more = _standard_errors(column, pairs, value, speed)
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
-    return (
-        Observations(
-            speed_m_s=speed,
-            friction_n=value,
-            stderr_n=stderr,
-            gauge_a_pa=mean["pressure_a_pa"] - ambient_pressure_pa,
-            gauge_b_pa=mean["pressure_b_pa"] - ambient_pressure_pa,
-            u_systematic_n=np.nan_to_num(mean["u_systematic_n"]),
-            group=number[pairs[:, 0]].astype(np.int64),
-        ),
-        notes,
-    )
+    gauges = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
+    shared = np.nan_to_num(mean["u_systematic_n"]), number[pairs[:, 0]].astype(np.int64)
+    return Observations(speed, value, stderr, *gauges, *shared), notes + more
 
 
 _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")

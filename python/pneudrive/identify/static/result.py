@@ -175,19 +175,18 @@ class FrictionFit(SlidingFit, kind="friction map"):
         -------
         Prediction
         """
-        speed, a, b = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        flat = np.abs(speed).ravel()
-        if not np.isfinite(flat).all() or (flat <= 0.0).any():
+        at = sliding.at_conditions(np.abs(speed_m_s), gauge_a_pa, gauge_b_pa)
+        shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
+        if not np.isfinite(at.speed_m_s).all() or (at.speed_m_s <= 0.0).any():
             raise FitError.of("identify.standing", speed=np.asarray(speed_m_s))
-        at = sliding.at_conditions(flat, a.ravel(), b.ravel())
         value, slopes = self.model.force_and_slopes(self.estimates, at)
         variance = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes)
         if stderr_n is not None:
-            new = np.broadcast_to(stderr_n, speed.shape).ravel() ** 2 + self.statistics["scatter_n"] ** 2
+            new = np.broadcast_to(stderr_n, shape).ravel() ** 2 + self.statistics["scatter_n"] ** 2
             variance = variance + self.statistics["variance"] * new
         stderr = np.sqrt(np.maximum(variance, 0.0))
         reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
-        value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
+        value, stderr, reach = (x.reshape(shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
 
     # -- into a drive -----------------------------------------------------------------------------------------
@@ -362,8 +361,8 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     speed = fit.observations.speed_m_s
     low, high = float(speed.min()), float(speed.max())
     tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
-    gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
-    at = sliding.at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
+    gauges = (np.median(g) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
+    at = sliding.at_conditions(tried, *gauges)
     _, gradient = fit.model.force_and_slopes(fit.estimates, at)
     noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2
     carried = gradient @ fit.covariance  # (c, p)
@@ -420,9 +419,9 @@ class LawFit(SlidingFit, kind="law"):
 
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
         """Return the friction at speeds and gauge pressures, N."""
-        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        at = sliding.at_conditions(speed.ravel(), a.ravel(), b.ravel())
-        return self.model.force_and_slopes(self.estimates, at)[0].reshape(speed.shape)
+        conditions = speed_m_s, gauge_a_pa, gauge_b_pa
+        force, _ = self.model.force_and_slopes(self.estimates, sliding.at_conditions(*conditions))
+        return force.reshape(np.broadcast(*conditions).shape)
 
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with this law, each determined value with its interval and its recordings.

@@ -153,9 +153,8 @@ class Survey(Shown):
             raise FitError("a probability lies between 0 and 1", value=f"probability = {probability}")
         if run is not None and run not in self.seals[seal].runs:
             raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
-        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
-        at = at_conditions(np.abs(speed).ravel(), a.ravel(), b.ravel())
-        one = self.seals[seal]
+        at, one = at_conditions(np.abs(speed_m_s), gauge_a_pa, gauge_b_pa), self.seals[seal]
+        shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
         borrowed = not one.model.chambers and _elsewhere(one.data, at)
         value, variance = self._borrowed(one, at) if borrowed else self._kriged(one, at, run)
         weight = self.weights[seal].ravel()
@@ -163,7 +162,7 @@ class Survey(Shown):
         mean = weight @ value
         lower, upper = _quantiles(value, np.sqrt(variance), weight, probability)
         stderr = np.sqrt(weight @ (variance + (value - mean) ** 2))
-        return Prediction(*(x.reshape(speed.shape) for x in (mean, lower, upper, stderr)))
+        return Prediction(*(x.reshape(shape) for x in (mean, lower, upper, stderr)))
 
     def statements(self) -> list[str]:
         """Return the findings in sentences."""
@@ -198,11 +197,9 @@ class Survey(Shown):
 
     def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
         """Predict a seal at another pressure than the measured one, by the ratio of the other seals."""
-        here = at_conditions(at.speed_m_s, 0.0 * at.gauge_a_pa, 0.0 * at.gauge_b_pa)
-        here.gauge_a_pa[:], here.gauge_b_pa[:] = one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean()
-        ratios = [
-            self._most_likely(s, at) / self._most_likely(s, here) for s in self.seals.values() if s.model.chambers
-        ]
+        here = at_conditions(at.speed_m_s, one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean())
+        both = ([self._most_likely(s, x) for x in (at, here)] for s in self.seals.values() if s.model.chambers)
+        ratios = [there / near for there, near in both]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
             raise FitError.of("identify.one_pressure", name=one.name, least=LEAST_FREEDOM)
@@ -424,12 +421,16 @@ def grouped(
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
         groups[seal], _, provenance = selected(part, **options)
-        recording = part["recording"].to_numpy().astype(str)
-        run = dict(zip(recording.tolist(), run_of[rows].tolist(), strict=True))
-        names = np.unique(recording)
-        of_run[seal] = [run[names[g]] for g in groups[seal].group]
+        of_run[seal] = of_values(part, run_of[rows], groups[seal])
         origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
     return groups, of_run, origins
+
+
+def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
+    """Return the label of each value of a fit, from those of the rows of its map."""
+    recordings = friction_map["recording"].to_numpy().astype(str)
+    of_recording, names = dict(zip(recordings.tolist(), labels.tolist(), strict=True)), np.unique(recordings)
+    return [of_recording[names[g]] for g in data.group]
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
