@@ -29,7 +29,7 @@ from pneudrive.friction.strokes import CLOCK_S, Side
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
     from pneudrive.signals.recording import Recording
 
 
@@ -93,14 +93,18 @@ def systematic_budget(
     ]
     if recording.parallel:
         largest, names = max(f.uncertainty for f in recording.parallel), ", ".join(f.name for f in recording.parallel)
-        area = abs(up.parallel_n - down.parallel_n) / 2.0, abs(up.parallel_n + down.parallel_n) / 2.0
+        area = _halves(up.parallel_n, down.parallel_n)
         entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
     if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
-        late = abs(up.late_n - down.late_n) / 2.0, abs(up.late_n + down.late_n) / 2.0
         basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
         words = "delay of the pressures relative to the force"
-        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *late, words))
+        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *_halves(up.late_n, down.late_n), words))
     return entries
+
+
+def _halves(up: float, down: float) -> Interval:
+    """Return half the difference and half the sum of both directions, without signs."""
+    return abs(up - down) / 2.0, abs(up + down) / 2.0
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
@@ -210,7 +214,7 @@ def _geometry_entries(recording: Recording, up: Side, down: Side) -> list[Budget
     friction, offset = abs(relative * half_difference), abs(relative * half_sum)
     angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
     known = "layout" if "alignment_rad" in accuracy else "assumed"
-    turned, shared = (abs(up.force_n + sign * down.force_n) / 2 * angle**2 / 2 for sign in (-1, 1))
+    turned, shared = (half * angle**2 / 2 for half in _halves(up.force_n, down.force_n))
     words = "cosine error; friction from a side load is friction of the rig and remains in the result"
     return [
         BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,29 +31,26 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Row
-
     Reader = Callable[[], Recording | LongFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 
-def _speed_with_pressure(points: tuple[pressure.LevelPoint, ...], rows: list[Row]) -> float:
+def _speed_with_pressure(found: Characterisation) -> float:
     """Return the correlation of speed and pressure within seals, in the direction in which it is stronger."""
-    of_recording = {point.recording: point for point in points}
+    of_recording = {point.recording: point for point in found.points}
+    ways, names, speeds = (found.friction_map[name].to_numpy() for name in ("direction", "recording", "velocity_m_s"))
     strongest = 0.0
     for direction in (1, -1):
-        mine = [row for row in rows if row["direction"] == direction]
-        seals = [of_recording[row["recording"]].seal for row in mine]
-        scatter = [of_recording[row["recording"]].speed_stderr_m_s for row in mine]
-        values = np.array([[abs(row["velocity_m_s"]), of_recording[row["recording"]].pressure_pa] for row in mine])
+        mine = [of_recording[name] for name in names[ways == direction]]
+        seals, scatter = np.array([point.seal for point in mine]), [point.speed_stderr_m_s for point in mine]
+        values = np.column_stack([np.abs(speeds[ways == direction]), [point.pressure_pa for point in mine]])
         has_changed = False
         for seal in set(seals):
-            members = np.array([s == seal for s in seals])
+            members = seals == seal
             has_changed |= changed(values[members, 0], float(np.median(scatter)))
             values[members] -= values[members].mean(axis=0)
         if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > pressure.MINIMUM_RANGE_PA:
-            found = float(np.corrcoef(values.T)[0, 1])
-            strongest = max(strongest, found, key=abs)
+            strongest = max(strongest, float(np.corrcoef(values.T)[0, 1]), key=abs)
     return strongest
 
 
@@ -133,23 +130,17 @@ def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, fl
     return abs(one.friction_n - other.friction_n) / half, {**values, "way": "+x" if way > 0 else "-x", "half_n": half}
 
 
-def notes_of(
-    results: tuple[RecordingResult, ...],
-    points: tuple[pressure.LevelPoint, ...],
-    lines: list[pressure.PressureLine],
-    rows: list[Row],
-    closures: list[pressure.ClosureFit],
-) -> list[str]:
+def notes_of(found: Characterisation) -> list[str]:
     """Return the notes on all recordings together."""
-    levels = [level for result in results for level in result.levels]
-    speeds = np.array([abs(row["velocity_m_s"]) for row in rows]) * 1e3
+    levels, results = found.levels, found.results
+    speeds = np.abs(found.friction_map["velocity_m_s"].to_numpy()) * 1e3
     notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
     notes += [
         sentence("note.delay", name=result.recording.name, delay=result.delay)
         for result in results
         if result.delay is not None and result.delay.is_clear
     ]
-    together = _speed_with_pressure(points, rows)
+    together = _speed_with_pressure(found)
     if abs(together) > pressure.CONFOUNDED:
         notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
     gauges = [item for level in levels for item in level.gauge_pa.items()]
@@ -168,11 +159,11 @@ def notes_of(
         "assumed": sorted(assumed),
         "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
     }
-    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in doubts.items() if found]
+    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(some))) for key, some in doubts.items() if some]
     notes += _differences(results)
-    notes += [line.statement for line in lines]
+    notes += [line.statement for line in found.pressure_lines]
     notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
-    return [*notes, *([] if closures else [sentence("note.no_closure")])]
+    return [*notes, *([] if found.closures else [sentence("note.no_closure")])]
 
 
 KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
@@ -395,7 +386,6 @@ class _Results:
             if self.skipped:
                 notes.append(sentence("note.not_counted", count=len(self.skipped), first=self.skipped[0]))
         notes += [sentence("note.part_by_part", name=name) for name in self.long]
-        closures, lines = pressure.fit_closures(self.points), pressure.fit_pressure_lines(self.points)
         friction_map = rows_to_dataset(self.rows)
         friction_map.attrs["protocol"] = choice.name
         friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
@@ -403,16 +393,16 @@ class _Results:
         if self.shown:
             ambient = float(np.mean([result.recording.ambient_pressure_pa for result in self.shown]))
             friction_map.attrs["ambient_pressure_pa"] = ambient
-        results, points = tuple(self.shown), tuple(self.points)
-        return Characterisation(
-            results=results,
+        found = Characterisation(
+            results=tuple(self.shown),
             friction_map=friction_map,
-            closures=tuple(closures),
-            pressure_lines=tuple(lines),
-            points=points,
-            run_spread=pressure.run_spread(points),
-            notes=(*notes, *stroke_notes(self.uses), *notes_of(results, points, lines, self.rows, closures)),
+            closures=tuple(pressure.fit_closures(self.points)),
+            pressure_lines=tuple(pressure.fit_pressure_lines(self.points)),
+            points=tuple(self.points),
+            run_spread=pressure.run_spread(self.points),
+            notes=(*notes, *stroke_notes(self.uses)),
             skipped=tuple(self.skipped),
             protocol=choice.name,
             stroke_uses=self.uses,
         )
+        return replace(found, notes=(*found.notes, *notes_of(found)))

@@ -78,14 +78,12 @@ def find_reversal_peaks(
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
         return []
+    pressures = (recording.pressure_a_pa, recording.pressure_b_pa)
     usual = _Usual(
-        sliding_n=float(np.nanmean(profile.friction_n[profile.in_window])),
-        step_s=motion.middle_step(recording.time_s),
-        noise_n=motion.noise_level(balance_n),
-        pressures_pa=tuple(
-            motion.noise_level(pressure, quantisation=False)
-            for pressure in (recording.pressure_a_pa, recording.pressure_b_pa)
-        ),
+        float(np.nanmean(profile.friction_n[profile.in_window])),
+        motion.middle_step(recording.time_s),
+        motion.noise_level(balance_n),
+        [motion.noise_level(pressure, quantisation=False) for pressure in pressures],
     )
     return [_peak(recording, stroke, balance_n, profile, usual) for stroke in after]
 
@@ -110,7 +108,7 @@ class _Usual(NamedTuple):
     sliding_n: float
     step_s: float
     noise_n: float
-    pressures_pa: tuple[float, ...]
+    pressures_pa: list[float]
 
 
 def _peak(

@@ -466,8 +466,9 @@ class Dependences:
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:
         """Return the modifiers from a table of :meth:`table`."""
-        known = {{"friction": "tables"}.get(name, name): value for name, value in content.items()}
-        return cls(**known | {"notes": tuple(content.get("notes", ()))})
+        known: Plain = {{"friction": "tables"}.get(name, name): value for name, value in content.items()}
+        known["notes"] = tuple(content.get("notes", ()))
+        return cls(**known)
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""

@@ -196,8 +196,7 @@ def identify_volume(
     minima, tank = min(tried, key=lambda found: found[0][0][0])
     problem, _ = _problem(tank, records, names, watch)
     options = search.SearchOptions(None, robust=False, rtol=RTOL, threads=1)
-    stated = [np.zeros(e.noise.size, dtype=bool) for e in problem.experiments]
-    attempt = solve(problem, minima[0][1], stated, options, watcher)
+    attempt = solve(problem, minima[0][1], options, watcher)
     others = _other_minima(attempt.solved, [point for _, point in minima[1:]]) if attempt.converged else []
     return _result(tank, records, attempt, others, held, options.notes)
 

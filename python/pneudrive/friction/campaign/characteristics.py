@@ -30,7 +30,7 @@ from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     import polars as pl
     import xarray as xr
@@ -189,6 +189,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         zero=campaign_curves.sensor_zero(reading.tares),
         ranges=_ranges(reading),
         friction_map=friction_map(reading, points, fits, choice.name),
+        stops=cycles.select(),
         **parts,
     )
     return replace(found, statements=statements(found, reading, points, fits))
@@ -334,6 +335,12 @@ def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
     return condition is not None and condition.levels == levels
 
 
+def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
+    """Return values for a drive file; those without a unit are numbers."""
+    texts = {name: f"{one.value:.6g} {one.unit}" for name, one in estimates.items()}
+    return {name: round(one.value, 6) if one.unit == "1" else texts[name] for name, one in estimates.items()}
+
+
 def _weighted(estimates: Iterable[Estimate]) -> Estimate:
     """Return the mean of estimates, each weighted by its variance."""
     every = list(estimates)
@@ -360,7 +367,7 @@ def _direction(
         "positive": Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1"),
         "negative": Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1"),
     }
-    yield "direction", {name: round(one.value, 6) for name, one in factors.items()}, factors
+    yield "direction", _written(factors), factors
 
 
 def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float) -> Estimate | None:
@@ -394,9 +401,8 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     slope = pattern.trend_per_m.scaled(scale).widened(spread)
     if not waves and not slope.differs:
         return
-    table: dict[str, object] = {"reference": f"{middle:.6g} m"}
-    if slope.differs:
-        table["slope"] = f"{slope.value:.6g} 1/m"
+    estimates = {"slope": slope} if slope.differs else {}
+    table = {"reference": f"{middle:.6g} m", **_written(estimates)}
     if waves:
         table["harmonics"] = [
             {
@@ -406,7 +412,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
             }
             for length, c, s in waves
         ]
-    yield "position", table, {"slope": slope} if slope.differs else {}
+    yield "position", table, estimates
 
 
 # --- stops ---------------------------------------------------------------------------------------------------------
@@ -432,17 +438,12 @@ def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
         notes.append("stops: no return to sliding was recorded; the renewal distance of the contact is assumed, 0.1 mm")
     if age.together:
         notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
-    table: dict[str, object] = {
-        "growth": age.growth,
-        "increment": f"{age.increment.value:.6g} N",
-        "time": f"{age.time.value:.6g} s",
-        "distance": f"{age.distance_m:.6g} m",
-    }
+    estimates = {"increment": age.increment, "time": age.time}
+    table = {"growth": age.growth, **_written(estimates), "distance": f"{age.distance_m:.6g} m"}
     if age.growth == "saturating":
         table["exponent"] = age.exponent
     if age.share_a_pa or age.share_b_pa:
         table["pressure"] = {"a": f"{age.share_a_pa:.6g} 1/Pa", "b": f"{age.share_b_pa:.6g} 1/Pa"}
-    estimates = {"increment": age.increment, "time": age.time}
     yield "dwell", table, estimates | ({} if age.distance is None else {"distance": age.distance})
 
 
@@ -468,12 +469,9 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
     seconds = Estimate(middle, low, high, float("nan"), "s")
     notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
-    table: dict[str, object] = {
-        "share": round(share.value, 6),
-        "time": f"{seconds.value:.6g} s",
-        "distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m",
-    }
-    yield "relaxation", table, {"share": share, "time": seconds}
+    estimates = {"share": share, "time": seconds}
+    table = _written(estimates) | {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
+    yield "relaxation", table, estimates
 
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
@@ -489,7 +487,7 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
     if level <= 0.0:
         return
     share = per_kelvin.scaled(1.0 / level, "1/K")
-    yield "temperature", {"reference": f"{kelvin:.6g} K", "levels": f"{share.value:.6g} 1/K"}, {"levels": share}
+    yield "temperature", {"reference": f"{kelvin:.6g} K", **_written({"levels": share})}, {"levels": share}
 
 
 def _run_in(found: CampaignCharacteristics) -> Iterator[str]:

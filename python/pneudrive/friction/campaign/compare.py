@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
+    Both = tuple[CampaignCharacteristics, CampaignCharacteristics]
+
 
 TABLE = Path(__file__).with_name("checks.toml")
 
@@ -419,13 +421,13 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     Comparison
     """
     both, abouts = (first, second), [about_of(found) for found in (first, second)]
-    found, pairs = compare_curves(*both, _gain(*both, abouts)), tuple(_pairs(*both))
+    found, pairs = compare_curves(*both, _gain(both, abouts)), tuple(_pairs(both))
     why, curves = (found, None) if isinstance(found, str) else ("", found)
     tests = [
-        *(() if curves is None else _curve_tests(*both, curves)),
+        *(() if curves is None else _curve_tests(both, curves)),
         *(test for pair in pairs for test in _dwell_tests(*pair)),
-        *_drift_test(*both),
-        *_repeatability_test(*both),
+        *_drift_test(both),
+        *_repeatability_test(both),
     ]
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
@@ -442,12 +444,12 @@ def about_of(found: CampaignCharacteristics) -> Row:
         return {}
 
 
-def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[Row]) -> float:
+def _gain(both: Both, abouts: list[Row]) -> float:
     """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
     Simulated sensors differ between seeds.
     """
-    a, b = first.identity, second.identity
+    a, b = (found.identity for found in both)
     drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
     same = a.name == b.name and a.calibration == b.calibration and a.force_calibration == b.force_calibration
     if same and not drawn:
@@ -458,12 +460,10 @@ def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, about
 # --- tests ---------------------------------------------------------------------------------------------------------
 
 
-def _curve_tests(
-    first: CampaignCharacteristics, second: CampaignCharacteristics, curves: CurveComparison
-) -> Iterator[Test]:
+def _curve_tests(both: Both, curves: CurveComparison) -> Iterator[Test]:
     mean_n = float(curves.friction_n.mean())
     mean = curves.mean.scaled(mean_n, "N")
-    within = [found.repeatability.within for found in (first, second) if found.repeatability is not None]
+    within = [found.repeatability.within for found in both if found.repeatability is not None]
     limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
     beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
     note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"
@@ -473,12 +473,10 @@ def _curve_tests(
         yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
 
 
-def _pairs(
-    first: CampaignCharacteristics, second: CampaignCharacteristics
-) -> Iterator[tuple[DwellSeries, DwellSeries]]:
+def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
     """Return the series of stops with one restart speed and way of holding in each campaign."""
-    single = all(len({series.levels for series in found.dwell}) == 1 for found in (first, second))
-    for a, b in product(first.dwell, second.dwell):
+    single = all(len({series.levels for series in found.dwell}) == 1 for found in both)
+    for a, b in product(*(found.dwell for found in both)):
         same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
         if same and (single or a.levels == b.levels) and a.curve is not None and b.curve is not None and _common(a, b):
             yield a, b
@@ -512,22 +510,22 @@ def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
     yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
 
 
-def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
-    before, after = (found.drift.per_hour if found.drift is not None else None for found in (first, second))
+def _drift_test(both: Both) -> Iterator[Test]:
+    before, after = (found.drift.per_hour if found.drift is not None else None for found in both)
     if before is not None and after is not None:
         difference = after - before
         yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
 
 
-def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
+def _repeatability_test(both: Both) -> Iterator[Test]:
     """Compare the scatter of repeated cycles by an F test, if both campaigns have repeats.
 
     Residuals of a smooth curve contain more than scatter and are not tested.
     """
     from scipy.special import fdtr, fdtrc, fdtri
 
-    both = [found.repeatability for found in (first, second)]
-    a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in both)
+    each = [found.repeatability for found in both]
+    a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in each)
     if a is None or b is None or not (a.value > 0 and b.value > 0):
         return
     free = b.degrees_of_freedom, a.degrees_of_freedom

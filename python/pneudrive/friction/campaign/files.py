@@ -166,15 +166,15 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "repeatability": found.repeatability,
         "drift": found.drift,
         "zero": found.zero,
-        "statement": list(found.statements),
-        "skipped": list(found.skipped),
-        "source": list(found.sources),
+        "statement": found.statements,
+        "skipped": found.skipped,
+        "source": found.sources,
         "pressure": [by_chamber(effects) for effects in found.pressure],
-        "direction": list(found.asymmetry),
-        "air": list(found.air),
-        "position": list(found.position),
-        "stick_slip": list(found.stick_slip),
-        "stick_slip_threshold": list(found.stick_slip_thresholds),
+        "direction": found.asymmetry,
+        "air": found.air,
+        "position": found.position,
+        "stick_slip": found.stick_slip,
+        "stick_slip_threshold": found.stick_slip_thresholds,
         "dwell": [_series(series) for series in found.dwell],
     }
     return _write(tables, path)
@@ -188,9 +188,9 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
         "second": compared.second.name,
         "synthetic": compared.first.synthetic or compared.second.synthetic,
         "different": compared.different,
-        "test": list(compared.tests),
-        "check": list(compared.checks),
-        "statement": list(compared.statements),
+        "test": compared.tests,
+        "check": compared.checks,
+        "statement": compared.statements,
     }
     if compared.curves is not None:
         columns = compared.curves.points.select("speed_m_s", "gauge_a_pa", "gauge_b_pa", "first_n", "second_n")

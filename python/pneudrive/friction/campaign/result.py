@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -387,12 +387,6 @@ class Ranges:
     temperature_k: Interval
 
 
-def _no_stops() -> pl.DataFrame:
-    import polars as pl
-
-    return pl.DataFrame()
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Viewed):
     """All results of a campaign on friction. SI, absolute pressures unless called gauge.
@@ -436,6 +430,7 @@ class CampaignCharacteristics(Viewed):
     friction_map: xr.Dataset
     zero: SensorZero
     ranges: Ranges
+    stops: pl.DataFrame
     curves: tuple[Curve, ...] = ()
     sources: tuple[UncertaintySource, ...] = ()
     pressure: tuple[PressureEffects, ...] = ()
@@ -447,7 +442,6 @@ class CampaignCharacteristics(Viewed):
     stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
     drift: Drift | None = None
     repeatability: Repeatability | None = None
-    stops: pl.DataFrame = field(default_factory=_no_stops)
     dwell: tuple[DwellSeries, ...] = ()
     statements: tuple[Statement, ...] = ()
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Bools, Interval
+    from pneudrive.arrays import Array, Interval
     from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -206,17 +206,16 @@ def identify(
     options.delay = sensing.command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
-    stated = [np.array([np.isfinite(described[c].noise or np.nan) for c in p]) for p in present]
 
     def attempt(values: Array | None) -> search.Attempt:
         start = None if values is None else values[: len(parameters)]
         problem, point = _problem(drive, parameters, records, present, described, options, watcher.watch, start)
-        return solve(problem, point, stated, options, watcher)
+        return solve(problem, point, options, watcher)
 
     best = _best_of_attempts(attempt, options)
     for experiment in best.solved.problem.experiments:
         experiment.shooter.watch = UNWATCHED  # later calls on the fit have their own watch
-    return assembled(drive, parameters, records, best, options, watcher)
+    return assembled(drive, best, options, watcher.count)
 
 
 def _best_of_attempts(
@@ -346,11 +345,7 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 
 
 def solve(
-    problem: shooting.FitProblem,
-    point: shooting.Iterate,
-    stated: list[Bools],
-    options: search.SearchOptions,
-    watcher: search.Watcher,
+    problem: shooting.FitProblem, point: shooting.Iterate, options: search.SearchOptions, watcher: search.Watcher
 ) -> search.Attempt:
     """Search, and estimate the noise of the sensors from the residuals until it converges.
 
@@ -367,7 +362,7 @@ def solve(
                 watcher.point = point
         for _ in range(NOISE_ROUNDS):
             point, at, converged = search.join_segments(problem, point, believed, watcher)
-            if not (converged or options.last_attempt) or not _renew_noise(problem, at, stated, options.rtol):
+            if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
                 break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
             point, at, converged = search.join_segments(problem, point, believed, watcher)
@@ -415,12 +410,12 @@ def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: 
     return shooting.Iterate(point.eta, states)
 
 
-def _renew_noise(problem: shooting.FitProblem, at: search.Joined, stated: list[Bools], rtol: float) -> bool:
+def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -> bool:
     """Estimate unstated noise from the residuals; return whether it changed."""
     changed = False
-    for experiment, residual, known in zip(problem.experiments, at.standing.residuals, stated, strict=True):
+    for experiment, residual in zip(problem.experiments, at.standing.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
-            if known[c]:
+            if channel.noise:
                 continue
             r = residual[experiment.weight[:, c] > 0.0, c]
             size = float(np.sqrt(np.mean(r**2)))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.estimate.profile import Transforms
-    from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
+    from pneudrive.signals.drive_recording import DriveRecording
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Shooter:
 
     Parameters
     ----------
-    recording : DriveRecording or VolumeRecording
+    recording : DriveRecording
     outputs : sequence of str
         Wanted columns of the core.
     starts : ndarray of int, shape (k,)
@@ -77,7 +77,7 @@ class Shooter:
         Checked during each run.
     """
 
-    recording: DriveRecording | VolumeRecording
+    recording: DriveRecording
     outputs: Sequence[str]
     starts: Ints
     family: DriveFamily
@@ -271,6 +271,11 @@ class FitProblem:
         self.huber_k = np.inf
         #: Coordinates that are held for now.
         self.held = np.zeros(self.size, dtype=bool)
+
+    @property
+    def records(self) -> list[DriveRecording]:
+        """Recordings of the fit."""
+        return [experiment.shooter.recording for experiment in self.experiments]
 
     @property
     def offsets(self) -> Bools:

@@ -30,8 +30,8 @@ from pneudrive.estimate.profile import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic.problem import FitProblem, Iterate
-from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher, profile
+from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Interval, Keyed, Plain
-    from pneudrive.signals.drive_recording import DriveRecording
 
 #: Start of the note.
 KEPT = "apply keeps the start value of "
@@ -286,12 +285,12 @@ SINGULAR_SHARE = 1e-3
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
-def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
+def model_errors(drive: Drive, solved: Solved) -> dict[str, float]:
     """Return the least model error of each free value that has an effect on sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
-    found = solved.problem.values(solved.point.eta)[: len(parameters)]
-    free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
+    found = zip(solved.problem.parameters, solved.problem.values(solved.point.eta).tolist(), strict=False)
+    free = [replace(p, value=value) for p, value in found]
     held = _held(drive, free, solved)
     family = family_of(drive, [*free, *held])
     values = np.array([p.value for p in (*free, *held)])
@@ -472,21 +471,12 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 SENSELESS_PERCENT = 0.0
 
 
-def assembled(
-    drive: Drive,
-    parameters: list[Parameter],
-    records: list[DriveRecording],
-    attempt: Attempt,
-    options: SearchOptions,
-    watcher: Watcher,
-) -> DriveFit:
-    """Return the fit of the best search."""
+def assembled(drive: Drive, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
+    """Return the fit of the best search, after a number of steps."""
     solved = attempt.solved
-    problem, point, found = solved.problem, solved.point, solved.information
-    values = problem.values(point.eta)
-    names = problem.names
-    covariance = solved.covariance
-    reach = student(solved.freedom)
+    problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
+    values, names = problem.values(solved.point.eta), problem.names
+    covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
@@ -497,8 +487,8 @@ def assembled(
         end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
         if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
             low[k], high[k], sizes[k] = max(p.lower, values[k] - reach * spread[k]), end, p.value
-    intervals = {n: (float(a), float(b)) for n, a, b in zip(names, low, high, strict=True)}
-    statistics = _statistics(problem, solved, watcher)
+    intervals = dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+    statistics = _statistics(solved, steps)
     fit = DriveFit(
         values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
         units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
@@ -508,27 +498,25 @@ def assembled(
         intervals=intervals,
         sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
         undetermined=(),
-        notes=tuple(_notes(drive, options, attempt, statistics, records)),
+        notes=tuple(_notes(drive, options, attempt, statistics)),
         statistics=statistics,
         converged=attempt.converged,
         fits=not attempt.missed,
-        model_errors=model_errors(drive, parameters, solved),
-        provenance=_provenance(drive, records, attempt, options, parameters),
+        model_errors=model_errors(drive, solved),
+        provenance=_provenance(drive, attempt, options),
         start=drive,
-        fitted=_fitted(problem, solved, records),
+        fitted=_fitted(solved),
         solved=solved,
         profiler=partial(profile, solved),
     )
-    lost = [] if options.interrupted else _lost(fit, intervals, sizes, found.weak)
+    lost = [] if options.interrupted else _lost(fit, intervals, sizes, solved.information.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(
-    drive: Drive, options: SearchOptions, attempt: Attempt, statistics: dict[str, float], records: list[DriveRecording]
-) -> list[str]:
+def _notes(drive: Drive, options: SearchOptions, attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     notes, solved = list(options.notes), attempt.solved
     problem = solved.problem
     if not attempt.converged:
@@ -546,7 +534,7 @@ def _notes(
         for name, value in moved.items()
     ]
     coloured = [
-        f"{problem.experiments[i].channels[c].name} of {records[i].name} ({tau:.0f} samples)"
+        f"{problem.experiments[i].channels[c].name} of {problem.records[i].name} ({tau:.0f} samples)"
         for (i, c), (variance, tau) in solved.information.inflation.items()
         if tau > CORRELATED and variance > SOLVER_SHARE
     ]
@@ -554,7 +542,7 @@ def _notes(
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
     if attempt.missed:
         notes += _misfit(attempt, statistics)
-    if any(r.synthetic for r in records):
+    if any(r.synthetic for r in problem.records):
         notes.append(SIMULATED)
     return notes
 
@@ -576,14 +564,11 @@ def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     return [*notes, sentence("notes", "misfit", missed=missed)]
 
 
-def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[str, float]:
-    out = {
-        "samples": float(sum(len(e.measured) for e in problem.experiments)),
-        "iterations": float(watcher.count),
-        "cost": solved.at.standing.cost,
-        "gap": solved.at.standing.gap,
-    }
-    for name, rms in problem.rms(solved.at.standing.residuals).items():
+def _statistics(solved: Solved, steps: int) -> dict[str, float]:
+    problem, standing = solved.problem, solved.at.standing
+    samples = sum(len(e.measured) for e in problem.experiments)
+    out = {"samples": float(samples), "iterations": float(steps), "cost": standing.cost, "gap": standing.gap}
+    for name, rms in problem.rms(standing.residuals).items():
         out[f"rms.{name}"] = rms
         own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
         out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
@@ -592,9 +577,10 @@ def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[s
     return out
 
 
-def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, FittedData]:
+def _fitted(solved: Solved) -> dict[str, FittedData]:
     out = {}
-    for experiment, residual, record in zip(problem.experiments, solved.at.standing.residuals, records, strict=True):
+    for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
+        record = experiment.shooter.recording
         models = experiment.measured - residual * experiment.noise
         for channel, measured, model in zip(experiment.channels, experiment.measured.T, models.T, strict=True):
             name = f"{record.name}, {channel.name}"
@@ -602,16 +588,15 @@ def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) 
     return out
 
 
-def _provenance(
-    drive: Drive, records: list[DriveRecording], attempt: Attempt, options: SearchOptions, parameters: list[Parameter]
-) -> Plain:
+def _provenance(drive: Drive, attempt: Attempt, options: SearchOptions) -> Plain:
+    problem = attempt.solved.problem
     return {
         "version": __version__,
         "method": "output error",
         "drive": drive.name,
         "description_hash": drive.description_hash,
-        "recordings": recording_tables(records),
-        "start": {p.name: p.value for p in parameters},
+        "recordings": recording_tables(problem.records),
+        "start": {p.name: p.value for p in problem.parameters},
         "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
         "robust": options.robust,
         "rtol": options.rtol,

@@ -556,9 +556,9 @@ def observations(
         raise FitError("friction is zero in every row of the map", rule="a fit needs measured friction")
     stderr, more = _standard_errors(column, pairs, value, speed)
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
-    gauges = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
-    shared = np.nan_to_num(mean["u_systematic_n"]), number[pairs[:, 0]].astype(np.int64)
-    return Observations(speed, value, stderr, *gauges, *shared), notes + more
+    a, b = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
+    group = number[pairs[:, 0]].astype(np.int64)
+    return Observations(speed, value, stderr, a, b, np.nan_to_num(mean["u_systematic_n"]), group), notes + more
 
 
 _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
