@@ -12,6 +12,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError
+from pneudrive.estimate.estimates import rms
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
 
@@ -273,7 +274,7 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
 
 
 def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
+    return rms(error)
 
 
 def air_of(

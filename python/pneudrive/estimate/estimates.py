@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pneudrive.arrays import Array
 
 CONFIDENCE = 0.95  # confidence of every interval
@@ -147,6 +149,17 @@ def mean_estimate(values: Array, unit: str = "N") -> Estimate:
     """
     n = values.size
     return Estimate.of(float(values.mean()), float(values.std(ddof=1) / np.sqrt(n)), n - 1, unit)
+
+
+def rms(values: ArrayLike) -> float:
+    """Return the root mean square.
+
+    Examples
+    --------
+    >>> rms([3.0, -4.0, 5.0, 0.0])
+    3.5355339059327378
+    """
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 @dataclass(frozen=True)

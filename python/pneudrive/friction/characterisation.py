@@ -193,7 +193,7 @@ class Characterisation(Viewed):
     closures : tuple of ClosureFit
         Effective area and force zero per seal: group, recordings, areas_m2 {"a"/"b": Estimate(value,
         stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
-        residual_n (points,), residual_deviation_n, degrees_of_freedom, statement.
+        residual_n (points,), degrees_of_freedom, statement.
     pressure_lines : tuple of PressureLine
         Friction against gauge pressure per seal: seal, points (tuple of LevelPoint: recording, seal,
         run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import Estimate, changed, student
+from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.repr_tables import Shown
@@ -105,7 +105,6 @@ class ClosureFit(Shown):
     pressure_pa: Array
     half_sum_force_n: Array
     residual_n: Array
-    residual_deviation_n: float
     degrees_of_freedom: int
     statement: str
 
@@ -131,7 +130,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     # Force of the rig against each chamber, by nominal areas: the fit gives a factor on each.
     push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
     u_pa = zip("ab", np.array([p.u_pa for p in points]).T, strict=True)
-    unsure = {side: nominal[side] * float(np.sqrt(np.mean([u**2 for u in values]))) for side, values in u_pa}
+    unsure = {side: nominal[side] * rms(values) for side, values in u_pa}
     factors = _factors(gauge, push, unsure, max(nominal.values()))
     if not factors or len(points) < len(factors) + 1:
         return None
@@ -159,7 +158,6 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
         pressure_pa=gauge[lead],
         half_sum_force_n=total,
         residual_n=residual,
-        residual_deviation_n=deviation,
         degrees_of_freedom=dof,
         statement=_closure_statement(seal, areas, nominal, zero, dof, together=len(factors) < len(areas)),
     )

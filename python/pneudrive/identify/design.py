@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
-from pneudrive.estimate.estimates import student
+from pneudrive.estimate.estimates import rms, student
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
@@ -287,13 +287,13 @@ def _compared(
         squares[fold] = np.mean(error[left] ** 2)
         means[fold] = np.mean(error[left]) / np.mean(np.abs(at.friction_n))
     worst = int(np.argmax(np.abs(means)))
-    rms = float(np.sqrt(np.mean(error**2)))
+    size_n = rms(error)
     return Compared(
         name=name,
         pressure=form,
         fit=fit,
-        error_n=rms,
-        error=rms / float(np.sqrt(np.mean(data.friction_n**2))),
+        error_n=size_n,
+        error=size_n / rms(data.friction_n),
         coverage=float(np.mean(inside)),
         squares=squares,
         worst=float(means[worst]),

@@ -26,7 +26,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import DescriptionError, FitError, nearest
-from pneudrive.estimate.estimates import student
+from pneudrive.estimate.estimates import rms, student
 from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import DriveFamily, Parameter
@@ -75,15 +75,12 @@ class VolumeFit(Fit, kind="volume"):
         ``samples``. ``rms.pressure`` and ``noise.pressure``, Pa. ``rms_share.pressure``: relative to the range of the
         pressure, of the worst recording. ``correlation_time.samples``.
     converged : bool
-    starts_pa : dict
-        Recording -> pressure at its start, Pa; empty if read from a file.
     provenance : dict
     start : Tank or None
         Tank at the start of the search; None if read from a file without it.
     """
 
     start: Tank | None = field(repr=False)
-    starts_pa: dict[str, float] = field(default_factory=dict)
 
     def _is_determined(self, name: str, value: float) -> bool:
         """Return whether the recordings determine a value; False if the search did not converge."""
@@ -130,8 +127,8 @@ class VolumeFit(Fit, kind="volume"):
         return super()._fields(file) | {"start": None if tank is None else Tank.model_validate(tank)}
 
     def _residual_lines(self) -> list[str]:
-        rms, share = self.statistics["rms.pressure"], self.statistics["rms_share.pressure"]
-        return [f"residuals of the pressure: {rms / 1e5:.3g} bar rms, {100 * share:.2g} % of its range"]
+        size, share = self.statistics["rms.pressure"], self.statistics["rms_share.pressure"]
+        return [f"residuals of the pressure: {size / 1e5:.3g} bar rms, {100 * share:.2g} % of its range"]
 
 
 #: Name in the file -> name in the circuit of the tank, SI unit.
@@ -362,7 +359,7 @@ def _result(
 ) -> VolumeFit:
     solved = attempt.solved
     problem, at, found = solved.problem, solved.at, solved.information
-    values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
+    values = problem.named(solved.point.eta)
     intervals = {n: _hull(solved, others, n) for n in problem.names} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     fitted, rests, shares = {}, [], []
@@ -373,7 +370,7 @@ def _result(
             name = record.name if pressure is record.pressure_pa else f"{record.name}, inlet"
             fitted[name] = FittedData("time_s", "pressure_pa", record.time_s, pressure, pressure - rest)
             rests.append(rest)
-            shares.append(float(np.sqrt(np.mean(rest**2))) / float(np.ptp(pressure) or 1.0))
+            shares.append(rms(rest) / float(np.ptp(pressure) or 1.0))
     off = np.concatenate(rests)
     tau = float(np.median([tau for _, tau in found.inflation.values()]))
     return VolumeFit(
@@ -390,13 +387,12 @@ def _result(
         ),
         statistics={
             "samples": float(off.size),
-            "rms.pressure": float(np.sqrt(np.mean(off**2))),
+            "rms.pressure": rms(off),
             "rms_share.pressure": max(shares),
             "noise.pressure": float(np.sqrt(np.sum(off**2) / solved.freedom)),
             "correlation_time.samples": tau,
         },
         converged=attempt.converged,
-        starts_pa={r.name: float(state[0, 0]) for r, state in zip(records, solved.point.states, strict=True)},
         provenance=origin(
             tank,
             records,
@@ -559,8 +555,8 @@ class RegulatorFit(Fit, kind="regulator-fit"):
         return 1e5 * _simulate(REGULATOR_SCALES.internal([*self.values.values()]), record, 0.0)
 
     def _residual_lines(self) -> list[str]:
-        rms, held, predicted = (100.0 * self.statistics.get(key, np.nan) for key in ("rms", "held", "predicted"))
-        lines = [f"rms {rms:.2f} % of the range; {held:.2f} % with the stated gain held"]
+        size, held, predicted = (100.0 * self.statistics.get(key, np.nan) for key in ("rms", "held", "predicted"))
+        lines = [f"rms {size:.2f} % of the range; {held:.2f} % with the stated gain held"]
         return [*lines, f"predicted runs: {predicted:.2f} % of the range"] if np.isfinite(predicted) else lines
 
     def _first(self) -> Plain:
@@ -605,7 +601,6 @@ def identify_regulator(
     best = _fit(records, start)
     solved = best.x
     span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
-    rms = float(np.sqrt(np.mean(best.fun**2)))
     own = {r.name: _fit([r], solved).x for r in records}
     runs = {name: _named(point) for name, point in own.items()}
     intervals, correlation = _intervals(records, best, own)
@@ -627,9 +622,9 @@ def identify_regulator(
         lost.insert(0, sentence("regulator", "dead_time", most=dead[1], step=step))
     turned = {name: 100 * value for name, value in spread.items() if value > TURNED}
     lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned.items()]
-    statistics = {"rms": 1e5 * rms / span, "held": 1e5 * float(np.sqrt(np.mean(held.fun**2))) / span}
+    statistics = {"rms": 1e5 * rms(best.fun) / span, "held": 1e5 * rms(held.fun) / span}
     if predicted:
-        statistics["predicted"] = 1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span
+        statistics["predicted"] = 1e5 * rms(np.concatenate(predicted)) / span
     statistics |= {"correlation": correlation, "least_dead_time_s": dead[0], "largest_dead_time_s": dead[1]}
     return RegulatorFit(
         name=described.name,

@@ -15,7 +15,7 @@ import numpy as np
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
-from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.identify.export import steady_friction
 from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
@@ -436,7 +436,7 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
         balance = other.balance_n()[at]
         if _drives(base, balance, sliding) > 0.0:
             rest = balance - base @ np.linalg.lstsq(base, balance, rcond=None)[0]
-            sizes[words] = float(np.sqrt(np.mean(rest**2))) / span
+            sizes[words] = rms(rest) / span
     best = min(sizes, key=lambda words: sizes[words], default="")
     if best and (sizes[best] < CLEARLY * share or share < TARGET):
         return [f"{best}: the balance would close within {100 * sizes[best]:.2f} % of the force range"]

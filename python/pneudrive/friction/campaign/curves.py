@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import NORMAL_95, Estimate
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.budget import SharedTerms
 from pneudrive.friction.campaign import result, smooth
@@ -366,8 +366,8 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
 
-    def rms(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
-        size = float(np.sqrt(np.mean(np.concatenate([part(band)[band.measured] for band in fits.bands]) ** 2)))
+    def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
+        size = rms(np.concatenate([part(band)[band.measured] for band in fits.bands]))
         if not removed:
             return size
         return float(np.sqrt(max(size**2 - sum(named.get(name, 0.0) ** 2 for name in removed), 0.0)))
@@ -381,18 +381,18 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
     known_to = [name for name in (*GROWING, *CONSTANT) if np.isfinite(used[name][0])]  # that a calibration names
-    named = {name: u for name in known_to if (u := float(np.sqrt(np.mean(used[name] ** 2)))) > 0.0}
+    named = {name: u for name in known_to if (u := rms(used[name])) > 0.0}
     words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
-    grow, turn = rms(lambda b: b.shared.gain_n, GROWING), rms(lambda b: b.shared.hysteresis_n, CONSTANT)
-    scatter, place = rms(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95)), rms(lambda b: b.shared.position_n)
+    grow, turn = size_of(lambda b: b.shared.gain_n, GROWING), size_of(lambda b: b.shared.hysteresis_n, CONSTANT)
+    scatter, place = size_of(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95)), size_of(lambda b: b.shared.position_n)
     rows = [
         ("scatter of the cycles", scatter, "A", "data", f"{chance}; from the mixed model"),
         *((f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words) for name, u in named.items()),
         (f"gain of the {other}", grow, "A" if stated == "data" else "B", stated, ""),
         (f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
         ("mean over position", place, "B", "assumed", "pattern over the part of the stroke not covered"),
-        ("zero and asymmetry", rms(zero), "A", "data", "curves of one direction only"),
+        ("zero and asymmetry", size_of(zero), "A", "data", "curves of one direction only"),
     ]
     return tuple(result.UncertaintySource(*row) for row in rows)
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, Condition
@@ -419,7 +420,7 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
     offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
     values = np.concatenate(list(offs.values()))
     scatter = float(np.std(values, ddof=1)) if values.size > 1 else 0.0
-    noise = np.sqrt(np.mean(np.square(seen[f"open_{side}_stderr_pa"][good])))
+    noise = rms(seen[f"open_{side}_stderr_pa"][good])
     stderr = float(np.hypot(noise, scatter) / np.sqrt(values.size))
     means = {b: float(np.mean(some)) for b, some in offs.items()}
     return PressureZero(means, float(np.mean(values)), stderr, values.size, *bad)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
-from pneudrive.estimate.estimates import robust_deviation, student
+from pneudrive.estimate.estimates import rms, robust_deviation, student
 from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
@@ -392,7 +392,7 @@ def over_noise(solved: search.Solved) -> dict[str, float]:
     for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
             used = experiment.weight[:, c] > 0.0
-            own = experiment.noise[c] * float(np.sqrt(np.mean(residual[used, c] ** 2)))
+            own = experiment.noise[c] * rms(residual[used, c])
             white = max(shooting.white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
             worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
     return worst
@@ -418,9 +418,7 @@ def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -
             if channel.noise:
                 continue
             r = residual[experiment.weight[:, c] > 0.0, c]
-            size = float(np.sqrt(np.mean(r**2)))
-            if np.isfinite(problem.huber_k):
-                size = robust_deviation(r)
+            size = robust_deviation(r) if np.isfinite(problem.huber_k) else rms(r)
             new = max(size * experiment.noise[c], _least_noise(channel, rtol))
             if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
                 experiment.noise[c], changed = new, True

@@ -291,6 +291,10 @@ class FitProblem:
         """Return the free values of the drive and the sensors, SI."""
         return self.transforms.natural(eta)
 
+    def named(self, eta: Array) -> dict[str, float]:
+        """Return the free values by name, SI."""
+        return dict(zip(self.names, self.values(eta).tolist(), strict=True))
+
     def prior_cost(self, eta: Array) -> float:
         """Return the cost of the deviation from prior knowledge."""
         return float(self.prior @ eta**2)

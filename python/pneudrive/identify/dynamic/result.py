@@ -25,7 +25,7 @@ import numpy as np
 from pneudrive import __version__, _core
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, PneudriveError, warn
-from pneudrive.estimate.estimates import student
+from pneudrive.estimate.estimates import rms, student
 from pneudrive.estimate.profile import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
@@ -115,16 +115,13 @@ class DriveFit(Fit, kind="drive"):
             Channel -> offset, gain, lag or delay -> SI.
         """
         lost = {u.parameter for u in self.undetermined}
-        found: dict[tuple[str, str], list[float]] = {}
+        found: dict[str, dict[str, list[float]]] = {}
         for name, value in self.sensors.items():
             plain_name, _, which = name.partition(" [")
             if name not in lost and (not which or which == f"{recording}]" or recording not in self.recordings):
                 channel, _, kind = plain_name.rpartition(".")
-                found.setdefault((channel, kind), []).append(value)
-        out: dict[str, dict[str, float]] = {}
-        for (channel, kind), values in found.items():
-            out.setdefault(channel, {})[kind] = float(np.mean(values))
-        return out
+                found.setdefault(channel, {}).setdefault(kind, []).append(value)
+        return {channel: {kind: float(np.mean(v)) for kind, v in kinds.items()} for channel, kinds in found.items()}
 
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
@@ -187,12 +184,12 @@ class DriveFit(Fit, kind="drive"):
 
     def _residual_lines(self) -> list[str]:
         lines = []
-        for key, rms in self.statistics.items():
+        for key, size in self.statistics.items():
             what, _, channel = key.partition(".")
             if what == "rms":
                 factor, unit = readable(meaning(CHANNELS[channel])[1])
                 fit = self.statistics[f"fit_percent.{channel}"]
-                lines.append(f"residuals of {channel}: {plain(rms / factor)} {unit}, fit {fit:.2f} %")
+                lines.append(f"residuals of {channel}: {plain(size / factor)} {unit}, fit {fit:.2f} %")
         return lines
 
 
@@ -247,10 +244,10 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
         return [f"{words}this mixture cannot be simulated"]
     shown = {c.name: readable(c.unit) for e in problem.experiments for c in e.channels}
     errors = []
-    for name, rms in after.items():
+    for name, error in after.items():
         factor, unit = shown[name]
         fitted_words = f" (fitted values: {plain(before[name] / factor)} {unit})" if before else ""
-        errors.append(f"{plain(rms / factor)} {unit} in {name}{fitted_words}")
+        errors.append(f"{plain(error / factor)} {unit} in {name}{fitted_words}")
     return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
 
 
@@ -568,12 +565,12 @@ def _statistics(solved: Solved, steps: int) -> dict[str, float]:
     problem, standing = solved.problem, solved.at.standing
     samples = sum(len(e.measured) for e in problem.experiments)
     out = {"samples": float(samples), "iterations": float(steps), "cost": standing.cost, "gap": standing.gap}
-    for name, rms in problem.rms(standing.residuals).items():
-        out[f"rms.{name}"] = rms
+    for name, size in problem.rms(standing.residuals).items():
+        out[f"rms.{name}"] = size
         own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
-        out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
+        out[f"noise.{name}"] = rms([e.noise[i] for e, i in own])
         power = np.mean([np.nanvar(e.measured[:, i]) for e, i in own])
-        out[f"fit_percent.{name}"] = float(100.0 * (1.0 - rms / np.sqrt(power))) if power > 0.0 else np.nan
+        out[f"fit_percent.{name}"] = float(100.0 * (1.0 - size / np.sqrt(power))) if power > 0.0 else np.nan
     return out
 
 

@@ -92,8 +92,7 @@ class Watcher:
         self.point = point
         self.count += 1
         if self.tell is not None:
-            values = dict(zip(problem.names, problem.values(point.eta).tolist(), strict=True))
-            rms = problem.rms(standing.residuals)
+            rms, values = problem.rms(standing.residuals), problem.named(point.eta)
             self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
 
 

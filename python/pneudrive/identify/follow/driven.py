@@ -212,7 +212,7 @@ class DrivenCircuit:
         numbers = self.parts[self.piston]["numbers"]
         self.stroke_m = float(numbers["stroke"])
         self.areas_m2 = _areas(numbers)
-        self.tanks = {side: self._tank(side) for side in SIDES}
+        self.tanks = {side: self._neighbour(side, "tank") for side in SIDES}
         self.machine = self._machine(float(numbers["moving_mass"]))
         self.ambient_k = float(self.form["ambient"]["temperature_k"])
         self.wall_k = {side: self._wall_k(side) for side in SIDES}
@@ -222,18 +222,17 @@ class DrivenCircuit:
     def _joint(self, port: str) -> list[str]:
         return next((joint for joint in self.form["joints"] if port in joint), [])
 
-    def _tank(self, side: str) -> str | None:
-        names = [port.partition(".")[0] for port in self._joint(f"{self.piston}.{side}")]
-        return next((name for name in names if name in self.parts and self.parts[name]["kind"] == "tank"), None)
+    def _neighbour(self, end: str, kind: str) -> str | None:
+        """Return the component of a kind at a port of the piston."""
+        names = [port.partition(".")[0] for port in self._joint(f"{self.piston}.{end}")]
+        return next((name for name in names if name in self.parts and self.parts[name]["kind"] == kind), None)
 
     def _machine(self, mass_kg: float) -> str:
         """Return the motor at the rod, made stiff. Add a motor to the rod if the circuit has none."""
-        rod = f"{self.piston}.rod"
-        names = [port.partition(".")[0] for port in self._joint(rod)]
-        name = next((n for n in names if n in self.parts and self.parts[n]["kind"] == "motor"), "")
-        if not name:
+        name = self._neighbour("rod", "motor")
+        if name is None:
             name = "machine"
-            self._add(name, "motor", {"velocity": 0.0}, rod)
+            self._add(name, "motor", {"velocity": 0.0}, f"{self.piston}.rod")
         stiffness = mass_kg * STIFF_RAD_S**2
         self.parts[name]["numbers"] |= {"stiffness": stiffness, "damping": 2.0 * mass_kg * STIFF_RAD_S}
         return name

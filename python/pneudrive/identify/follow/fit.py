@@ -12,6 +12,7 @@ from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
+from pneudrive.estimate.estimates import rms
 from pneudrive.files.inputs import INPUTS, inputs_of, origin
 from pneudrive.identify.base import Fit, FitFile, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
@@ -127,24 +128,20 @@ def other_readings(solution: FollowSolution) -> list[str]:
     """Return as text whether the recordings fit better with gauge or with absolute pressures."""
     problem, point = solution.problem, solution.point
     ambient = float(problem.driven.form["ambient"]["pressure_pa"])
-    base, found = _size(solution), []
+    base, found = rms(solution.every_rms), []
     for shift, words in ((ambient, "absolute, but seem to be gauge"), (-ambient, "gauge, but seem to be absolute")):
         records = [replace(r, pressures_pa=r.pressures_pa + shift) for r in problem.records]
         if min(float(r.pressures_pa.min()) for r in records) < LEAST_LEVEL * ambient:
             continue
         other = replace(problem, records=records)
         try:
-            size = _size(solve_follow(other, FollowPoint(point.shared, point.local), passes=1))
+            size = rms(solve_follow(other, FollowPoint(point.shared, point.local), passes=1).every_rms)
         except FitError:
             continue
         # A reading is the cause only if the model fits with it. A wrong model says nothing about sensors.
         if size < min(BETTER * base, POOR):
             found.append(sentence("notes", "other_reading", words=words, bar=shift / 1e5, percent=100 * size / base))
     return found
-
-
-def _size(solution: FollowSolution) -> float:
-    return float(np.sqrt(np.mean(np.square(solution.every_rms))))
 
 
 def poor_fit(solution: FollowSolution) -> list[str]:

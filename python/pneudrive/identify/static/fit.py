@@ -326,11 +326,11 @@ def fit_any_law(
     lost = weak_coordinates(found.jacobian) | found.active
     return LawFit(
         model=model,
-        values=dict(zip(model.names, theta.tolist(), strict=True)),
+        values=found.natural,
         units={entry["key"]: entry["unit"] for entry in model.entries()},
         free=model.names,
         covariance=matrix,
-        intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
+        intervals=dict(zip(model.names, zip(low, high, strict=True), strict=True)),
         systematic=found.systematic,
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import LINEAR, LOSSES, Loss, covariance_of, shift_of
-from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class RobustEstimate:
             "scale": self.scale,
             "variance": self.variance,
             "scatter_n": scatter_n,
-            "rms_n": float(np.sqrt(np.mean((residual * stderr) ** 2))),
+            "rms_n": rms(residual * stderr),
             "outlying": float(np.sum(self.weight < 0.5)),
             "fit_percent": 100.0 * explained,
             "starts": float(self.starts),

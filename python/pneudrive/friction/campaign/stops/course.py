@@ -29,7 +29,7 @@ import numpy as np
 
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.estimate.autocorrelation import cells, means
-from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
@@ -497,7 +497,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     rest = y - drop * np.exp(-s / lengths[best]) - left
     strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
     value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
-    if strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start:
+    if strange and rms(rest) > MISFIT * start:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
     high = high if complete else float("inf")
