@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Ints, Row
 
 
-_TABLES = package_table(__file__, "columns.toml")
+TABLES = package_table(__file__, "columns.toml")
 #: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
-COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["map"].items()}
-LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in _TABLES["campaign"].items()}
-CYCLE_COLUMNS: Row = _TABLES["cycle"]  # column of a cycle -> value of a cycle without it
+COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in TABLES["map"].items()}
+LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in TABLES["campaign"].items()}
+CYCLE_COLUMNS: Row = TABLES["cycle"]  # column of a cycle -> value of a cycle without it
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 FILE = "file"  # attribute: path of the map

@@ -22,7 +22,7 @@ from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
-from pneudrive.friction.friction_map import group_of
+from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
@@ -42,12 +42,6 @@ if TYPE_CHECKING:
 
 
 NO_STROKES = spread_of(np.zeros(0))
-#: Columns of the map that are attributes of a level, and of one of its directions.
-OF_LEVEL = ("friction_n", "offset_n", "stderr_n", "u_systematic_n", "ambient_pressure_pa")
-OF_SIDE = (
-    *("velocity_m_s", "pressure_a_pa", "pressure_b_pa", "samples", "strokes", "strokes_recorded"),
-    *("breakaway_n", "dwell_s", "loading_rate_n_s"),
-)
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
 UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
 SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
@@ -230,7 +224,8 @@ class Level(Shown):
             spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
             own = {"recording": self.recording, "direction": way, "balance_n": side.spread.mean_n}
             own |= {"position_from_m": self.window_m[0], "position_to_m": self.window_m[1]}
-            columns = {name: getattr(self, name) for name in OF_LEVEL} | {name: getattr(side, name) for name in OF_SIDE}
+            columns = {name: getattr(self, name) for name in TABLES["lists"]["level"]}
+            columns |= {name: getattr(side, name) for name in TABLES["lists"]["side"]}
             own |= {"labels": self.motion.recording.labels, "flags": ",".join((*self.flags, *spoiled))}
             rows.append(own | columns)
         return tuple(rows)

@@ -63,31 +63,7 @@ class Intervals(dict[str, tuple[float, float]]):
 
     Every result of a fit uses this type, so that no code can print, write or apply an interval of a value that the data
     do not determine.
-
-    Parameters
-    ----------
-    ends : mapping
-        Name -> (lower, upper).
-    undetermined : iterable of str or Undetermined
-        Undetermined values, by name.
-    converged : bool
-        False if the search did not converge: then no value has an interval.
-
-    Examples
-    --------
-    >>> Intervals({"coulomb": (29.0, 31.0), "viscous": (0.0, 900.0)}, ["viscous"])
-    {'coulomb': (29.0, 31.0)}
     """
-
-    def __init__(
-        self,
-        ends: Mapping[str, Interval],
-        undetermined: Iterable[str | Undetermined] = (),
-        *,
-        converged: bool = True,
-    ) -> None:
-        lost = names_of(undetermined)
-        super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
 
     def __missing__(self, name: str) -> Interval:
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
@@ -307,7 +283,9 @@ class Fit(Viewed):
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
-        object.__setattr__(self, "intervals", Intervals(self.intervals, self.undetermined, converged=self.converged))
+        lost, every = names_of(self.undetermined), self.intervals.items() if self.converged else ()
+        ends = {name: (float(low), float(high)) for name, (low, high) in every if name not in lost}
+        object.__setattr__(self, "intervals", Intervals(ends))
 
     @property
     def determined(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristic
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, Condition, assemblies_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, Condition, assemblies_of
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import LAWS, fit_groups
@@ -224,17 +224,7 @@ def _with_stops(
 #: Forces of a cycle in SUMMARY, and the values of a cycle without both directions: forces, and the reason.
 FORCES = ("friction_n", "offset_n", "stderr_n")
 NO_POINT = (np.nan, np.nan, np.nan, "")
-#: Columns of the cycles of a campaign -> their types. `friction_n` and `offset_n` are half the difference and half the
-#: sum of both directions over the common range of position, NaN if a direction is missing; `stderr_n` is the standard
-#: error of `friction_n` from noise within the cycle only. `began_s` counts from the first cycle, `travel_m` up to the
-#: middle of the cycle. `flags` include the reason why a cycle is not a point of F(v).
-SUMMARY = {
-    **dict.fromkeys(("index", "block", "repeat", "day"), "Int64"),
-    **dict.fromkeys(("key", "kind", *LEVELS), "String"),
-    **dict.fromkeys(("pressure_a_pa", "pressure_b_pa", "speed_m_s", "began_s", "travel_m", "temperature_k"), "Float64"),
-    **dict.fromkeys(FORCES, "Float64"),
-    "flags": "List",
-}
+SUMMARY: dict[str, str] = TABLES["summary"]  # columns of the cycles of a campaign -> their types
 
 
 def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:

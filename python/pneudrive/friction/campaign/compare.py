@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,9 +74,10 @@ def checks_of(
     first: CampaignCharacteristics, second: CampaignCharacteristics, about: Row, other: Row
 ) -> Iterator[Check]:
     """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
-    one, two = _shared(first, about), _shared(second, other)
+    computed = [_shared(first, about), _shared(second, other)]
     for what, row in read(TABLE)[0].items():
-        a, b = one[what], two[what]
+        ends = zip((first, second), computed, strict=True)
+        a, b = (attrgetter(row["of"])(found) if "of" in row else own[what] for found, own in ends)
         same = a == b
         if isinstance(a, float) and isinstance(b, float):
             if not np.isfinite([a, b]).all():
@@ -93,15 +95,10 @@ def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float
     average = stated.get("average", 1) if isinstance(stated, dict) else 1
     return {
         "data": "simulated" if rig.synthetic else "real",
-        "rig": rig.name,
         "stiffness": rig.stiffness_n_m or None,
         "area a": 1e4 * rig.area_a_m2,
         "area b": 1e4 * rig.area_b_m2,
-        "mass beyond the sensor": rig.mass_beyond_sensor_kg,
-        "chambers": rig.chambers,
-        "pressure measured at": rig.pressure_measured_at,
         "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
-        "samples that count": found.protocol,
         "filter": "none" if average == 1 else f"moving average of {average}",
         "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
         "samples at restarts": float(np.median(rates)) if rates.size else float("nan"),

@@ -22,7 +22,7 @@ from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
-from pneudrive.friction.friction_map import CYCLE_COLUMNS, Condition
+from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES, Condition
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
 from pneudrive.repr_tables import Card, Shown
@@ -41,11 +41,7 @@ if TYPE_CHECKING:
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
 #: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.
-OF_SIDES = (
-    *("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "samples", "strokes", "strokes_recorded"),
-    *("breakaway_n", "dwell_s", "loading_rate_n_s", "ripple", "period_s", "step_m", "piston_ripple", "stick_slip"),
-    *("deviation_n", "effective", "scatter_n", "swing_n"),
-)
+OF_SIDES: list[str] = TABLES["lists"]["sides"]
 #: Columns over bins of position, shape (n, 2, bins): force balance (see `Recording.balance_n`), NaN without settled
 #: samples, and its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
 OF_BINS = ("balance_n", "air_n")

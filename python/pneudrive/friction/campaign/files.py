@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from pneudrive.friction.bins import known_mean
 from pneudrive.friction.campaign.curves import Fits, cycle_terms
 from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import TRACE
-from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVEL_COLUMNS, LEVELS, columns_to_dataset, write_map
+from pneudrive.friction.friction_map import AMBIENT, BOTH, LEVEL_COLUMNS, LEVELS, TABLES, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.simulation.trajectory import check_target, write_frame, write_whole
 
@@ -103,10 +104,6 @@ def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:
 
 MAP_FILES = ("map.parquet", "map.csv")
 CURVES_FILE, EFFECTS_FILE = "curves.parquet", "effects.toml"
-CURVE_COLUMNS = (
-    *("speed_m_s", "friction_n", "low_n", "high_n", "stderr_n", "u_systematic_n"),
-    *("statistical_low_n", "statistical_high_n", "measured", "cycles"),
-)
 
 
 def write_characteristics(found: CampaignCharacteristics, folder: str | Path) -> list[Path]:
@@ -137,13 +134,13 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
     """Write all curves as one table: condition, direction, the columns of `Curve`, and the excluded points."""
     import polars as pl
 
-    path, frames = check_target(path, (".parquet", ".csv")), []
+    path, frames, names = check_target(path, (".parquet", ".csv")), [], TABLES["lists"]["curve"]
     for curve in found.curves:
         out = curve.excluded if curve.direction == BOTH else ()
         added: dict[str, list[Any]] = {name: [getattr(p, name) for p in out] for name in ("speed_m_s", "friction_n")}
         added |= {"measured": [True] * len(out), "cycles": [1] * len(out)}
         nothing = [float("nan")] * len(out)
-        columns = {name: [*getattr(curve, name).tolist(), *added.get(name, nothing)] for name in CURVE_COLUMNS}
+        columns = {name: [*getattr(curve, name).tolist(), *added.get(name, nothing)] for name in names}
         excluded = [*[""] * curve.speed_m_s.size, *(p.reason for p in out)]
         of_curve = vars(curve.condition) | {n: getattr(curve, n) for n in ("direction", "contains_air", "complete")}
         same = {name: [value] * len(excluded) for name, value in of_curve.items()}
@@ -155,28 +152,9 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
 def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
     """Write effects with their intervals, the budget and the statements as TOML."""
     path = check_target(path, (".toml",))
-    tables: Row = {
-        "campaign": found.name,
-        "rig": found.identity.name,
-        "synthetic": found.synthetic,
-        "protocol": found.protocol,
-        "cycles": len(found.cycles),
-        "flags": found.flags,
-        "ranges": found.ranges,
-        "repeatability": found.repeatability,
-        "drift": found.drift,
-        "zero": found.zero,
-        "statement": found.statements,
-        "skipped": found.skipped,
-        "source": found.sources,
-        "pressure": [by_chamber(effects) for effects in found.pressure],
-        "direction": found.asymmetry,
-        "air": found.air,
-        "position": found.position,
-        "stick_slip": found.stick_slip,
-        "stick_slip_threshold": found.stick_slip_thresholds,
-        "dwell": [_series(series) for series in found.dwell],
-    }
+    tables: Row = {key: attrgetter(name)(found) for key, name in TABLES["effects"].items()}
+    tables["cycles"], tables["dwell"] = len(found.cycles), [_series(series) for series in found.dwell]
+    tables["pressure"] = [by_chamber(effects) for effects in found.pressure]
     return _write(tables, path)
 
 
@@ -231,13 +209,11 @@ def _series(s: DwellSeries) -> Row:
     of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
     named = {"series": s.name, "speed_m_s": s.speed_m_s, "released": s.released}
     named |= {"stops": len(s.stops), "left_out": s.left_out}
-    same = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
-    same += ("slope", "mean_slope", "increment", "share")
     return {
         **named,
         "shortest_s": min(durations, default=float("nan")),
         "longest_s": max(durations, default=float("nan")),
-        **{name: getattr(s, name) for name in same},
+        **{name: getattr(s, name) for name in TABLES["stops"]["series"]},
         "pressure": by_chamber(s.pressure) if s.pressure else None,
         "condition": [
             {"pressure_a_pa": c.pressure_a_pa, "pressure_b_pa": c.pressure_b_pa, "slope": slope, "mean_slope": mean}
@@ -248,13 +224,12 @@ def _series(s: DwellSeries) -> Row:
 
 
 def _law(law: DwellLawFit) -> Row:
-    plain = ("bic", "weight", "level_n", "amplitude_n", "slope_n", "slope_low_n", "slope_high_n")
     return {
         "name": law.name,
         "formula": law.form.formula,
         "source": law.form.source,
         "delta_aicc": law.delta,
-        **{name: getattr(law, name) for name in plain},
+        **{name: getattr(law, name) for name in TABLES["stops"]["law"]},
         "shape": {name: [value, *law.shape_intervals[name]] for name, value in law.shape.items()},
     }
 
