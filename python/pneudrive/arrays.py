@@ -1,9 +1,9 @@
-"""Types of arrays, intervals, rows and plain data, for annotations."""
+"""Types of arrays, intervals, rows and plain data, for annotations; values by name, and evenly spread places."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,3 +20,27 @@ Row: TypeAlias = dict[str, Any]
 #: Plain data by key, as in TOML and JSON: to write, and given only to be read.
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]
+
+Name, Value = TypeVar("Name"), TypeVar("Value")
+
+
+def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]:
+    """Return as many values by name; those of an array as plain numbers.
+
+    Examples
+    --------
+    >>> by_name("ab", np.array([1.0, 2.0]))
+    {'a': 1.0, 'b': 2.0}
+    """
+    return dict(zip(names, values.tolist() if isinstance(values, np.ndarray) else values, strict=True))
+
+
+def evenly(count: int, most: int) -> Ints:
+    """Return at most so many places of a sequence, evenly spread from the first to the last.
+
+    Examples
+    --------
+    >>> evenly(10, 4), evenly(2, 4)
+    (array([0, 3, 6, 9]), array([0, 1]))
+    """
+    return np.unique(np.linspace(0, count - 1, most).astype(np.int64))

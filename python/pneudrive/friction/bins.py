@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.arrays import evenly
 from pneudrive.estimate.autocorrelation import stderr_of_mean, stderrs_of_means
 from pneudrive.signals.motion import straight_line
 
@@ -191,7 +192,7 @@ def spread_of(stroke_means_n: Array) -> Spread:
 
 def _trend(values: Array) -> tuple[float, float]:
     n = values.size
-    some = np.unique(np.linspace(0, n - 1, MOST_PAIRED).astype(np.int64)) if n > MOST_PAIRED else np.arange(n)
+    some = evenly(n, MOST_PAIRED)
     first, second = (some[index] for index in np.triu_indices(some.size, 1))
     slope = float(np.median((values[second] - values[first]) / (second - first)))
     if n < MINIMUM_FOR_TREND or np.ptp(values) == 0:

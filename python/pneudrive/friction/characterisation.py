@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
 from pneudrive.files.inputs import INPUTS, stored_input
@@ -282,7 +283,7 @@ def characterise_recordings(
     choice = protocol if protocol is not None else Settled()
     watch, (number, readers) = Watch(progress, cancel), _readers(recordings, layout)
     is_large = number > KEPT_IN_FULL
-    shown = np.unique(np.linspace(0, number - 1, SHOWN).astype(int)) if is_large else np.arange(number)
+    shown = evenly(number, SHOWN) if is_large else np.arange(number)
     found = _Results(large=is_large)
     for place, (name, read) in enumerate(readers):
         watch.tell(place, number, "recordings characterised")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError, package_table
 from pneudrive.files.csv_tables import read_csv
@@ -224,7 +225,7 @@ def assemblies_of(table: xr.Dataset) -> list[str]:
     names = [name for name in LEVELS if name in table]
     columns = [table[name].to_numpy().astype(str).tolist() for name in names]
     rows = zip(*columns, strict=True) if names else [()] * table.sizes["row"]
-    return [group_of(dict(zip(names, row, strict=True))) for row in rows]
+    return [group_of(by_name(names, row)) for row in rows]
 
 
 def classify_pressures(pairs: Array) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name, evenly
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
@@ -125,7 +126,7 @@ def fit_closures(points: Sequence[LevelPoint]) -> list[ClosureFit]:
 
 
 def _closure(points: list[LevelPoint]) -> ClosureFit | None:
-    seal, nominal = points[0].seal, dict(zip("ab", points[0].areas_m2, strict=True))
+    seal, nominal = points[0].seal, by_name("ab", points[0].areas_m2)
     gauge = dict(zip("ab", np.array([p.gauge_pa for p in points]).T, strict=True))
     # Force of the rig against each chamber, by nominal areas: the fit gives a factor on each.
     push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
@@ -311,7 +312,7 @@ def _speed_groups(seal: str, points: list[LevelPoint]) -> list[tuple[str, list[L
     crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
     if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
         return [(seal, points)]
-    chosen = np.unique(np.linspace(0, len(crossed) - 1, SHOWN_SPEEDS).astype(int))
+    chosen = evenly(len(crossed), SHOWN_SPEEDS)
     return [(f"{seal} at {crossed[i][0].speed_m_s * 1e3:.3g} mm/s", crossed[i]) for i in chosen]
 
 

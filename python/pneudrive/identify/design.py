@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
@@ -381,7 +382,7 @@ class Prior(Shown):
     values: int = 0
 
     @classmethod
-    def of_fit(cls, fit: FrictionFit, draws: int = DRAWS, seed: int = 1) -> Prior:
+    def of_fit(cls, fit: FrictionFit) -> Prior:
         """Return the prior from the estimates of a fit and their covariance.
 
         The measurements of the fit are counted.
@@ -396,13 +397,13 @@ class Prior(Shown):
         for k, name in enumerate(fit.free):
             if name.startswith("stribeck_") or name == "breakaway":  # logarithms
                 share[k] = min(1.0, WIDEST / max(deviation[k], 1e-12))
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(1)
         spread = rng.multivariate_normal(
-            np.zeros(centre.size), covariance * np.outer(share, share), draws, method="eigh"
+            np.zeros(centre.size), covariance * np.outer(share, share), DRAWS, method="eigh"
         )
         points = _physical(fit.model, np.vstack([centre, centre + spread[1:]]))
         values = int(fit.statistics["values"])
-        return cls(fit.model, points, np.broadcast_to(known, (draws, *known.shape)).copy(), values)
+        return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
 
 
 def _physical(model: sliding.FrictionModel, points: Array) -> Array:
@@ -631,4 +632,4 @@ def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
         found.append(np.sqrt(np.diag(jac @ inner @ jac.T)))
     reach = student(free) if free > 0 else np.inf
     middle = reach * np.median(found, axis=0)
-    return dict(zip(prior.model.names, middle.tolist(), strict=True))
+    return by_name(prior.model.names, middle)

@@ -20,6 +20,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
 from pneudrive import units
+from pneudrive.arrays import by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -648,7 +649,7 @@ def identify_regulator(
 
 
 def _named(point: Array) -> dict[str, float]:
-    return dict(zip(REGULATOR_UNITS, REGULATOR_SCALES.natural(point).tolist(), strict=True))
+    return by_name(REGULATOR_UNITS, REGULATOR_SCALES.natural(point))
 
 
 def _fit(records: Sequence[VolumeRecording], start: Array, dead_s: float = 0.0) -> OptimizeResult:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from pneudrive import units
+from pneudrive.arrays import evenly
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.errors import CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
@@ -320,7 +321,7 @@ def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
     """Return at most `most` of the items, evenly spread over all of them."""
     if len(items) <= most:
         return list(items)
-    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).astype(int))]
+    return [items[i] for i in evenly(len(items), most)]
 
 
 def broken(name: str, most: int) -> str:

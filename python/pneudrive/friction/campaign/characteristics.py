@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate
@@ -202,7 +203,7 @@ def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> 
         levels = np.unique(points["level"][rows])
         if not levels.size:
             continue
-        for level in levels[np.unique(np.linspace(0, levels.size - 1, SHOWN_SPEEDS).astype(int))]:
+        for level in levels[evenly(levels.size, SHOWN_SPEEDS)]:
             for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
                 if (loop := loop_of(reading, str(points["key"][i]), choice)) is not None:
                     yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))
@@ -242,7 +243,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
         for i, (key, condition) in enumerate(zip(cycles["key"], cycles["condition"], strict=True)):
             row = {name: values[i] for name, values in found.items() if name in SUMMARY} | vars(condition)
             *forces, reason = point_of.get(key, NO_POINT)
-            row |= dict(zip(FORCES, forces, strict=True))
+            row |= by_name(FORCES, forces)
             row["flags"] = [*row["flags"], *filter(None, [reason])]
             rows.append(row)
     return pl.DataFrame(rows, schema=types).sort("index", maintain_order=True)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from pneudrive.arrays import evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
@@ -229,7 +230,7 @@ def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loo
     if index.size < 10:
         return None
     presliding = _presliding(recording, friction, before, after)
-    shown = index[np.unique(np.linspace(0, index.size - 1, SHOWN_SAMPLES).astype(int))]
+    shown = index[evenly(index.size, SHOWN_SAMPLES)]
     return Loop(
         key=key,
         condition=condition,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from pneudrive.arrays import evenly
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
@@ -317,7 +318,7 @@ def _way(samples: Samples) -> float:
 def _edges(files: Sequence[CycleFile]) -> Array:
     """Return the bins over the travel of sliding cycles, from the positions of some of them."""
     positions: list[Array] = []
-    for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
+    for i in evenly(len(files), LOOKED_AT) if files else ():
         with suppress(PneudriveError):
             positions.append(files[i].samples().position_m)
     return common_edges(positions)
@@ -343,22 +344,20 @@ def common_edges(positions: Sequence[Array]) -> Array:
 STEP_PA = 1e3  # to which the pressure of a condition is rounded
 
 
-def reading_of(found: Characterisation, name: str = "recordings") -> CampaignData:
+def reading_of(found: Characterisation) -> CampaignData:
     """Return the speed levels of recordings as cycles of a campaign.
 
     Parameters
     ----------
     found : Characterisation
         Recordings whose samples are kept.
-    name : str
-        Title of the result.
     """
     edges = common_edges([r.recording.position_m for r in found.results])
     rows = _level_rows([(result, level) for result in found.results for level in result.levels], edges)
     return CampaignData(
-        name=name,
+        name="recordings",
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
-        identity=Identity(name=name, **{field: getattr(found.recordings[0], field) for field in SHARED}),
+        identity=Identity(name="recordings", **{field: getattr(found.recordings[0], field) for field in SHARED}),
         sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
         tares=cycles.CycleTable.of([], BINS),
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
@@ -449,8 +450,8 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         interaction=interaction,
         interaction_n_pa2=joint,
         curvature=curvature,
-        slopes=dict(zip(names, each, strict=True)),
-        means=dict(zip(names, means, strict=True)),
+        slopes=by_name(names, each),
+        means=by_name(names, means),
     )
     said = say_all(_sentences(design, found, means, with_time, u))
     return replace(found, statement=" ".join(one.text for one in said))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
@@ -293,7 +294,7 @@ class FitProblem:
 
     def named(self, eta: Array) -> dict[str, float]:
         """Return the free values by name, SI."""
-        return dict(zip(self.names, self.values(eta).tolist(), strict=True))
+        return by_name(self.names, self.values(eta))
 
     def prior_cost(self, eta: Array) -> float:
         """Return the cost of the deviation from prior knowledge."""

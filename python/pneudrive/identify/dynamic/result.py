@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__, _core
+from pneudrive.arrays import by_name
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import rms, student
@@ -310,7 +311,7 @@ def model_errors(drive: Drive, solved: Solved) -> dict[str, float]:
     inverse = np.linalg.pinv(own[:, shown] / size[shown], rcond=SINGULAR_SHARE) / size[shown][:, None]
     floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
     names = [p.name for p, one in zip(free, shown, strict=True) if one]
-    return dict(zip(names, floor.tolist(), strict=True))
+    return by_name(names, floor)
 
 
 def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
@@ -484,12 +485,12 @@ def assembled(drive: Drive, attempt: Attempt, options: SearchOptions, steps: int
         end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
         if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
             low[k], high[k], sizes[k] = max(p.lower, values[k] - reach * spread[k]), end, p.value
-    intervals = dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+    intervals = by_name(names, zip(low.tolist(), high.tolist(), strict=True))
     statistics = _statistics(solved, steps)
     fit = DriveFit(
         values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
         units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
-        sensors=dict(zip(names[problem.drive_size :], values[problem.drive_size :].tolist(), strict=True)),
+        sensors=by_name(names[problem.drive_size :], values[problem.drive_size :]),
         free=tuple(names),
         covariance=covariance,
         intervals=intervals,

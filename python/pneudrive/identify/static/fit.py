@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import LOSSES, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
@@ -330,7 +331,7 @@ def fit_any_law(
         units={entry["key"]: entry["unit"] for entry in model.entries()},
         free=model.names,
         covariance=matrix,
-        intervals=dict(zip(model.names, zip(low, high, strict=True), strict=True)),
+        intervals=by_name(model.names, zip(low, high, strict=True)),
         systematic=found.systematic,
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
@@ -303,7 +304,7 @@ class FrictionModel(StaticLaw):
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
-        value = dict(zip(self.names, theta.tolist(), strict=True))
+        value = by_name(self.names, theta)
         velocity, exponent = value.get("stribeck_velocity", 1.0), value.get("stribeck_exponent", self.exponent)
         curve = self._curve(np.ascontiguousarray(data.speed_m_s), velocity, exponent)
         columns = self._by_force(curve, data)
@@ -479,7 +480,7 @@ class AnyLaw(StaticLaw):
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
         law, values, tables = self._core
-        at = values | dict(zip(self.names, theta.tolist(), strict=True))
+        at = values | by_name(self.names, theta)
         names, zero = [f"friction.parameters.{n}" for n in self.names], np.zeros(len(data))
         gauges = data.gauge_a_pa, data.gauge_b_pa
         return _core.steady_friction_sensitivity(law, at, names, data.speed_m_s, *gauges, zero, tables)

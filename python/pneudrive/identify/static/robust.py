@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import LINEAR, LOSSES, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
@@ -94,7 +95,7 @@ class RobustEstimate:
     @property
     def natural(self) -> dict[str, float]:
         """Parameters by name, SI."""
-        return dict(zip(self.model.names, map(float, self.model.natural(self.q)), strict=True))
+        return by_name(self.model.names, map(float, self.model.natural(self.q)))
 
     @property
     def deviance(self) -> float:
@@ -121,7 +122,7 @@ class RobustEstimate:
         """Standard uncertainty of each parameter from errors shared by all rows, to first order."""
         shift = shift_of(self.jacobian, self.data.u_systematic_n / self.data.stderr_n)
         sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
-        return dict(zip(self.model.names, sizes.tolist(), strict=True))
+        return by_name(self.model.names, sizes)
 
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
         """Return the plain estimate of another law from the pseudo-values, with their variance."""

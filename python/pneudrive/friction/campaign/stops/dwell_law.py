@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import Scan, refined, scan
@@ -534,7 +535,7 @@ def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> Dwel
         columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
         rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(np.float64)
         slopes, increments = (
-            dict(zip(names, functionals.combine(rows).estimates("N/Pa"), strict=True))
+            by_name(names, functionals.combine(rows).estimates("N/Pa"))
             for functionals in (curve.slopes(at), curve.values(at))
         )
     return DwellPressure(say(f"stops.pressure_{kind}").text, slopes, increments)

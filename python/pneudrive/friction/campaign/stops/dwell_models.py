@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
@@ -199,7 +200,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     aicc = mixed.corrected_criterion(deviance, count, n)
     return DwellLawFit(
         form=form,
-        shape=dict(zip(form.units, profile.shape[profile.best].tolist(), strict=True)),
+        shape=by_name(form.units, profile.shape[profile.best]),
         shape_intervals={
             name: profile.shape_interval(k, rise, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
         },

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -269,9 +270,7 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
         uninterrupted = cycle.kind in ("sweep", "sentinel", "blank") or (cycle.kind == "stop" and cycle.stop_s == 0.0)
         if uninterrupted and (key := _place(file)) in wanted:
             found.setdefault(key, []).append(file)
-    return [
-        group[i] for group in found.values() for i in np.unique(np.linspace(0, len(group) - 1, MOST_CYCLES).astype(int))
-    ]
+    return [group[i] for group in found.values() for i in evenly(len(group), MOST_CYCLES)]
 
 
 def _place(file: CycleFile) -> tuple[Condition, float]:
