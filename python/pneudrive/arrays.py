@@ -21,7 +21,8 @@ Row: TypeAlias = dict[str, Any]
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]
 
-Name, Value = TypeVar("Name"), TypeVar("Value")
+Name = TypeVar("Name")
+Value = TypeVar("Value")
 
 
 def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]:
