@@ -459,7 +459,13 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
         return low + MIDDLE[0] * (high - low), low + MIDDLE[1] * (high - low)
     if recording.window_m[0] >= high or recording.window_m[1] <= low:
         window = [end * 1e3 for end in recording.window_m]
-        raise RecordingError.of("friction.window", where=recording.name, window=window, low=low * 1e3, high=high * 1e3)
+        raise RecordingError.of(
+            "friction.window",
+            where=recording.name,
+            window=window,
+            low=low * 1e3,
+            high=high * 1e3,
+        )
     return recording.window_m
 
 

@@ -77,7 +77,11 @@ class LevelPoint:
         known = {entry.source: entry.standard_uncertainty for entry in level.budget}
         u_a, u_b = (known.get(f"pressure {side}: common error", 0.0) for side in "ab")
         recording, gauge = level.motion.recording, level.gauge_pa
-        pressures = {"gauge_pa": (gauge["a"], gauge["b"]), "u_pa": (u_a, u_b), "weight_n": recording.weight_n}
+        pressures = {
+            "gauge_pa": (gauge["a"], gauge["b"]),
+            "u_pa": (u_a, u_b),
+            "weight_n": recording.weight_n,
+        }
         areas_m2 = recording.area_a_m2, recording.area_b_m2
         return cls(**{name: getattr(level, name) for name in names}, **pressures, areas_m2=areas_m2)
 

@@ -303,8 +303,16 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     def mean(values: Array) -> Array:
         return np.array([np.mean(values[group]) for group in groups], dtype=np.float64)
 
-    rows = {"campaign": campaign[heads], "point": point[heads], "log_n": mean(np.log(friction))}
-    rows |= {"noise": mean((stderr / friction) ** 2) / count, "count": count, "order": mean(cycles["order"].to_numpy())}
+    rows = {
+        "campaign": campaign[heads],
+        "point": point[heads],
+        "log_n": mean(np.log(friction)),
+    }
+    rows |= {
+        "noise": mean((stderr / friction) ** 2) / count,
+        "count": count,
+        "order": mean(cycles["order"].to_numpy()),
+    }
     shares = shares_of([blocks[group].tolist() for group in groups])
     return CommonPoints(pl.DataFrame(rows), shares, points.select(KEY), common.height - points.height)
 

@@ -56,7 +56,11 @@ def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits |
     flags = [",".join(dict.fromkeys([*flags, *([why] if why else [])])) for flags, why in raised]
     of_cycle = {name: cycles[name] for name in ("temperature_k", "kind", "block", "repeat", "began_s")}
     of_cycle |= {name: np.array([getattr(c, name) for c in cycles["condition"]], dtype=object) for name in LEVELS}
-    of_cycle |= {"recording": cycles["key"], "flags": np.array(flags, object), AMBIENT: np.full(count, ambient_pa)}
+    of_cycle |= {
+        "recording": cycles["key"],
+        "flags": np.array(flags, object),
+        AMBIENT: np.full(count, ambient_pa),
+    }
     columns |= {name: np.tile(values[:, None], 2) for name, values in of_cycle.items()}
     rows = {name: values[moves] for name, values in columns.items()}
     order = np.lexsort((-rows["direction"], rows["recording"].astype(str), rows["began_s"]))

@@ -122,12 +122,22 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         if off.any():
             mean = float(np.median(away[off]))
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
-            values = {"mean": mean / PA_PER_BAR, "off": off.sum(), "count": len(cycles), "keys": named(keys[off])}
+            values = {
+                "mean": mean / PA_PER_BAR,
+                "off": off.sum(),
+                "count": len(cycles),
+                "keys": named(keys[off]),
+            }
             yield f"data.{kind}", dict(side=side, **values)
         low = (measured < ambient_pa - max(SET_PA, sure)) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
         if low.any():
             lowest = measured[low].min() / PA_PER_BAR
-            values = {"count": low.sum(), "keys": named(keys[low]), "lowest": lowest, "ambient": ambient}
+            values = {
+                "count": low.sum(),
+                "keys": named(keys[low]),
+                "lowest": lowest,
+                "ambient": ambient,
+            }
             yield "data.vacuum", dict(side=side, **values)
     lowest = np.array([min(c.pressure_a_pa, c.pressure_b_pa) for c in cycles["condition"]])
     low = lowest < (1.0 - BELOW_AMBIENT) * ambient_pa
@@ -209,7 +219,12 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
     scatter = pair_stderr(cycles["deviation_n"], cycles["effective"])
     # The scatter of strokes is that of the balance: the air's force alone has only its noise.
-    chance = {"friction": scatter, "offset": scatter, "air": np.full(len(cycles), np.nan), "total": scatter}
+    chance = {
+        "friction": scatter,
+        "offset": scatter,
+        "air": np.full(len(cycles), np.nan),
+        "total": scatter,
+    }
     each = zip(chance.items(), (*rests, rests[0] + rests[2]), strict=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = friction / mean_friction[:, None]

@@ -135,7 +135,12 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
         share = np.concatenate(shares)
         if share.size and np.median(share) < 1.0:
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
-            numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
+            numbers = {
+                "narrow": (share < 1.0).sum(),
+                "points": share.size,
+                "least": share.min(),
+                "sentinels": count,
+            }
             yield "repeatability.measured_once", numbers
 
 

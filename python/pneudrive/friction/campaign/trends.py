@@ -119,7 +119,13 @@ def repeatability(fits: Fits) -> Repeatability:
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
         reach = NORMAL_95 * stderr / max(value, 1e-12)
-        total = replace(within, value=value, low=value * np.exp(-reach), high=value * np.exp(reach), stderr=stderr)
+        total = replace(
+            within,
+            value=value,
+            low=value * np.exp(-reach),
+            high=value * np.exp(reach),
+            stderr=stderr,
+        )
     return Repeatability(within, between, total, fit.relative > 0.5, pure.basis if pure is not None else "smooth curve")
 
 

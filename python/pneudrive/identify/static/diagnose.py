@@ -83,7 +83,14 @@ def choose_model(
         lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
         if len(levels) < needed:
             s = "s" * (len(levels) != 1)
-            lost += _lost(names, "few_speeds", count=len(levels), s=s, levels=_listed(levels), needed=needed)
+            lost += _lost(
+                names,
+                "few_speeds",
+                count=len(levels),
+                s=s,
+                levels=_listed(levels),
+                needed=needed,
+            )
         else:
             lost += _lost(names, "few_values", values=len(data))
         model = model.without_stribeck()
@@ -191,7 +198,14 @@ def _stribeck(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
         out += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
     if data.speed_m_s.max() < PLATEAU * vs:
         names = [n for n in ("coulomb", "viscous") if n in theta]
-        out += _lost(names, "no_plateau", plateau=PLATEAU, vs=_mm_s(vs), level=_mm_s(PLATEAU * vs), **span)
+        out += _lost(
+            names,
+            "no_plateau",
+            plateau=PLATEAU,
+            vs=_mm_s(vs),
+            level=_mm_s(PLATEAU * vs),
+            **span,
+        )
     if lower_upper[0] <= 0.0:
         out += _lost(curve, "far_below", **span)
     if not np.isfinite(lower_upper[1]):

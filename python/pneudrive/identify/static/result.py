@@ -251,7 +251,11 @@ class FrictionFit(SlidingFit, kind="friction map"):
         friction_n = export.curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
         if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
-            at = {"speed": 1e3 * fitted.speed_m_s[k], "own": friction_n[k], "fitted": fitted.friction_n[k]}
+            at = {
+                "speed": 1e3 * fitted.speed_m_s[k],
+                "own": friction_n[k],
+                "fitted": fitted.friction_n[k],
+            }
             warn(identified.sentence("notes", "kept", kept=", ".join(kept), **at))
 
     def identified(self, *, curve: bool = False) -> identified.Identified:
