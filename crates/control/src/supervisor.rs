@@ -133,7 +133,7 @@ impl Supervisor {
         answer.command = self.guarded(own, &sample, answer.command);
         if !self.mode.is_shut() {
             let at = Moment { time: sample.time, period: own.period };
-            let moves = Moves { state, wanted, stands, no_air: self.gas.supplied_below().is_some() };
+            let moves = Moves { state, wanted, stands, no_air: self.gas.is_starved() };
             self.motion.watch(&self.rules.motion, &own.model, at, &moves, &mut self.log);
         }
         (self.command, self.is_held) = (answer.command, answer.holds);
@@ -196,8 +196,8 @@ impl Supervisor {
             let found = self.gas.checked(pressures, &believed, &mut self.log);
             self.modelled = found.modelled;
             let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
-            if on_supply == Reaction::Block && !found.starved {
-                // A low supply that still fills the chambers is only reported.
+            if on_supply == Reaction::Block && !self.gas.is_starved() && !self.position.is_lost() {
+                // A low supply that still fills the chambers is only reported. Without a position, the model may be wrong.
                 on_supply = Reaction::Tell;
             }
             for (happened, reaction) in [
@@ -341,7 +341,7 @@ impl Supervisor {
         // Without readings, the model can be trusted only for a short time.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < MODEL_TRUSTED;
-        let brake = self.braking.needed(own, command, &self.gas, self.measures_gas).filter(|_| is_known);
+        let brake = self.braking.needed(own, command, &self.gas).filter(|_| is_known);
         if brake.is_some() && !self.braking.acts {
             self.log.tell(sample.time, EventKind::EndStop, state.velocity);
         }

@@ -155,17 +155,12 @@ thresholds! {
     PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
     GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least pressure, and greatest relative to the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply pressure that is reported", "assumed";
-    SUPPLY_FALLEN_FOR: f64 = 0.03, "s", "duration of this fall", "assumed";
-    SUPPLY_FLOWN: f64 = 0.5e5, "Pa", "change of a pressure by flow that is needed to detect a fall of the supply", "assumed";
-    SUPPLY_DOUBTED: f64 = 0.2e5, "Pa", "change of a pressure above which the supply is doubted", "assumed";
-    SUPPLY_LESS: f64 = 0.3, "1", "error of the flow into a chamber", "assumed";
-    SUPPLY_HARDLY_OPEN: f64 = 0.02, "1", "opening that may be zero in reality", "assumed";
-    SUPPLY_LATE: usize = 4, "samples", "delay of opening and flow", "assumed";
-    SUPPLY_SAGS: f64 = 0.1, "1", "least conductance of the supply, relative to the valve", "fills a chamber even if the supply pressure sags; assumed";
-    SUPPLY_LACKS: f64 = 0.12e5, "Pa", "missing pressure above which a chamber counts as not filled", "assumed";
-    SUPPLY_FORGOTTEN: f64 = 0.01, "s", "time in which missing pressure is forgotten", "assumed";
-    SUPPLY_AT_ONCE: f64 = 1.0 / 3.0, "1", "largest missing pressure of one sample, relative to this threshold", "assumed";
-    SUPPLY_VENTS: f64 = 0.5, "1", "relative flow of the other chamber below which the valve is the cause", "assumed";
+    FLOW_FORGOTTEN: f64 = 0.03, "s", "time in which a change of a pressure by flow is forgotten", "a fallen supply is reported before it matters; assumed";
+    FLOW_SEEN: f64 = 0.25e5, "Pa", "change of both pressures by flow, by the model, above which the measured flows are compared with it", "assumed";
+    FLOW_DIFFERS_FOR: f64 = 0.01, "s", "time after which flows that differ from the model are reported", "assumed";
+    FLOW_LEAST: f64 = 0.5, "1", "relative flow of both chambers below which the valve does not react", "assumed";
+    STARVED_FLOW: [f64; 2] = [0.1, 1.3], "1", "flow of a starved chamber, relative to a fallen supply: into the chamber, back into the supply", "a chamber fills at a tenth of the flow if the supply pressure sags; assumed";
+    STARVED_DEFICIT: f64 = 0.12e5, "Pa", "missing pressure above which a chamber counts as starved", "assumed";
 
     // End-stop brake (supervisor).
     BRAKE_TOUCH: f64 = 0.03, "m/s", "speed at which the drive may touch an end stop", "assumed";
@@ -178,9 +173,6 @@ thresholds! {
     BRAKE_GAIN: [f64; 2] = [2e-3, 6e-3], "s", "time for which the full force may act before braking: along the motion, after a turn", "assumed";
     BRAKE_AWAY: f64 = 0.03, "s", "time for which a drive that moves away from the end is simulated", "assumed";
     BRAKE_MARGINS: [f64; 2] = [0.5, 1.5], "1", "margin of the braking distance: before braking, during braking", "for errors of the model, and against chatter; assumed";
-    BRAKE_MISSING: f64 = 2.0, "1", "unexplained force above which the supply is doubted, relative to Coulomb friction", "assumed";
-    BRAKE_MISSED_FOR: f64 = 1.0, "s", "time for which the supply is doubted", "assumed";
-    BRAKE_COUNTED_ON: f64 = 0.4, "1", "assumed pressure of a supply that did not fill a chamber, relative to the chamber pressure", "assumed";
 
     // Motion monitor (supervisor).
     MOTION_SWING: f64 = 5.0, "tolerances", "least error of a limit cycle along a reference, peak to peak", "assumed";

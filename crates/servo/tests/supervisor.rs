@@ -392,7 +392,7 @@ fn factors_multiply_gains() {
 }
 
 /// Runs of the example `faults` whose supply falls, with pressure sensors and without. A brake that counts on the
-/// described supply hits at 0.24 to 0.70 m/s, and one that counts on gas that the unmodelled force excludes at 0.60 m/s.
+/// described supply hits at 0.24 to 0.96 m/s.
 #[test]
 fn braking_does_not_count_on_a_supply_that_has_fallen() {
     let members = [251, 690, 709, 1011, 4456, 5757, 8388, 8932].map(|member| (1, member));

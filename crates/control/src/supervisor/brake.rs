@@ -9,91 +9,39 @@ use crate::thresholds::*;
 use crate::types::State;
 
 /// Braking before end stops, with its state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Braking {
     /// It brakes.
     pub acts: bool,
-    /// The model of the first sample, with a fallen supply.
+    /// The model of the first sample, without a supply.
     fallen: Option<Box<Model>>,
-    /// Time since a force was last missing, s.
-    explained_for: f64,
-}
-
-impl Default for Braking {
-    fn default() -> Self {
-        Braking { acts: false, fallen: None, explained_for: f64::INFINITY }
-    }
-}
-
-/// Returns an observer without pressure sensors that assumes less trapped gas. It assigns the unmodelled force beyond
-/// friction to the chamber that would act against it. The result is the least possible trapped gas.
-fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
-    let mut seen = observer.clone();
-    let State { disturbance, pressures, .. } = &mut seen.state;
-    let beyond = *disturbance - disturbance.clamp(-friction, friction);
-    for (pressure, side) in pressures.iter_mut().zip(&model.sides) {
-        if side.sign * beyond < 0.0 {
-            let less = (*pressure + side.sign * beyond / side.area).max(model.ambient.pressure);
-            *disturbance -= side.sign * side.area * (less - *pressure);
-            *pressure = less;
-        }
-    }
-    seen
 }
 
 impl Braking {
     /// Returns the command if the drive must brake before an end stop now. If the supply may have fallen, the trapped
-    /// air alone must be able to stop the drive. `gas` has the findings from the pressures, if they are `measured`.
-    pub fn needed(&mut self, own: &Follower, command: f64, gas: &Gas, measured: bool) -> Option<f64> {
-        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
-        let observer = own.observer.as_ref()?;
-        // Without pressure sensors, a fallen supply appears as an unmodelled force.
-        let misses = observer.state.disturbance.abs() > BRAKE_MISSING * own.plant.coulomb;
-        self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
+    /// air alone must be able to stop the drive.
+    pub fn needed(&mut self, own: &Follower, command: f64, gas: &Gas) -> Option<f64> {
+        let fallen = self.fallen.get_or_insert_with(|| {
+            let mut model = own.model.clone();
+            model.supply.pressure = model.ambient.pressure;
+            Box::new(model)
+        });
+        let model = if gas.may_lack_supply() { fallen } else { &own.model };
         let margin = BRAKE_MARGINS[usize::from(self.acts)];
-        let is_weak = !measured && self.explained_for < BRAKE_MISSED_FOR;
-        if !gas.may_lack_supply() {
-            let found = brakes(&own.model, observer, command, margin, own.period);
-            if found.is_some() || !is_weak {
-                return found.map(|found| found.command);
-            }
-        }
-        let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
-        let ambient = own.model.ambient.pressure;
-        let below = gas.supplied_below().unwrap_or(ambient);
-        fallen.supply.pressure = ambient + BRAKE_COUNTED_ON * (below - ambient);
-        let found = brakes(fallen, trapped.as_ref().unwrap_or(observer), command, margin, own.period)?;
-        // A shut valve stops the drive independently of the supply. If it does not suffice, an intact supply brakes
-        // best. Most doubts about the supply prove wrong.
-        Some(match gas.has_no_supply() {
-            true => found.command,
-            false if found.shut_needs > 1.0 => found.against,
-            false => 0.0,
-        })
+        brakes(model, own.observer.as_ref()?, command, margin, own.period)
     }
 }
 
-/// Decision to brake now.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Brake {
-    /// Command with the shortest braking distance, or with the lowest speed at the end stop.
-    command: f64,
-    /// Command whose force points away from this end.
-    against: f64,
-    /// Fraction of the room that the drive needs with the valve shut, for any supply pressure. It is zero if the
-    /// drive is slow and touches the end stop softly.
-    shut_needs: f64,
-}
-
-/// Returns the decision to brake if the present command would leave too little room at the next sample. The end counts
+/// Returns the command that brakes if the present command would leave too little room at the next sample. The end counts
 /// to which the drive moves, and the end to which the command turns it.
-fn brakes(model: &Model, observer: &Observer, command: f64, margin: f64, period: f64) -> Option<Brake> {
+fn brakes(model: &Model, observer: &Observer, command: f64, margin: f64, period: f64) -> Option<f64> {
     let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
     let before = |way| brakes_before(way, model, observer, command, margin, period);
     before(along).or_else(|| if command * along < 0.0 { before(-along) } else { None })
 }
 
-/// Returns the decision for one end: in +x (1) or in -x (-1).
+/// Returns the command that brakes before one end: in +x (1) or in -x (-1). It is the one with the shortest braking
+/// distance, or with the lowest speed at the end stop.
 ///
 /// The model gives the distance s under `command` for a period, then under full braking or with the valve shut: the
 /// shorter of both. It brakes if
@@ -108,7 +56,7 @@ fn brakes_before(
     command: f64,
     margin: f64,
     period: f64,
-) -> Option<Brake> {
+) -> Option<f64> {
     let position = observer.state.position;
     let velocity = way * observer.state.velocity;
     let far = |v: f64| {
@@ -154,7 +102,5 @@ fn brakes_before(
     let is_soft = velocity < BRAKE_SLOW && shut.1 <= BRAKE_SOFT;
     let command = if is_shut_better || is_soft { 0.0 } else { -way };
     let is_fast = velocity > BRAKE_TOUCH || full.1 > BRAKE_TOUCH;
-    let shut_needs = if is_soft { 0.0 } else { shut.0 / left.max(0.0) };
-    let brake = Brake { command, against: -way, shut_needs };
-    (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)
+    (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(command)
 }

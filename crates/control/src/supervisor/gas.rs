@@ -18,9 +18,6 @@ struct Chamber {
     is_lost: bool,
     /// Whether the last opening of the valve connected the chamber with the supply.
     fills: bool,
-    /// The least filling rates that a supply would have caused at the last samples, Pa/s, and the missing pressure, Pa.
-    least: [f64; SUPPLY_LATE],
-    lacks: f64,
 }
 
 impl Chamber {
@@ -37,8 +34,7 @@ impl Chamber {
     /// Compares a reading with the model, whose `rates` are those of [`rates`]. A reading is bad if it is not a number,
     /// or jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. Returns the changes by flow, Pa:
     /// measured, by the model, and by the model on a fallen supply, or `None` if the reading is not credible or rests.
-    /// The truth value tells whether the supply fails to fill the chamber.
-    fn read(&mut self, reading: f64, i: usize, by: &Believed, rates: [f64; 3]) -> (Option<[f64; 3]>, bool) {
+    fn read(&mut self, reading: f64, i: usize, by: &Believed, rates: [f64; 3]) -> Option<[f64; 3]> {
         let Believed { at: Moment { period, .. }, model, last, foreseen, edges } = *by;
         let [open, weak, shut] = rates;
         let measured = reading - self.last - shut * period;
@@ -55,30 +51,7 @@ impl Chamber {
         self.fills = if supplied == vented { self.fills } else { supplied > vented };
         // A resting reading does not show the flow.
         let tells = is_good && before.is_finite() && f64::from(self.rests) * period < 0.25 * PRESSURE_OFF_FOR;
-        let starves = self.starves(supplied - vented, weak - shut, tells.then_some(measured), period);
-        (tells.then_some([measured, (open - shut) * period, (weak - shut) * period]), starves)
-    }
-
-    /// Returns whether the supply fails to fill the chamber. `open` is how far the valve opens it to the supply.
-    /// `rate` is the pressure rate that a fallen supply would give, Pa/s. `flowed` is the measured pressure change by
-    /// flow, Pa, if its reading is credible.
-    fn starves(&mut self, open: f64, rate: f64, flowed: Option<f64>, period: f64) -> bool {
-        self.least.rotate_right(1);
-        let [share, sure] = if rate > 0.0 {
-            [1.0 - SUPPLY_LESS, (open - SUPPLY_HARDLY_OPEN).min(SUPPLY_SAGS)]
-        } else {
-            [1.0 + SUPPLY_LESS, open + SUPPLY_HARDLY_OPEN]
-        };
-        self.least[0] = if open > SUPPLY_HARDLY_OPEN { share * rate * sure / open } else { f64::NAN };
-        let is_open = self.least.iter().all(|own| own.is_finite());
-        self.lacks = match flowed {
-            Some(flowed) if is_open => {
-                let least = self.least.iter().copied().fold(f64::INFINITY, f64::min);
-                (self.lacks + (least * period - flowed).min(SUPPLY_AT_ONCE * SUPPLY_LACKS)).max(0.0)
-            }
-            _ => self.lacks * (1.0 - period / SUPPLY_FORGOTTEN).max(0.0),
-        };
-        self.lacks > SUPPLY_LACKS
+        tells.then_some([measured, (open - shut) * period, (weak - shut) * period])
     }
 }
 
@@ -89,14 +62,11 @@ pub struct Gas {
     /// Pressure changes by flow, Pa, of the filling chamber, then of the other one. Each has three values: measured,
     /// by the model, and by the model on a fallen supply.
     flown: [[f64; 3]; 2],
-    /// The same within a shorter time.
-    lately: [[f64; 3]; 2],
-    /// For how long the supply has been too low, s.
-    low_for: f64,
+    /// For how long the flows have differed from those of the model, s.
+    differs_for: f64,
     supply_told: bool,
-    /// The supply did not fill a chamber at this pressure, Pa.
-    below: Option<f64>,
     valve_told: bool,
+    starved: bool,
 }
 
 /// Findings from the pressures.
@@ -106,10 +76,8 @@ pub struct GasFindings {
     pub sensor: bool,
     /// The valve did not react from this sample on.
     pub valve: bool,
-    /// The supply was low from this sample on.
+    /// The supply was low, or too low to fill a chamber, from this sample on.
     pub supply: bool,
-    /// The supply was too low to fill a chamber.
-    pub starved: bool,
     /// The pressure of a chamber comes from the model, or its reading is constant, so nothing is learned from it.
     pub modelled: bool,
 }
@@ -136,23 +104,14 @@ impl Gas {
         let Believed { at: Moment { time, period }, foreseen, .. } = *believed;
         let mut chambers = self.chambers.unwrap_or([Chamber { last: f64::NAN, ..Chamber::default() }; 2]);
         let rates = rates(believed);
-        let (mut found, mut starved) = (GasFindings::default(), None);
+        let mut found = GasFindings::default();
         for (i, own) in chambers.iter_mut().enumerate() {
-            let (changes, starves) = own.read(readings[i], i, believed, rates.map(|rate| rate[i]));
-            if let Some(changes) = changes {
+            if let Some(changes) = own.read(readings[i], i, believed, rates.map(|rate| rate[i])) {
                 // A late change, after the valve has shut, belongs to the flow before.
                 let side = usize::from(!own.fills);
-                for (flown, time) in
-                    [(&mut self.flown, PRESSURE_FOLLOWS), (&mut self.lately, SUPPLY_FALLEN_FOR)]
-                {
-                    let share = period / (period + time);
-                    for (own, change) in flown[side].iter_mut().zip(changes) {
-                        *own += change - share * *own;
-                    }
+                for (own, change) in self.flown[side].iter_mut().zip(changes) {
+                    *own += change - period / (period + FLOW_FORGOTTEN) * *own;
                 }
-            }
-            if starves {
-                starved = Some(readings[i]);
             }
             if own.bad >= PRESSURE_LOST && !own.is_lost {
                 own.is_lost = true;
@@ -165,7 +124,7 @@ impl Gas {
         let mut replaced = foreseen.pressures;
         self.find_stuck(believed.at, &mut chambers, &mut replaced, &mut found, log);
         self.chambers = Some(chambers);
-        self.watch_supply(believed, starved, &mut found, log);
+        self.watch_flows(believed, &chambers, &mut found, log);
         for ((own, reading), replaced) in chambers.iter().zip(readings).zip(&replaced) {
             if own.bad > 0 || own.is_lost {
                 *reading = *replaced;
@@ -196,49 +155,52 @@ impl Gas {
         }
     }
 
-    /// Watches the supply. Both chambers share the valve, so the other chamber gives its conductance. The fall of the
+    /// Watches valve and supply by the changes q of the pressures by flow. The valve does not react if neither chamber
+    /// has half of its flow. Both chambers share the valve, so the other chamber gives its conductance. The fall of the
     /// supply in units of [`SUPPLY_FALLEN`] is
     ///
     ///   (q_fill,model - q_fill q_vent,model/q_vent)/(q_fill,model - q_fill,fallen)
     ///
-    /// with the changes q of the pressures by flow. A chamber that the supply does not fill is `starved`, Pa.
-    fn watch_supply(&mut self, by: &Believed, starved: Option<f64>, found: &mut GasFindings, log: &mut Log) {
-        let Believed { at, model, .. } = *by;
+    /// A chamber is starved if it gets less air than even a fallen supply would give.
+    fn watch_flows(
+        &mut self,
+        by: &Believed,
+        chambers: &[Chamber; 2],
+        found: &mut GasFindings,
+        log: &mut Log,
+    ) {
+        let Believed { at: Moment { time, period }, model, .. } = *by;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
-        let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
-        let falls =
-            if seen(SUPPLY_DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
-        self.low_for = if falls > 1.0 && seen(SUPPLY_FLOWN) { self.low_for + at.period } else { 0.0 };
-        let low = self.low_for >= SUPPLY_FALLEN_FOR && !self.supply_told;
-        if low {
-            let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
-            log.tell(at.time, EventKind::Supply, (supply - falls * SUPPLY_FALLEN).max(ambient));
-        }
-        self.supply_told |= low;
-        found.supply = low;
-        let (Some(pressure), None, false) = (starved, self.below, self.valve_told) else { return };
-        let [_, [vented, vents, _]] = self.lately;
-        if vents < -0.5 * SUPPLY_DOUBTED && vented > SUPPLY_VENTS * vents {
-            // The other chamber does not vent: the valve is at fault.
+        let is_seen = fills > FLOW_SEEN && vents < -FLOW_SEEN;
+        let is_idle = is_seen && filled < FLOW_LEAST * fills && vented > FLOW_LEAST * vents;
+        let falls = (fills - filled * vents / vented) / (fills - weakly);
+        let is_low = is_seen && vented < 0.0 && falls > 1.0;
+        self.differs_for = if is_idle || is_low { self.differs_for + period } else { 0.0 };
+        let differs = self.differs_for >= FLOW_DIFFERS_FOR;
+        if is_idle && differs && !self.valve_told {
             (self.valve_told, found.valve) = (true, true);
-            log.tell(at.time, EventKind::Valve, vented - vents);
-            return;
+            log.tell(time, EventKind::Valve, vented - vents);
         }
-        if !self.supply_told {
-            log.tell(at.time, EventKind::Supply, pressure);
+        let [into, back] = STARVED_FLOW.map(|fraction| fraction * weakly);
+        let starved = filled < into.min(back) - STARVED_DEFICIT && !is_idle && !self.valve_told;
+        found.supply = starved && !self.starved || is_low && !is_idle && differs && !self.supply_told;
+        if found.supply && !self.supply_told {
+            let explains = (model.supply.pressure - falls * SUPPLY_FALLEN).max(model.ambient.pressure);
+            let filling = chambers.iter().find(|own| starved && own.fills);
+            log.tell(time, EventKind::Supply, filling.map_or(explains, |own| own.last));
         }
-        (self.supply_told, self.below) = (true, Some(pressure));
-        (found.supply, found.starved) = (true, true);
+        self.starved |= starved;
+        self.supply_told |= found.supply;
+    }
+
+    /// The supply did not fill a chamber.
+    pub fn is_starved(&self) -> bool {
+        self.starved
     }
 
     /// The supply has fallen.
     pub fn has_no_supply(&self) -> bool {
         self.supply_told
-    }
-
-    /// The pressure of a chamber that the supply did not fill, Pa.
-    pub fn supplied_below(&self) -> Option<f64> {
-        self.below
     }
 
     /// A pressure is not measured any more.
