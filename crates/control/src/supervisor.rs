@@ -59,8 +59,6 @@ pub struct Supervisor {
     modelled: bool,
     /// Whether holding was active at the last sample.
     is_held: bool,
-    /// Whether the drive has pressure sensors.
-    measures_gas: bool,
     /// Time for which the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
@@ -170,14 +168,13 @@ impl Supervisor {
             return [None; 2];
         };
         let was_lost = self.position.is_lost();
-        self.measures_gas = sample.pressures.is_some();
         let read = Read {
             reading: sample.position,
             jitter: self.inputs.jitter,
             grain: own.grain(),
             fastest: own.plant.speed,
             is_held: self.is_held,
-            by_gas: self.measures_gas && !self.gas.is_lost(),
+            by_gas: sample.pressures.is_some() && !self.gas.is_lost(),
         };
         let at = Moment { time: sample.time, period: own.period };
         let believed = Believed { at, model: &own.model, last: &before, foreseen: &foreseen, edges };
