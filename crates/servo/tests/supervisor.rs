@@ -473,10 +473,11 @@ fn a_command_that_turns_the_drive_is_braked_before_it_turned() {
 
 /// A reading that rested for 0.1 s, whose sensor was given up when it was right again and from what the valve had been
 /// learned, hits at 0.41 m/s; braking with the valve shut, where that is too weak and only a sensor is lost, at 0.29 m/s;
-/// a pressure by the model that follows the missing force in 0.1 s, at 0.82 m/s.
+/// a pressure by the model that follows the missing force in 0.1 s, at 0.82 m/s. A lost position misleads the model: unless
+/// flows that differ from it shut the valve, three runs hit at 1.2 to 3.1 m/s.
 #[test]
-fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
-    for (seed, member) in [(1, 3758), (1, 6336), (23, 1217)] {
+fn a_lost_sensor_spoils_neither_the_model_nor_the_brake() {
+    for (seed, member) in [(1, 3758), (1, 6336), (23, 1217), (1, 376), (2, 287), (2, 1069)] {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }
