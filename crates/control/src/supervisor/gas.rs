@@ -161,6 +161,8 @@ impl Gas {
     ///
     ///   (q_fill,model - q_fill q_vent,model/q_vent)/(q_fill,model - q_fill,fallen)
     ///
+    /// with the sums q over the last [`FLOW_FORGOTTEN`].
+    ///
     /// A chamber is starved if it gets less air than even a fallen supply would give.
     fn watch_flows(
         &mut self,
