@@ -273,6 +273,7 @@ def export(
     fmi: str = "2.0",
     drive: str | None = None,
     setup: str = "real",
+    name: str | None = None,
 ) -> None:
     r"""Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
 
@@ -291,16 +292,23 @@ def export(
     drive
         Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it.
 
+    name : NAME
+        Name of the source files and begin of the names in them; several axes in one program need different names.
+
     Examples
     --------
-    pneudrive control export controller.toml --to c --out source
+    pneudrive control export controller.toml --to c --out source --name left_axis
     pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 \
         --out law.fmu
     """
-    check_used(context, to, {"fmi": (("fmu",), "Remove it, or write --to fmu.")})
+    uses = {
+        "fmi": (("fmu",), "Remove it, or write --to fmu."),
+        "name": (("c", "st"), "Remove it."),
+    }
+    check_used(context, to, uses)
     file = controller if controller.endswith(".toml") else None
     described = tuning.believed_by(file) if drive is None else load.load_described(drive)
     model = None if drive is None else described  # it goes before the drive that the file names
     found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
-    written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
+    written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi, name=name)
     show_paths(*written)

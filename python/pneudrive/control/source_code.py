@@ -44,6 +44,7 @@ def export(
     setup: Setup | str | Path = "real",
     along: Reference | str | Path | None = None,
     version: str = "2.0",
+    name: str | None = None,
 ) -> list[Path]:
     """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
@@ -66,6 +67,9 @@ def export(
         Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Other controllers get the reference as inputs.
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
+    name : str, optional
+        Name of the source files, and begin of the names in them, such as ``"left_axis"``; by default
+        ``"pneudrive_<law>"``. Axes in one program need different names.
 
     Returns
     -------
@@ -89,6 +93,12 @@ def export(
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     read, _ = read_setup(setup)
+    if name is not None and not (to != "fmu" and name.isidentifier() and name.isascii()):
+        raise CommandError(
+            f'the controller cannot have the name "{name}"',
+            rule="a name of source code consists of letters, digits and underscores, and begins with a letter",
+            remedy='Write "left_axis".',
+        )
     if to == "fmu" and tuning.law == "nmpc":
         if along is None:
             remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
@@ -102,6 +112,14 @@ def export(
         target = check_fmu(out, version)
         return [write_fmu(code_plan(tuning, *_written(tuning, read, "c")), target, version).path]
     files, _ = _written(tuning, read, to)
+    if name is not None:
+        usual = f"pneudrive_{tuning.law.replace('-', '_')}"
+        names = {
+            usual: name,
+            usual.upper(): name.upper(),
+        }
+        for old, new in names.items():
+            files = [(file.replace(old, new), text.replace(old, new)) for file, text in files]
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)

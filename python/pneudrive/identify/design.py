@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Plain
     from pneudrive.identify.static.model import Observations
     from pneudrive.progress import Flag
 
@@ -186,12 +186,12 @@ def select_friction_law(
     for name in laws:
         if name not in NAMES:
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, NAMES))
-    data, *_ = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
+    data, _, selected = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
     wanted = [(name, form) for name in dict.fromkeys(NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
-    tried = [_compared(name, form, data, folds, loss, probability) for name, form in each]
+    tried = [_compared(name, form, data, folds, loss, probability, selected) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:
         raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
@@ -262,11 +262,13 @@ def _compared(
     folds: Ints,
     loss: str,
     probability: float,
+    selected: Plain,
 ) -> Compared | str:
     """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
-        fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss, any_shape=True)
+        wanted = replace(CANDIDATES[name], viscous=wide)
+        fit = fit_values(wanted, data, pressure=form, loss=loss, any_shape=True, options=selected)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)

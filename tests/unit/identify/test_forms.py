@@ -170,6 +170,7 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
     assert any("coulomb represents stribeck gaussian" in said for said in found.statements)
     assert any("linear represents quadratic in pressure" in said for said in found.statements)
+    assert "coulomb friction from 6 values" in repr(found.rows[0])
 
 
 @pytest.mark.parametrize(("slope", "form"), [(0.0, None), (2e-5, "linear")])
