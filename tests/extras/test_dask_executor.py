@@ -58,7 +58,7 @@ def test_an_item_that_kills_its_worker_ends_the_study():
 
     with (
         cluster_of(2, allowed_failures=0) as client,
-        pytest.raises(SimulationError, match="ended repeatedly"),
+        pytest.raises(SimulationError, match="stopped repeatedly"),
     ):
         list(DaskExecutor(client).map(work, range(4)))
 

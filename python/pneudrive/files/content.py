@@ -56,7 +56,7 @@ def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes",
     most : str
         Name of the bound of the file's size.
     folder : str, optional
-        Remedy if the path is a folder.
+        Text of the remedy if the path is a folder.
 
     Raises
     ------
@@ -268,7 +268,7 @@ def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, si
     path : Path
     kind : type of PneudriveError
     folder : str, optional
-        Remedy if the path is a folder.
+        Text of the remedy if the path is a folder.
     size : int
         Largest number of bytes of a piece.
 

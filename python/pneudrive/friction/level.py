@@ -146,7 +146,7 @@ class Level(Shown):
 
     @cached_property
     def u_systematic_n(self) -> float:
-        """Systematic standard uncertainty of friction; that of the offset for a single direction."""
+        """Systematic standard uncertainty of friction. For a single direction it is that of the offset."""
         return combined(self.budget)[0] if len(self.sides) == 2 else self.u_offset_n
 
     @property

@@ -320,7 +320,7 @@ def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]
 
 
 def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
-    """Return unread columns that are named like the pressure of a chamber that is open according to the layout."""
+    """Return unread columns named like the pressure of a chamber that the layout declares open to ambient air."""
     stated = layout.chamber_pressures().items()
     sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
     names = {name: split_name(name)[0] for name in unread if sides}

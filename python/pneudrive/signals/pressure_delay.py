@@ -60,7 +60,7 @@ class PressureDelay:
         return abs(self.value_s) > max(LATE_S, self.half_width_s)
 
     def removed(self, recording: Recording) -> Recording:
-        """Return the recording with both pressures shifted to the motion, without the ends that then lack pressures."""
+        """Return the recording with its pressures shifted in time to the motion; ends without pressures are cut off."""
         shifted = recording.time_s + self.value_s
         there = (shifted >= recording.time_s[0]) & (shifted <= recording.time_s[-1])
         pressures = {name: np.interp(shifted, recording.time_s, getattr(recording, name)) for name in PRESSURES}

@@ -280,7 +280,7 @@ class Closure:
     recorded: Closure | None = field(default=None, repr=False)
 
     def friction_at(self, speed_m_s: float) -> float:
-        """Return the friction at a speed in its direction, N, positive if it opposes the motion."""
+        """Return the friction at a signed velocity, N, positive if it opposes the motion."""
         at_rest, slope = self.friction_n[1 if speed_m_s > 0.0 else -1]
         return at_rest + slope * abs(speed_m_s)
 

@@ -224,7 +224,7 @@ def test_numbers_that_can_be_read_in_two_ways_are_refused(table, tmp_path):
     numbers = np.column_stack([np.arange(850) * 20 + 1000, 10000 + 1000 * (table[:, 1] - 10)])
     rows = [[f"{v:,.0f}" for v in row] for row in numbers]
     (tmp_path / "a.csv").write_text(text_of([["Time [ms]", "Position"]], rows, ";"))
-    with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ can have decimals, or groups of three digits"):
+    with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ are ambiguous: decimals, or groups"):
         propose_layout(tmp_path / "a.csv")
 
 

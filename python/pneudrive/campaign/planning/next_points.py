@@ -1,4 +1,4 @@
-"""Next points of a fit on a rig: the speeds and pressures that the rig can hold."""
+"""Next measurements for a fit, at speeds and pressures that the rig can hold."""
 
 from __future__ import annotations
 
