@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import SAME_SPEED
 from pneudrive.estimate.estimates import CONFIDENCE
-from pneudrive.identify.base import Intervals
+from pneudrive.identify.base import names_of
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE
 from pneudrive.identify.static.robust import estimate
 from pneudrive.identify.static.survey import pressure_levels
@@ -104,7 +104,8 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
             sign = rng.choice([-1.0, 1.0], len(blocks))[np.unique(data.group, return_inverse=True)[1]]
             again = replace(data, friction_n=fitted + sign * residual)
         found[i] = model.natural(estimate(model, again, loss=loss, starts=[start]).q)
-    intervals = Intervals(intervals_of_draws(fit.free, found), fit.undetermined)
+    lost = names_of(fit.undetermined)
+    intervals = {name: ends for name, ends in intervals_of_draws(fit.free, found).items() if name not in lost}
     return Bootstrap(fit.free, found, intervals, len(blocks), kind)
 
 

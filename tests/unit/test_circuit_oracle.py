@@ -273,9 +273,8 @@ def test_a_cushion_and_a_shock_absorber_take_the_axis_to_its_ends():
 
 def test_a_cushion_is_given_whole():
     text = AXIS.read_text(encoding="utf-8").replace(', port_volume = "6 cm3" }', " }", 1)
-    with pytest.raises(DescriptionError, match=r"axis\.cushion_a_port_volume is missing") as told:
+    with pytest.raises(DescriptionError, match=r"(?s)cushion_a_port_volume is missing.*give all keys of cushion_a"):
         pn.Circuit.load(text)
-    assert "all keys of cushion_a are given" in str(told.value)
 
 
 def test_states_are_named_by_their_component_and_what_they_are():

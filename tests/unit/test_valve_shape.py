@@ -149,7 +149,7 @@ def test_two_valves_command_force_and_stiffness():
         ('[{ opening = 0 }, { opening = 1, suply = "1 dm3/(s bar)" }]', "point 2"),
         ("[{ opening = 0 }, { opening = 1 }]", "v_a.flow_table opens no edge"),
         ('[{ opening = 0 }, { opening = 1, supply = "1 bar" }]', "supply of point 2"),
-        ('[{ supply = "1 dm3/(s bar)" }, { opening = 1 }]', "only opening needed"),
+        ('[{ supply = "1 dm3/(s bar)" }, { opening = 1 }]', "only opening must be given"),
     ],
 )
 def test_wrong_flow_tables_are_told(table, said):

@@ -297,7 +297,7 @@ def export(
 
     Examples
     --------
-    pneudrive control export controller.toml --to c --out source --name left_axis
+    pneudrive control export controller.toml --to c --out source --name left
     pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 \
         --out law.fmu
     """

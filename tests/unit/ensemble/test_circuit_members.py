@@ -96,7 +96,7 @@ def test_a_folder_knows_the_commands_of_its_members(tmp_path):
     many = pn.simulate_many(DRIVE, commands, "20 ms", vary=vary, out=tmp_path / "study", **options)
     again = pn.simulate_many(DRIVE, commands, "20 ms", vary=vary, out=tmp_path / "study", **options)
     np.testing.assert_array_equal(again.final_position, many.final_position)
-    with pytest.raises(CommandError, match="the same command as"):
+    with pytest.raises(CommandError, match="only with the same command"):
         pn.simulate_many(DRIVE, [*commands[:2], "0.1"], "20 ms", vary=vary, out=tmp_path / "study", **options)
 
 
