@@ -169,7 +169,7 @@ class Finding:
 
 
 def worst(findings: Iterable[Finding | LeadingValue]) -> State:
-    """Return the state of the worst finding or value; "good" if there are none."""
+    """Return the state of the worst finding or value; "good" without findings and values."""
     states: list[State] = [finding.state for finding in findings]
     return max(states, key=STATES.index) if states else "good"
 

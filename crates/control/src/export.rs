@@ -49,6 +49,8 @@ impl ExportVariable {
 pub struct LawProgram {
     /// Key of the law.
     pub law: &'static str,
+    /// Name of the files, and begin of the names in them.
+    pub name: String,
     /// The period, s.
     pub period: f64,
     /// Time after which the present command acts, s. Some [`LawProgram::inputs`] refer to that time.
@@ -301,6 +303,7 @@ impl LawRecorder<'_> {
         };
         LawProgram {
             law: self.controller.law.key(),
+            name: format!("pneudrive_{}", self.controller.law.key().replace('-', "_")),
             period: self.controller.period,
             ahead: self.controller.ahead(),
             begin: piece(Piece::Begin),

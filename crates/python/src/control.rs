@@ -82,24 +82,22 @@ type ExportedVariable = (&'static str, String, String, String, f64);
 type SourceFile = (String, String);
 
 /// Returns source files of a controller in a language, `"c"` or `"st"`: names and texts. Then the variables of the code, in the
-/// order of inputs, parameters, outputs. The file headers contain `about`.
+/// order of inputs, parameters, outputs. The file headers contain `about`. `name` replaces the usual name.
 #[pyfunction]
 pub fn control_export(
     spec: &str,
     setup: &str,
     language: &str,
     about: &str,
+    name: Option<String>,
 ) -> PyResult<(Vec<SourceFile>, Vec<ExportedVariable>)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let (controller, _) = controller(&spec, setup.position.deviation()).map_err(to_python)?;
-    let program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
+    let mut program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
+    program.name = name.unwrap_or(program.name);
     let files = match language {
-        "c" => {
-            let mut files = program.c(about).to_vec();
-            files.push(("conformance.txt".into(), program.conformance()));
-            files
-        }
-        "st" => vec![(format!("{}.st", program.name()), program.st(about))],
+        "c" => [&program.c(about)[..], &[("conformance.txt".into(), program.conformance())]].concat(),
+        "st" => vec![(format!("{}.st", program.name), program.st(about))],
         _ => return Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
     };
     let inputs = program.inputs.iter().map(|own| ("input", own, 0.0));

@@ -15,7 +15,7 @@ from pneudrive.lazy_names import used_later
 from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
-    from pneudrive import references, units, views
+    from pneudrive import references, views
     from pneudrive.campaign.planning import protocol
     from pneudrive.control import mismatch, tuning
     from pneudrive.control import references as trajectories
@@ -183,7 +183,7 @@ def check(drive: str) -> None:
     each = [f"{name} ({component.kind})" for name, component in described.circuit.components.items()]
     typer.echo(f"{described.name}: {len(each)} components, no errors\n  {', '.join(each)}")
     for title, lines in (
-        ("To note", [*described.notes, *_together(_to_note(described.circuit.core_json()))]),
+        ("To note", [*described.notes, *_together(_ideal_valves(described.circuit.core_json()))]),
         ("Values with a source", described.sources()),
         ("Assumed", list(_together(described.assumptions()))),
     ):
@@ -191,26 +191,13 @@ def check(drive: str) -> None:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
 
 
-#: Numbers of a component -> least and greatest usual value, SI (assumed), its unit, and the written one.
-_USUAL = {
-    "bore": (2e-3, 0.4, "m", "mm"),
-    "stroke": (1e-3, 12.0, "m", "mm"),
-    "moving_mass": (1e-3, 1e4, "kg", "kg"),
-    "conductance": (1e-12, 1e-6, "m3/(s Pa)", "dm3/(s bar)"),
-}
-
-
-def _to_note(core_json: str) -> Iterator[tuple[str, str]]:
-    """Yield unusual sizes, the numbers of proportional valves that are zero, and the names of their components."""
+def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
+    """Yield the numbers of proportional valves that are zero, and the name of the valve."""
     for component in json.loads(core_json)["components"]:
-        name, numbers = component["name"], component["numbers"]
-        for key, (low, high, *unit) in _USUAL.items():
-            if not low <= numbers.get(key, low) <= high:
-                given, least, most = (units.write(value, *unit) for value in (numbers[key], low, high))
-                yield f"{{}}.{key} = {given}; usual are {least} to {most} (assumed): check the unit", name
+        numbers = component["numbers"]
         if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
             cost = "pneudrive control tune shows their effect on a controller"
-            yield f"{{}}: {', '.join(zeros)} = 0, as of an ideal valve; {cost}", name
+            yield f"{{}}: {', '.join(zeros)} = 0, as of an ideal valve; {cost}", component["name"]
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:

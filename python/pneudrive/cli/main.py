@@ -57,7 +57,7 @@ def fail(error: errors.PneudriveError) -> int:
 def _plain_warnings() -> Iterator[None]:
     """Print a warning once, as one line on stderr, without its location in the package.
 
-    Of warnings that differ only in numbers, only some are printed. All severe findings are printed.
+    Some of the warnings that differ only in numbers are left out. All severe findings are printed.
     """
     otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 

@@ -38,7 +38,7 @@ LOST_M = 0.02  # a run with a larger error is lost
 class Score(Viewed):
     """Score of a run; error is reference less position.
 
-    Measures that do not apply to the reference are None. A time is infinite if its event never occurs.
+    None marks a measure that does not apply to the reference. A time is infinite if its event never occurs.
 
     Attributes
     ----------
@@ -252,9 +252,9 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
     jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
     start, each = motion.get("start_m", 0.0), moves_of(motion)
     return Score(
-        rmse_m=_rms(scored),
+        rmse_m=rms(scored),
         max_error_m=float(np.abs(scored).max()),
-        first_rmse_m=_rms(first),
+        first_rmse_m=rms(first),
         first_max_error_m=float(np.abs(first).max()),
         **_of_moves(time, x, of["velocity"], error, (start, each)),
         overshoot_m=_overshoot(time, x, (start, ways_of(motion))),
@@ -271,10 +271,6 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
         step_undisturbed_s=float(of["least_step_time"].max()),
         lost=bool(np.abs(error).max() > LOST_M),
     )
-
-
-def _rms(error: Array) -> float:
-    return rms(error)
 
 
 def air_of(

@@ -68,7 +68,7 @@ def export(
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
     name : str, optional
-        Name of the source files, and begin of the names in them, such as ``"left_axis"``; by default
+        Name of the source files, and begin of the names in them, such as ``"left_axis"``; not for FMUs. By default
         ``"pneudrive_<law>"``. Axes in one program need different names.
 
     Returns
@@ -93,7 +93,9 @@ def export(
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     read, _ = read_setup(setup)
-    if name is not None and not (to != "fmu" and name.isidentifier() and name.isascii()):
+    if name is not None and to == "fmu":
+        raise CommandError("the files of an FMU cannot have another name", remedy="Leave the name out.")
+    if name is not None and not (name.isidentifier() and name.isascii()):
         raise CommandError(
             f'the controller cannot have the name "{name}"',
             rule="a name of source code consists of letters, digits and underscores, and begins with a letter",
@@ -111,15 +113,7 @@ def export(
 
         target = check_fmu(out, version)
         return [write_fmu(code_plan(tuning, *_written(tuning, read, "c")), target, version).path]
-    files, _ = _written(tuning, read, to)
-    if name is not None:
-        usual = f"pneudrive_{tuning.law.replace('-', '_')}"
-        names = {
-            usual: name,
-            usual.upper(): name.upper(),
-        }
-        for old, new in names.items():
-            files = [(file.replace(old, new), text.replace(old, new)) for file, text in files]
+    files, _ = _written(tuning, read, to, name)
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +123,7 @@ def export(
 
 
 def _written(
-    tuning: Tuning, setup: Setup, to: Literal["c", "st"]
+    tuning: Tuning, setup: Setup, to: Literal["c", "st"], name: str | None = None
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str, str, str, float]]]:
     """Return the files of a controller, and the variables of its code."""
     belief = tuning.belief
@@ -137,7 +131,7 @@ def _written(
     about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}."
     about = about.replace("*", "").encode("ascii", "replace").decode()
     try:
-        return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about)
+        return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about, name)
     except ValueError as error:
         raise CommandError(str(error)) from None
 

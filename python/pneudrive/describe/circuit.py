@@ -56,8 +56,8 @@ class Circuit(Described):
 
     Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged` lists
     closed ports. `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
-    Tables of a drive file (``supply``, ``valve``, ``cylinder``, ...) define the components of these names and their
-    default connections.
+    Tables of a drive file, such as ``supply`` and ``cylinder``, define components of these names with their default
+    connections.
 
     Examples
     --------
@@ -441,7 +441,12 @@ class Circuit(Described):
             f"{name}.friction {friction.note}" for name, friction in frictions.items() if friction and friction.note
         ]
         idle = [f"{name}.{line}" for name, one in self.components.items() for line in one.idle]
-        return self.wiring.warnings + said + idle
+        return self.wiring.warnings + said + idle + self.unusual
+
+    @property
+    def unusual(self) -> list[str]:
+        """Sizes of components that are larger or smaller than usual ones: their unit may be wrong."""
+        return [f"{name}.{line}" for name, one in self.components.items() for line in one.unusual]
 
     def _card(self) -> Card:
         """Return a card with a line for each component, and the connections."""

@@ -19,12 +19,15 @@ from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
 from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
-from pneudrive.units import Pressure, suffix
+from pneudrive.units import Pressure, UnitFloat, suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Keyed, Plain
+
+#: Key of a size -> least and greatest usual value, SI (assumed).
+USUAL = {"bore": (2e-3, 0.4), "stroke": (1e-3, 12.0), "moving_mass": (1e-3, 1e4), "conductance": (1e-12, 1e-6)}
 
 
 class Component(Described):
@@ -251,6 +254,15 @@ class Component(Described):
                 key, _, option = parameter["only"].partition(" = ")
                 needed = f"without {f'{key} = {option!r}' if option else key}"
                 yield f"{parameter['key']} has no effect {needed.replace('without no', 'with')}"
+
+    @property
+    def unusual(self) -> Iterator[str]:
+        """Sizes that are larger or smaller than usual ones."""
+        for key, ends in USUAL.items():
+            given = getattr(self, key, None)
+            if given is not None and not ends[0] <= given <= ends[1]:
+                least, most = (UnitFloat(end, given.si_unit, given.unit) for end in ends)
+                yield f"{key} = {given}; usual are {least} to {most} (assumed): check the unit"
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the component as its table: its class is made again on loading."""

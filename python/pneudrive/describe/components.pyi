@@ -44,8 +44,10 @@ from pneudrive.errors import (
     within as within,
     wrong as wrong,
 )
-from pneudrive.units import Pressure as Pressure, suffix as suffix
+from pneudrive.units import Pressure as Pressure, UnitFloat as UnitFloat, suffix as suffix
 from typing import Annotated, Any, ClassVar
+
+USUAL: Incomplete
 
 class Component(Described):
     model_config: Incomplete
@@ -76,6 +78,8 @@ class Component(Described):
     def assumed(self) -> Iterator[str]: ...
     @property
     def idle(self) -> Iterator[str]: ...
+    @property
+    def unusual(self) -> Iterator[str]: ...
     def __reduce__(self) -> tuple[object, ...]: ...
     def __getattr__(self, name: str) -> _Any: ...
     def __init__(self, *, kind: str, at: _Given | _Sequence[_Any] | None = ..., **keys: _Any) -> None: ...

@@ -410,8 +410,8 @@ class Drive(Described):
 
     @property
     def notes(self) -> list[str]:
-        """Warnings from reading the drive: a friction table without a law."""
-        return [f"friction {self.friction.note}"] if self.friction.note else []
+        """Warnings from reading the drive: a friction table without a law, unusual sizes."""
+        return [*([f"friction {self.friction.note}"] if self.friction.note else []), *self.circuit.unusual]
 
     def _card(self) -> Card:
         """Return a card with a line for each table and its given values."""

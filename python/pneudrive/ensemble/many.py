@@ -552,18 +552,18 @@ def simulate_many(
           names in `pneudrive.ensemble`: `n` points of a scrambled Sobol sequence;
         - ``pn.grid("20 mm .. 32 mm", 7)``: all combinations.
 
-        For a circuit, names are those of its components and their keys, such as ``left.bore``,
-        ``left.friction.coulomb`` and ``initial.left.position``, and also ``ambient.pressure`` and
-        ``ambient.temperature``. It may also be a `pn.EnsembleDesign`: Latin hypercube, correlation, or the posterior of
-        a fit. Values that depend on a varied number change with it.
+        For a circuit, a name has a component and a key, such as ``left.bore`` or ``initial.left.position``. The names
+        ``ambient.pressure`` and ``ambient.temperature`` vary the surroundings. A `pn.EnsembleDesign` in place of the
+        mapping has a Latin hypercube, a correlation, or the posterior of a fit. Values that depend on a varied number
+        change with it.
     n : int, optional
         Number of members, if `vary` has distributions.
     outputs : sequence of str or Output, optional
         Outputs of each run: ``"final(position)"``, ``"max(velocity)"``, ``"min(pressure_b)"``, ``"mean(...)"``,
         ``"integral(mass_flow_a)"``, ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"``,
-        ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with your own name in front (``"top = max(velocity)"``),
-        or objects of `pneudrive.ensemble`, among them `pneudrive.ensemble.own`. The state at the end and the stroke
-        time are kept by default.
+        ``"stroke_time"``, ``"samples(position, 100 Hz)"``. A name may be in front, as in
+        ``"top = max(velocity)"``. Objects of `pneudrive.ensemble` are accepted, too, among them
+        `pneudrive.ensemble.own`. The default is the state at the end and the stroke time.
     initial : Initial, dict or str, or a list of them, optional
         Start state of all members, or one for each, with the same keys. Missing values follow from the stroke and
         the ambient air of the member.
@@ -574,8 +574,8 @@ def simulate_many(
     executor : Executor, optional
         Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder into which finished chunks are written as Parquet. An interrupted study is resumed from it, without
-        running finished chunks again.
+        Folder into which finished chunks are written as Parquet. An interrupted study is resumed from it. Finished
+        chunks do not run again.
     chunk : int, optional
         Number of members that run, and are written, together.
     errors : str

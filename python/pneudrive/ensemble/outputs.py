@@ -77,7 +77,7 @@ class MemberPlans:
 
     @property
     def moves_up(self) -> bool | None:
-        """Whether the first command other than 0 is positive. None if members differ or there is no such command."""
+        """Whether the first command other than 0 is positive. None if members differ, or without such a command."""
         every = (values for each in self.steps.values() for _, values in each)
         signs = {next((value > 0.0 for value in values if value), None) for values in every}
         return signs.pop() if len(signs) == 1 else None

@@ -14,8 +14,8 @@ Times of samples are those of `pneudrive.rig.motion.schedule`::
 Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
 another).
 
-A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. A source
-states the kind by the scheme of its address or by ``kind = "..."`` in its TOML file; a folder has the kind ``folder``.
+A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The
+scheme of an address is the kind of a source. A TOML file has ``kind = "..."``, and a folder is of the kind ``folder``.
 
 Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed.
 `record` returns the readings of the sensors. `measure` does both, and `sweep` does so over speeds and pressures.

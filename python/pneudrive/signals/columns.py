@@ -44,7 +44,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is the unit as
-    written in layouts. ``gauge`` is None if a pressure is not marked as gauge or absolute.
+    written in layouts. ``gauge`` is None where neither gauge nor absolute is marked.
     """
 
     si: str

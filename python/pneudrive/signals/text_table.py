@@ -601,7 +601,7 @@ def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str
 
     The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
     most roles.
-    Of equally good rows, the row above the units is taken. Names for fewer than half of the columns are a preamble.
+    Among equally good rows, that above the units is taken. Names for fewer than half of the columns are a preamble.
     """
     rows = list(_rows_above(above, form, width))
     units = next((fields for _, fields, _ in rows if _are_units(fields)), [])

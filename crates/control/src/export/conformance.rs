@@ -60,7 +60,7 @@ impl LawProgram {
         let results = RESULTS.iter().map(|own| own.0).chain(["status"]);
         let mut text = format!(
             "# Bits of the inputs of {} and of its results, a line for each sample.\n# {} | {}\n",
-            self.name(),
+            self.name,
             names.collect::<Vec<_>>().join(" "),
             results.collect::<Vec<_>>().join(" ")
         );

@@ -185,14 +185,9 @@ impl LawProgram {
         ]
     }
 
-    /// Name in the code.
-    pub fn name(&self) -> String {
-        format!("pneudrive_{}", self.law.replace('-', "_"))
-    }
-
     /// Returns the texts of all gaps that do not depend on the pieces. The caller supplies `about`.
     fn gaps(&self, language: Language, about: &str) -> Vec<(&'static str, String)> {
-        let (name, [kept, seen]) = (self.name(), self.memory);
+        let (name, [kept, seen]) = (&self.name, self.memory);
         let lines = [
             format!("Controller {} with its observer, made by pneudrive from its own equations.", self.law),
             format!("Call it every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
@@ -208,7 +203,7 @@ impl LawProgram {
         let given = |own: &ExportVariable, start| language.variable(&own.name, own.unit, &own.meaning, start);
         vec![
             ("NAME", name.to_uppercase()),
-            ("name", name),
+            ("name", name.clone()),
             ("about", lines.map(comment).collect()),
             ("inputs", self.inputs.iter().map(|own| given(own, None)).collect()),
             ("parameters", self.parameters.iter().map(|(own, value)| given(own, Some(*value))).collect()),
@@ -225,7 +220,7 @@ impl LawProgram {
     /// C99 files, name and text each: header, source, and elementary functions. They allocate nothing, open no file, and
     /// need two functions of a C library, `fma` and `sqrt`, which IEEE 754 rounds correctly.
     pub fn c(&self, about: &str) -> [(String, String); 3] {
-        let (name, mut gaps) = (self.name(), self.gaps(Language::C, about));
+        let (name, mut gaps) = (&self.name, self.gaps(Language::C, about));
         let values: Vec<String> = self.parameters.iter().map(|own| Language::C.constant(own.1)).collect();
         for (piece, (text, _)) in
             ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(Language::C))

@@ -46,7 +46,9 @@ fn brakes(model: &Model, observer: &Observer, command: f64, margin: f64, period:
 /// The model gives the distance s under `command` for a period, then under full braking or with the valve shut: the
 /// shorter of both. It brakes if
 ///
-///   (1 + m) s > room,   with the margin m of [`BRAKE_MARGINS`]
+///   (1 + m) s > room
+///
+/// with the margin m of [`BRAKE_MARGINS`].
 ///
 /// An open chamber that is pressed above the supply loses its air to the supply.
 fn brakes_before(

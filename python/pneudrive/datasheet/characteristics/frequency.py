@@ -62,8 +62,8 @@ def _bode(
 ) -> Found:
     """Frequency response.
 
-    Response of velocity, position and pressures to a small command about an operating point. By default it is at mid
-    stroke, with pressures of slow steady motion, a valve that begins to open (u > 0), and viscous friction.
+    Response of velocity, position and pressures to a small command about an operating point. The default is mid
+    stroke, pressures of slow steady motion, a valve that begins to open (u > 0), and viscous friction.
 
     Settings
     --------

@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -432,14 +431,16 @@ def fit_groups(
     """Fit laws to each group of rows of a map, by the name of its group: group -> law -> fit, and failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
-    for group, law in product(dict.fromkeys(names), laws):
+    for group in dict.fromkeys(names):
         part = table.isel(row=np.flatnonzero(np.array(names) == group))
-        try:
-            found = fit_map(part, law, exclude_flags)
-        except FitError as error:
-            problems.append(f"{group}, {law}: {error.what}")
-        else:
-            fits.setdefault(group, {})[law] = found
+        for law in laws:
+            label = f"{group}, {law}"
+            try:
+                found = fit_map(part, law, exclude_flags)
+            except FitError as error:
+                problems.append(f"{label}: {error.what}")
+            else:
+                fits.setdefault(group, {})[law] = found
     return fits, problems
 
 

@@ -288,7 +288,7 @@ class RigServer:
 
     @property
     def is_free(self) -> bool:
-        """Whether a new client may be served: there is no client, or the present one has no heartbeat."""
+        """Whether a new client may be served: none is connected, or the present one lacks a heartbeat."""
         return self.session is None or self._beat_at is None
 
     def enter(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession

@@ -420,7 +420,7 @@ def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
 def nearest_sample(time_s: Array, at: float) -> int:
     """Return the index of the sample nearest to a time among increasing times.
 
-    Of two equally near samples, the earlier one is returned.
+    The earlier one of two equally near samples is returned.
     """
     after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
     return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
