@@ -18,4 +18,6 @@ pub mod mechanics;
 pub mod written;
 
 pub use gas::{Gas, IdealGas, Virial};
-pub use parameter::{Bounds, LARGEST, Parameter, above, any, at_least, between, is_huge, within};
+pub use parameter::{
+    Bounds, LARGEST, Parameter, above, any, at_least, between, in_usual_unit, is_huge, within,
+};

@@ -94,6 +94,21 @@ impl std::fmt::Display for Bounds {
     }
 }
 
+/// Writes a number in SI, to six digits, in the unit of descriptions: `0.032, "m"` as `32 mm`.
+pub fn in_usual_unit(value: f64, unit: &str) -> String {
+    let (factor, usual) = match unit {
+        "m" => (1e3, "mm"),
+        "m/s" => (1e3, "mm/s"),
+        "Pa" => (1e-5, "bar"),
+        "Pa abs" => (1e-5, "bar abs"),
+        "m3/(s Pa)" => (1e8, "dm3/(s bar)"),
+        "-" | "1" => (1.0, ""),
+        other => (1.0, other),
+    };
+    let rounded: f64 = format!("{:.5e}", factor * value).parse().unwrap_or(value);
+    format!("{rounded} {usual}").trim_end().into()
+}
+
 /// Greater than `lower`.
 pub const fn above(lower: f64) -> Bounds {
     Bounds { lower, upper: f64::INFINITY, open: true, open_above: true }

@@ -1,12 +1,12 @@
 //! Valves of a circuit that a law commands, and their data for the law.
 
-use crate::numbers::{given, number};
+use crate::numbers::{given, number, quantity};
 use crate::refuse;
 use circuit::Error;
 use circuit::specification::{Circuit, Component};
 use control::{Armature, Arrangement, Valve};
-use physics::IdealGas;
 use physics::flow::Iso6358;
+use physics::{IdealGas, in_usual_unit};
 use std::f64::consts::TAU;
 
 const PROPORTIONAL_53: &str = "valve/proportional-5/3";
@@ -134,9 +134,10 @@ fn same(each: &[&Component]) -> Result<(), Error> {
         let keys = first.numbers.keys().chain(own.numbers.keys());
         let (choices, of_own) = (&first.choices, &own.choices);
         if let Some(key) = keys.into_iter().find(|key| number(own, key) != number(first, key)) {
-            let shown = |one| number(one, key).map_or("absent".into(), |value| value.to_string());
+            let shown =
+                |one| quantity(one, key).map_or("absent".into(), |(value, unit)| in_usual_unit(value, unit));
             return refuse!(
-                "{}.{key} is {}, {}.{key} is {} (SI): a controller assumes that the valves are equal",
+                "{}.{key} is {}, {}.{key} is {}: a controller assumes that the valves are equal",
                 first.name,
                 shown(first),
                 own.name,

@@ -167,7 +167,7 @@ function Axes({ flat, height }: { flat: Projection["flat"]; height: number }) {
 
 const signed = (force: number): string => `${force < 0 ? "−" : "+"}${digits(Math.abs(force))} N`;
 
-/** Bar of a force between the forces that the supply gives at rest. */
+/** Bar of a force, from the largest pull to the largest push that the supply pressure gives at rest. */
 function ForceBar({ force, limits: [low, high], width }: { force: number; limits: SentLeg["limits"]; width: number }) {
   const most = Math.max(Math.abs(low ?? force), Math.abs(high ?? force), 1e-9);
   const end = (value: number) => (width / 2) * (1 + Math.max(-1, Math.min(1, value / most)));
@@ -447,8 +447,8 @@ export function PlatformAt(props: {
           {children}
           <p class="note">
             Line: path of the {platform.traced}
-            {platform.reach.length > 2 && "; shade: outline of its workspace"}. Bars: force along each leg, between the
-            forces at rest from the supply.
+            {platform.reach.length > 2 && "; shade: outline of its workspace"}. Bars: force along each leg. A bar
+            ranges from the largest pull to the largest push of the leg at rest, with the supply pressure.
           </p>
         </div>
         <aside>

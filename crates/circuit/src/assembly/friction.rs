@@ -4,12 +4,12 @@ use super::own_law::{check_levels, own_law};
 use crate::ground::{DIRECTIONS, Error, Lifted, refuse, seeds};
 use crate::specification::{self, Friction, Numbers, StribeckShape};
 use math::{Dual, Lane};
-use physics::Parameter;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
     AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Evolution, Harmonic,
     Heating, LAWS, Meta, Position, Relaxation, SealLips, Shape, SideLoad, Table, Wear,
 };
+use physics::{Parameter, in_usual_unit};
 use std::collections::BTreeMap;
 
 /// Largest number of points of a position table, because each costs time at every evaluation.
@@ -319,7 +319,8 @@ fn position_table<P: Lane>(position: &Lifted<specification::Position>) -> Result
     for pair in points.windows(2) {
         let [before, after] = [pair[0].position_m, pair[1].position_m];
         if before.is_nan() || after <= before || !after.is_finite() {
-            return refuse!("friction.position.table: the position {after} m must be above {before} m");
+            let [before, after] = [before, after].map(|position| in_usual_unit(position, "m"));
+            return refuse!("friction.position.table: the position {after} must be above {before}");
         }
     }
     if let Some(point) = points.iter().find(|point| !(point.factor > 0.0 && point.factor.is_finite())) {

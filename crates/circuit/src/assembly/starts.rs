@@ -7,7 +7,7 @@ use crate::component::Starting;
 use crate::ground::{Error, refuse};
 use crate::part::mechanism::Unreached;
 use ode::Options;
-use physics::is_huge;
+use physics::{in_usual_unit, is_huge};
 use std::collections::BTreeMap;
 
 /// Age of the contacts of a start, s.
@@ -58,11 +58,12 @@ impl Assembly {
             let legs: Vec<_> = platform.nodes.iter().map(of).collect();
             let starts: Vec<[f64; 2]> = legs.iter().map(|(.., start)| *start).collect();
             platform.check_start(&starts).map_err(|fault| {
-                let x = |leg: usize| format!("the start {} = {} m", legs[leg].1, starts[leg][0]);
+                let x = |leg: usize| format!("the start {} = {}", legs[leg].1, in_usual_unit(starts[leg][0], "m"));
                 Error::Specification(match fault {
                     Unreached::Leg(leg, nearest) => format!(
-                        "{}: no pose of {name} has these positions of its legs. In the nearest pose it is {nearest:.6} m",
-                        x(leg)
+                        "{}: no pose of {name} has these positions of its legs. In the nearest pose it is {}",
+                        x(leg),
+                        in_usual_unit(nearest, "m")
                     ),
                     Unreached::Pose(tilt) => format!(
                         "{}: the pose of {name} with these positions is singular, or tilts by {tilt:.0} deg. Start nearer to a level pose",

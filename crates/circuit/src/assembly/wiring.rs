@@ -10,7 +10,7 @@ use crate::ground::{Error, refuse};
 use crate::part::InputId;
 use math::{Deps, Lane, Over};
 use ode::Structure;
-use physics::Gas;
+use physics::{Gas, in_usual_unit};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -45,8 +45,9 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
             let Some(piston) = build.pistons.iter().find(|piston| piston.axis == of) else { continue };
             let (x, stroke) = (position.get(0), piston.stroke.get(0));
             if x < -0.5 * play || x > stroke + 0.5 * play {
+                let [x, stroke] = [x, stroke].map(|position| in_usual_unit(position, "m"));
                 return refuse!(
-                    "{name}.position = {x} m is outside the stroke of {}, 0 to {stroke} m: nothing runs into it there",
+                    "{name}.position = {x} is outside the stroke of {}, 0 to {stroke}: nothing runs into it there",
                     piston.name
                 );
             }

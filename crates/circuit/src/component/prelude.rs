@@ -14,3 +14,4 @@ pub(super) use crate::ground::{Error, refuse};
 pub(super) use crate::part::Path;
 pub(super) use crate::table;
 pub(super) use math::Lane;
+pub(super) use physics::in_usual_unit;

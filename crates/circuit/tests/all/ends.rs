@@ -182,8 +182,8 @@ fn an_impossible_cushion_is_refused() {
         ])
     };
     assert_eq!(message(&[("cushion_a_length", 0.02)]), "own.cushion_a_plunger_diameter is missing");
-    assert!(whole(0.02, 0.05).contains("own.cushion_a_plunger_diameter = 0.05 m must be less than the bore"));
-    assert!(whole(0.3, 0.02).contains("own.cushion_a_length = 0.3 m must be less than the stroke"));
+    assert!(whole(0.02, 0.05).contains("own.cushion_a_plunger_diameter = 50 mm must be less than the bore"));
+    assert!(whole(0.3, 0.02).contains("own.cushion_a_length = 300 mm must be less than the stroke"));
     assert_eq!(whole(0.02, 0.02), "");
     let both = |a: f64, b: f64| {
         let each = [("a", a), ("b", b)].map(|(end, length)| {
@@ -199,7 +199,7 @@ fn an_impossible_cushion_is_refused() {
     };
     assert_eq!(both(0.1, 0.1), "", "a stroke of 200 mm");
     let overlap =
-        "own.cushion_b_length = 0.11 m overlaps own.cushion_a_length = 0.1 m: together they must not be";
+        "own.cushion_b_length = 110 mm overlaps own.cushion_a_length = 100 mm: together they must not be";
     assert!(both(0.1, 0.11).contains(overlap), "{}", both(0.1, 0.11));
 }
 
@@ -230,9 +230,9 @@ fn what_a_piston_never_runs_into_is_refused() {
         for inside in [0.0, 0.15, 0.2] {
             assert_eq!(message(kind, inside, None), "");
         }
-        for outside in [-0.01, 0.21] {
+        for (outside, told) in [(-0.01, "-10"), (0.21, "210")] {
             let said = message(kind, outside, None);
-            let what = format!("end.position = {outside} m is outside the stroke of own, 0 to 0.2 m");
+            let what = format!("end.position = {told} mm is outside the stroke of own, 0 to 200 mm");
             assert!(said.starts_with(&what), "{said}");
         }
         assert_eq!(message(kind, 0.205, Some(0.02)), "", "within the play of the coupling");

@@ -310,12 +310,12 @@ fn pressures_that_contradict_each_other_are_refused() {
         (
             "compressor",
             json!({ "free_air_delivery": 1e-3, "start_pressure": 8e5, "stop_pressure": 7e5 }),
-            "x.start_pressure = 800000 Pa must be below x.stop_pressure",
+            "x.start_pressure = 8 bar abs must be below x.stop_pressure",
         ),
         (
             "soft-start",
             json!({ "needle_conductance": 2e-8, "conductance": 1e-8 }),
-            "x.needle_conductance = 0.00000002 m3/(s Pa) is above x.conductance",
+            "x.needle_conductance = 2 dm3/(s bar) is above x.conductance",
         ),
     ];
     for (kind, numbers, expected) in cases {

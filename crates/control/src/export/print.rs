@@ -191,7 +191,7 @@ impl LawProgram {
         let lines = [
             format!("Controller {} with its observer, made by pneudrive from its own equations.", self.law),
             format!("Call it every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
-            "SI units, pressures absolute. The learned values stay when the drive is disabled; a memory of zeros forgets them.".into(),
+            "SI units, pressures absolute. The learned values stay when the drive is disabled. Set the memory to zeros to forget them.".into(),
             "Sensors and reference are checked. It is not a safety function, and it does not brake before an end stop.".into(),
         ];
         let status = STATUS.iter().map(|(value, meaning)| format!("status {value}: {meaning}"));

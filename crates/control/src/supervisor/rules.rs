@@ -5,6 +5,7 @@ use crate::model::Model;
 use crate::reference::Wanted;
 use crate::thresholds::{BLOCK_SLOW, LIMIT_ROUNDING};
 use crate::types::{Edges, Moment, State};
+use physics::in_usual_unit;
 use serde::Deserialize;
 
 /// Reaction to a fault.
@@ -90,13 +91,15 @@ impl Rules {
         let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
         if !(low - LIMIT_ROUNDING..=high + LIMIT_ROUNDING).contains(&x) {
             let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
+            let [x, low, high] = [x, low, high].map(|position| in_usual_unit(position, "m"));
             return Some(format!(
-                "the reference has the position {x} m: it must stay within {whose}, {low} to {high} m"
+                "the reference has the position {x}: it must stay within {whose}, {low} to {high}"
             ));
         }
-        let fastest = self.speed;
-        (v.is_nan() || v.abs() > fastest + LIMIT_ROUNDING)
-            .then(|| format!("the reference has the speed {v} m/s: limits.speed is {fastest} m/s"))
+        (v.is_nan() || v.abs() > self.speed + LIMIT_ROUNDING).then(|| {
+            let [v, fastest] = [v, self.speed].map(|speed| in_usual_unit(speed, "m/s"));
+            format!("the reference has the speed {v}: limits.speed is {fastest}")
+        })
     }
 }
 

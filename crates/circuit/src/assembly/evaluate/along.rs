@@ -6,6 +6,7 @@ use crate::circuit::Circuit;
 use crate::ground::{DIRECTIONS, Error, Given, Net};
 use math::Dual;
 use ode::System;
+use physics::in_usual_unit;
 
 /// Only one direction is used, for the flow. The equations are compiled for this number of directions in any case.
 type AlongFlow = Dual<f64, DIRECTIONS>;
@@ -103,14 +104,14 @@ impl Driven<'_> {
         let holds = circuit.inside(&y, plain) > 0.0;
         if !holds {
             return Err(Error::Stopped(format!(
-                "the record cannot be of this drive: at t = {} s the piston is at {:.6} m of {:.6} m, the chambers are at {:.4e} \
-                 and {:.4e} Pa absolute, {:.1} and {:.1} K. Rule: the piston between the covers, pressures and temperatures \
+                "the record cannot be of this drive: at t = {} s the piston is at {} of {}, the chambers are at {} and \
+                 {}, {:.1} and {:.1} K. Rule: the piston between the covers, pressures and temperatures \
                  above zero. Check the zero of the position, gauge and absolute pressure, stroke and dead volumes",
                 record.times[i],
-                record.position[i],
-                self.stroke,
-                record.pressure[0][i],
-                record.pressure[1][i],
+                in_usual_unit(record.position[i], "m"),
+                in_usual_unit(self.stroke, "m"),
+                in_usual_unit(record.pressure[0][i], "Pa abs"),
+                in_usual_unit(record.pressure[1][i], "Pa abs"),
                 t[0],
                 t[1]
             )));

@@ -28,8 +28,9 @@ impl Component for CompressorComponent {
             return Ok(());
         }
         let name = &own.name;
+        let [start, stop] = [start, stop].map(|pressure| in_usual_unit(pressure, "Pa abs"));
         refuse!(
-            "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: otherwise it would turn on and off without end"
+            "{name}.start_pressure = {start} must be below {name}.stop_pressure = {stop}: otherwise it would turn on and off without end"
         )
     }
 

@@ -99,13 +99,15 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
     }
     match (has_rod, rod) {
         (false, rod) if rod != 0.0 => {
-            refuse!("{}.rod_diameter = {rod} m: a rodless cylinder has no rod", own.name)
+            let rod = in_usual_unit(rod, "m");
+            refuse!("{}.rod_diameter = {rod}: a rodless cylinder has no rod", own.name)
         }
         (true, 0.0) => {
             refuse!("{}.rod_diameter is missing: this kind of cylinder has a rod", own.name)
         }
         (true, rod) if rod >= bore => {
-            refuse!("{}.rod_diameter = {rod} m must be less than the bore, {bore} m", own.name)
+            let [rod, bore] = [rod, bore].map(|diameter| in_usual_unit(diameter, "m"));
+            refuse!("{}.rod_diameter = {rod} must be less than the bore, {bore}", own.name)
         }
         _ => Ok(()),
     }

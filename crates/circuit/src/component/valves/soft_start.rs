@@ -33,9 +33,10 @@ impl Component for SoftStart {
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let [needle, open] = ["needle_conductance", "conductance"].map(|key| own.number(key));
         if needle > open {
+            let [needle, open] = [needle, open].map(|conductance| in_usual_unit(conductance, "m3/(s Pa)"));
             return refuse!(
-                "{}.needle_conductance = {needle} m3/(s Pa) is above {}.conductance = {open} m3/(s Pa): the open valve \
-                 lets more through than its needle",
+                "{}.needle_conductance = {needle} is above {}.conductance = {open}: the open valve lets more through \
+                 than its needle",
                 own.name,
                 own.name
             );

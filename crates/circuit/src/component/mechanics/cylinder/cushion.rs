@@ -59,9 +59,10 @@ pub(super) fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
     }
     let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
     if a + b > stroke {
+        let [a, b, stroke] = [a, b, stroke].map(|length| in_usual_unit(length, "m"));
         return refuse!(
-            "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
-             stroke, {stroke} m",
+            "{}.cushion_b_length = {b} overlaps {}.cushion_a_length = {a}: together they must not be longer than the \
+             stroke, {stroke}",
             own.name,
             own.name
         );
@@ -77,14 +78,16 @@ pub(super) fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error>
     let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
     let (length, stroke) = (number("length"), own.number("stroke"));
     if diameter >= bore {
+        let [diameter, bore] = [diameter, bore].map(|size| in_usual_unit(size, "m"));
         return refuse!(
-            "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
+            "{}.cushion_{end}_plunger_diameter = {diameter} must be less than the bore, {bore}",
             own.name
         );
     }
     if length >= stroke {
+        let [length, stroke] = [length, stroke].map(|size| in_usual_unit(size, "m"));
         return refuse!(
-            "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
+            "{}.cushion_{end}_length = {length} must be less than the stroke, {stroke}",
             own.name
         );
     }
