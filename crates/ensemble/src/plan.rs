@@ -242,11 +242,7 @@ fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {
 
 /// Checks a plan and returns the index of its input.
 fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize, Error> {
-    let inputs = &template.variables.inputs;
-    let Some(input) = inputs.iter().position(|own| own.name == plan.input) else {
-        let names: Vec<&str> = inputs.iter().map(|own| &*own.name).collect();
-        return refuse!("there is no input \"{}\"; there are {}", plan.input, names.join(", "));
-    };
+    let input = template.variables.input(&plan.input)?;
     let increasing = plan.times.windows(2).all(|pair| pair[0] < pair[1]);
     if plan.times.first() != Some(&0.0) || !increasing || plan.values.width != plan.times.len() {
         return refuse!(
@@ -255,7 +251,7 @@ fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize,
         );
     }
     plan.values.check(&plan.input, members)?;
-    let bounds = inputs[input].bounds;
+    let bounds = template.variables.inputs[input].bounds;
     if let Some(value) =
         plan.values.values.iter().find(|value| !value.is_finite() || !bounds.contain(**value))
     {

@@ -286,11 +286,8 @@ pub fn control_run<'py>(
             }
             led.push((Servo::new(&mut session, &axis, &setup)?, controller, reference));
         }
-        let place = |name: &String| match session.columns().iter().position(|own| own == name) {
-            Some(place) => Ok(place),
-            None => Err(Error::Specification(format!("the circuit has no output {name}"))),
-        };
-        let places = outputs.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+        let places = outputs.iter().map(|name| session.variables().column(name));
+        let places = places.collect::<Result<Vec<_>, _>>()?;
         let mut each: Vec<_> = (led.iter_mut())
             .map(|(servo, controller, reference)| Led { servo, controller, reference })
             .collect();

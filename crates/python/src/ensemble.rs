@@ -83,14 +83,7 @@ fn plan<'a>(
 
 impl PyEnsemble {
     fn output(&self, asked: &Output) -> PyResult<Reduction> {
-        let columns = self.ensemble.template().columns();
-        let Some(column) = columns.iter().position(|own| *own == asked.column) else {
-            return refuse(format!(
-                "there is no column \"{}\"; there are {}",
-                asked.column,
-                columns.join(", ")
-            ));
-        };
+        let column = self.ensemble.template().variables.column(&asked.column).map_err(to_python)?;
         let value = || match asked.value {
             Some(value) if value.is_finite() => Ok(value),
             _ => refuse(format!("{} of {} needs a finite value", asked.what, asked.column)),

@@ -22,8 +22,7 @@ impl PySession {
     }
 
     fn input(&self, name: &str) -> PyResult<usize> {
-        let place = self.session.inputs().iter().position(|input| input.name == name);
-        place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
+        self.session.variables().input(name).map_err(to_python)
     }
 
     fn prescribed(&mut self) -> PyResult<(&Session, &mut Prescribed)> {
@@ -42,13 +41,9 @@ impl PySession {
         &mut self.session
     }
 
-    fn column(&self, name: &str) -> Option<usize> {
-        self.session.columns().iter().position(|column| column == name)
-    }
-
     fn columns_of(&self, names: &[String]) -> PyResult<Vec<usize>> {
-        let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
-        names.iter().map(|name| self.column(name).ok_or_else(|| unknown(name))).collect()
+        let places = names.iter().map(|name| self.session.variables().column(name));
+        places.collect::<Result<_, _>>().map_err(to_python)
     }
 }
 
@@ -178,9 +173,9 @@ impl PySession {
 
     /// Returns a column, or an input, at the present state.
     fn read(&mut self, name: &str) -> PyResult<f64> {
-        match self.column(name) {
-            Some(column) => Ok(self.session.read(column)),
-            None => Ok(self.session.input(self.input(name)?)),
+        match self.session.variables().column(name) {
+            Ok(column) => Ok(self.session.read(column)),
+            Err(_) => Ok(self.session.input(self.input(name)?)),
         }
     }
 

@@ -110,21 +110,15 @@ pub fn run_together(
 impl Servo {
     /// The loop of an axis of a session that has these components.
     pub fn new(session: &mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
-        let absent = |what: &str, name: &str| {
-            let message = format!("the circuit has no {what} {name}: the controller is for another drive");
-            Error::Specification(message)
-        };
-        let input = |session: &Session, name: String| {
-            let place = session.inputs().iter().position(|own| own.name == name);
-            place.ok_or_else(|| absent("input", &name))
-        };
+        let foreign =
+            |error: Error| Error::Specification(format!("the controller is for another drive: {error}"));
+        let input = |session: &Session, name: String| session.variables().input(&name).map_err(foreign);
         let mut columns = [0; 4];
         for (column, of_cylinder) in
             columns.iter_mut().zip(["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"])
         {
             let name = format!("{}.{of_cylinder}", axis.cylinder);
-            let place = session.columns().iter().position(|column| *column == name);
-            *column = place.ok_or_else(|| absent("output", &name))?;
+            *column = session.variables().column(&name).map_err(foreign)?;
         }
         if !setup.forces.is_empty() {
             let force = input(session, format!("{}.load_force_n", axis.cylinder))?;

@@ -284,15 +284,8 @@ impl Network {
         start: &BTreeMap<String, f64>,
         options: Options,
     ) -> Result<Session, Error> {
-        let inputs = &self.assembly.variables.inputs;
-        let place = |name: &String| match inputs.iter().position(|input| input.name == *name) {
-            Some(input) => Ok(input),
-            None => {
-                let names = one_of(inputs.iter().map(|input| input.name.as_str()));
-                refuse!("there is no input \"{name}\"; there are {names}")
-            }
-        };
-        let places = plans.iter().map(|(name, ..)| place(name)).collect::<Result<Vec<_>, _>>()?;
+        let places = plans.iter().map(|(name, ..)| self.assembly.variables.input(name));
+        let places = places.collect::<Result<Vec<_>, _>>()?;
         let first: Vec<(usize, f64)> = (places.iter().zip(plans))
             .filter_map(|(&input, (_, times, values))| {
                 Some((input, *values.get(times.partition_point(|time| *time <= 0.0).checked_sub(1)?)?))

@@ -12,7 +12,7 @@ pub use sampled::Sampling;
 
 use crate::assembly::evaluate::glances::Glances;
 use crate::assembly::schedule::{Due, ScheduledAction};
-use crate::assembly::variables::{Assembly, Settable, Target};
+use crate::assembly::variables::{Assembly, Settable, Target, Variables};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::component::{Starting, Timing};
 use crate::ground::{Error, Net, check_bounds, refuse};
@@ -251,6 +251,11 @@ impl<R: Lane> Session<R> {
 }
 
 impl Session {
+    /// Names of its circuit.
+    pub fn variables(&self) -> &Variables {
+        &self.assembly.variables
+    }
+
     /// Returns the inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs

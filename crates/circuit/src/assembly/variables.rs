@@ -3,7 +3,7 @@
 use super::names::{EDGES, Names};
 use crate::circuit::Circuit;
 use crate::component::{Quantity, Starting, Timing};
-use crate::ground::{Given, Input, Net};
+use crate::ground::{Error, Given, Input, Net, refuse};
 use crate::part::{InputId, Platform};
 use math::{Lane, Real};
 use physics::Bounds;
@@ -64,7 +64,30 @@ pub struct Variables {
     pub(crate) names: Option<Arc<Names>>,
 }
 
+/// Returns the index of a name among those of a kind, `what`.
+fn named<'n>(
+    what: &str,
+    mut names: impl Iterator<Item = &'n str> + Clone,
+    name: &str,
+) -> Result<usize, Error> {
+    let known = names.clone();
+    match names.position(|own| own == name) {
+        Some(place) => Ok(place),
+        None => refuse!("there is no {what} \"{name}\"; there are {}", known.collect::<Vec<_>>().join(", ")),
+    }
+}
+
 impl Variables {
+    /// Returns the index of an input.
+    pub fn input(&self, name: &str) -> Result<usize, Error> {
+        named("input", self.inputs.iter().map(|input| &*input.name), name)
+    }
+
+    /// Returns the index of a column.
+    pub fn column(&self, name: &str) -> Result<usize, Error> {
+        named("column", self.columns.iter().map(|column| &**column), name)
+    }
+
     /// Adds a column for each of the names.
     pub fn read(&mut self, columns: impl IntoIterator<Item = (impl Into<String>, Quantity)>) {
         for (name, quantity) in columns {

@@ -36,11 +36,7 @@ impl FmuModel {
                 VariableRole::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
                 VariableRole::Age => age = value,
                 VariableRole::Input { of, .. } => {
-                    let known = &network.assembly().variables.inputs;
-                    match known.iter().position(|input| input.name == *of) {
-                        Some(input) => inputs.push((input, value)),
-                        None => return refuse(format!("the circuit has no input \"{of}\"")),
-                    }
+                    inputs.push((network.assembly().variables.input(of)?, value))
                 }
                 _ => {}
             }
@@ -69,15 +65,14 @@ impl FmuModel {
     }
 
     fn places(&self, session: &Session) -> Result<Arc<[usize]>, CallRefusal> {
-        let column = |of: &str| session.columns().iter().position(|name| name == of);
+        let variables = session.variables();
         let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
         let each = self.plan.variables.iter().map(|own| {
             let place = match &own.role {
                 VariableRole::Input { of, discrete } => {
-                    let input = session.inputs().iter().position(|input| input.name == *of);
-                    input.filter(|input| *discrete || session.is_continuous(*input))
+                    variables.input(of).ok().filter(|input| *discrete || session.is_continuous(*input))
                 }
-                VariableRole::Output { of } => column(of),
+                VariableRole::Output { of } => variables.column(of).ok(),
                 VariableRole::State { of } | VariableRole::Change { of } | VariableRole::Rate { of } => state(of),
                 VariableRole::Event { of } => Some(*of),
                 _ => Some(0),

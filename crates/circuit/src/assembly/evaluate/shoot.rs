@@ -60,13 +60,6 @@ pub struct Shot {
     pub directions: usize,
 }
 
-fn column(names: &[String], name: &str) -> Result<usize, Error> {
-    match names.iter().position(|column| column == name) {
-        Some(column) => Ok(column),
-        None => refuse!("\"{name}\" is not an output; choose one of {}", names.join(", ")),
-    }
-}
-
 /// Number of values of a start, for a valid request.
 fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
@@ -126,14 +119,10 @@ impl<'a> All<'a> {
     /// Checked request for an assembly.
     pub fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
         let states = check(asked, plain)?;
-        let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
+        let columns = asked.outputs.iter().map(|name| plain.variables.column(name));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
-        let known = &plain.variables.inputs;
-        let input = |plan: &InputPlan| match known.iter().position(|own| own.name == plan.input) {
-            Some(place) => Ok(place),
-            None => refuse!("there is no input \"{}\"", plan.input),
-        };
-        let inputs = asked.plans.iter().map(input).collect::<Result<Vec<_>, _>>()?;
+        let inputs = asked.plans.iter().map(|plan| plain.variables.input(&plan.input));
+        let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
         let by_start = match &asked.by_start {
             None => (0..states).map(|place| vec![place]).collect(),
