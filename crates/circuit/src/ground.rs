@@ -17,7 +17,7 @@ pub use common::Common;
 pub(crate) use common::{log, specific_entropy};
 pub use error::Error;
 pub(crate) use error::{check_bounds, refuse};
-pub(crate) use gathered::{force_on, gathered, inputs, one_path};
+pub(crate) use gathered::{first_is_a_signal, force_on, gathered, inputs, one_path};
 pub use ids::{AxisId, GasId};
 pub use jobs::run_jobs;
 pub use lifted::DIRECTIONS;

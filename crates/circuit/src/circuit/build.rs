@@ -168,11 +168,11 @@ impl<R: Lane> Circuit<R> {
     /// Adds a restriction between two gas nodes, initially closed. Its opening is 0 for closed and 1 for full.
     pub fn restriction(&mut self, law: physics::flow::Iso6358<R>, from: GasId, to: GasId) -> InputId {
         let path = self.between(from, to);
-        let part = Restriction { law, opening: R::zero(), closed: false, path };
+        let (opening, closed) = (R::zero(), false);
         if self.common.gas.virial.is_some() {
-            return self.add(OtherRestriction(part)).input(0);
+            return self.add(OtherRestriction { law, opening, closed, path }).input(0);
         }
-        self.add(part).input(0)
+        self.add(Restriction::<R> { law, opening, closed, path }).input(0)
     }
 
     /// Adds an axis that a carriage moves.

@@ -176,6 +176,14 @@ impl Kind {
         outputs: &[],
     };
 
+    /// Table of a flow path by ISO 6358 from port 1 to port 2.
+    pub const PATH: Kind = Kind {
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        ..Kind::PLAIN
+    };
+
     /// Returns whether a word of its table is reserved, so that a formula cannot use it as a parameter.
     pub(super) fn takes(&self, key: &str) -> bool {
         ["kind", "at", "use", "copies", "formula", "friction"].contains(&key)

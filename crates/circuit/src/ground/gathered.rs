@@ -59,3 +59,14 @@ macro_rules! one_path {
     };
 }
 pub(crate) use one_path;
+
+/// Inside `impl Part`: the first state of a part is a signal.
+macro_rules! first_is_a_signal {
+    ($signal:ident) => {
+        #[inline(always)]
+        fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+            [net.signal[self.$signal]] = y.first::<1>();
+        }
+    };
+}
+pub(crate) use first_is_a_signal;

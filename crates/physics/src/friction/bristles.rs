@@ -56,6 +56,24 @@ macro_rules! bristle_parameters {
 }
 pub(super) use bristle_parameters;
 
+/// Inside `impl Law` for a bristle law: its levels and its bristles.
+macro_rules! bristle_law {
+    () => {
+        fn levels(&self) -> Levels<P> {
+            self.own_levels()
+        }
+
+        fn spring(&self) -> Option<P> {
+            Some(self.bristle_stiffness)
+        }
+
+        fn damping<S: Over<P>>(&self, v: S) -> S {
+            self.damping_at(v)
+        }
+    };
+}
+pub(super) use bristle_law;
+
 /// Returns sigma1(v) = sigma1 exp(-(v/vd)^2), N s/m. Constant unless it is `faded`.
 #[inline(always)]
 pub(super) fn damping<P: Real, S: Over<P>>(v: S, sigma_1: P, fade_velocity: P, faded: bool) -> S {

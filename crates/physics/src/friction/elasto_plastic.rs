@@ -1,4 +1,4 @@
-use super::bristles::{DEFLECTION, bristle_parameters};
+use super::bristles::{DEFLECTION, bristle_law, bristle_parameters};
 use super::{At, Claims, InnerState, Law, Levels, sliding};
 use crate::parameter::between;
 use math::{Over, Real};
@@ -41,17 +41,7 @@ impl<P: Real> Law<P> for ElastoPlastic<P> {
     const DAMPED: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        self.own_levels()
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
-
-    fn damping<S: Over<P>>(&self, v: S) -> S {
-        self.damping_at(v)
-    }
+    bristle_law!();
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {

@@ -1,4 +1,4 @@
-use super::bristles::{DEFLECTION, bristle_parameters};
+use super::bristles::{DEFLECTION, bristle_law, bristle_parameters};
 use super::{At, FLOOR, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, any, at_least};
 use math::{Over, Real};
@@ -97,17 +97,7 @@ impl<P: Real> Law<P> for FilmLuGre<P> {
     const STATES: &'static [InnerState] = &[DEFLECTION, FILM];
     const DAMPED: bool = true;
 
-    fn levels(&self) -> Levels<P> {
-        self.own_levels()
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
-
-    fn damping<S: Over<P>>(&self, v: S) -> S {
-        self.damping_at(v)
-    }
+    bristle_law!();
 
     fn inertia(&self) -> P {
         self.viscous * self.fluid_lead_time

@@ -1,4 +1,4 @@
-use super::bristles::{DEFLECTION, bristle_parameters};
+use super::bristles::{DEFLECTION, bristle_law, bristle_parameters};
 use super::{At, InnerState, Law, Levels};
 use math::{Over, Real};
 
@@ -24,17 +24,7 @@ impl<P: Real> Law<P> for LuGre<P> {
     const BRISTLES: bool = true;
     const DAMPED: bool = true;
 
-    fn levels(&self) -> Levels<P> {
-        self.own_levels()
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
-
-    fn damping<S: Over<P>>(&self, v: S) -> S {
-        self.damping_at(v)
-    }
+    bristle_law!();
 
     #[inline(always)]
     fn prepare<S: Over<P>>(&self, v: S) -> S {

@@ -9,8 +9,6 @@ impl Component for CheckValveComponent {
         title: "Check valve",
         text: "A flow path that opens by itself from port 1 to port 2: m_dot = C p1 rho0 sqrt(T0/T1) phi(r; r_c) with \
                r = p2/p1 and r_c = 1 - p_c/p1 in place of 1; nothing flows where p1 - p2 < p_c.",
-        sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
@@ -19,8 +17,7 @@ impl Component for CheckValveComponent {
             cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual spring",
                 "Cracking pressure p_c, a difference";
         },
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

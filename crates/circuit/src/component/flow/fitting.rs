@@ -9,8 +9,6 @@ impl Component for Fitting {
         title: "Fitting, orifice",
         text: "A flow path by ISO 6358: m_dot = y C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions; y is its opening, \
                1 unless set.",
-        sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
@@ -19,8 +17,7 @@ impl Component for Fitting {
         },
         open: true,
         inputs: &[("opening", "1", "fraction of the full opening")],
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {

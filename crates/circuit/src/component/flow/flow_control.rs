@@ -11,8 +11,6 @@ impl Component for FlowControl {
         text: "A needle of conductance C_n in parallel with a check valve of conductance C. Port 1 is the side of the \
                valve, port 2 that of the cylinder; throttles = out lets gas into the cylinder freely and throttles what \
                leaves it (meter-out).",
-        sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2")],
         parameters: table! {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             check_conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", was "conductance",
@@ -30,8 +28,7 @@ impl Component for FlowControl {
             meaning: "Throttled direction: gas out of the cylinder, gas into it, or both",
         }],
         open: true,
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

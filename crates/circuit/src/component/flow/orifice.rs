@@ -14,8 +14,6 @@ impl Component for Orifice {
         text: "A hole of diameter d and discharge coefficient C_d as a flow path by ISO 6358, in both directions: \
                C = C_d (pi d^2/4) psi/(rho0 sqrt(R T0)) with psi = sqrt(k) (2/(k + 1))^((k + 1)/(2 (k - 1))) of choked air, \
                0.199 dm3/(s bar) per mm2 of C_d pi d^2/4.",
-        sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2")],
         parameters: table! {
             diameter: "m", physics::above(0.0), "Diameter d";
             discharge_coefficient: "1", physics::Bounds { open: true, ..physics::within(0.0, 1.0) }, default 0.8,
@@ -26,8 +24,7 @@ impl Component for Orifice {
             LINEAR_ABOVE;
         },
         open: true,
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {

@@ -29,8 +29,7 @@ impl Component for Tube {
             ..TUBE_WALL;
         },
         open: true,
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {

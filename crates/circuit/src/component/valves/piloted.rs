@@ -11,7 +11,6 @@ impl Component for PilotedCheckValve {
         text: "A check valve from port 1 to port 2 that passes reverse flow while pressure at the pilot port 12 opens it: its \
                poppet opens by the share clip((p1 - p2 + a (p12 - p_amb) - p_c)/dp_full) of C, a being the area of the pilot \
                piston over that of the seat; the pilot only pushes. No gas passes the pilot port.",
-        sources: &["iso6358-2013"],
         ports: &[gas("1"), gas("2"), pilot("12")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
@@ -26,8 +25,7 @@ impl Component for PilotedCheckValve {
             full_opening_rise: "Pa", physics::above(0.0), default 1e4, assumed "a usual spring",
                 "Rise dp_full above p_c at which it is fully open, a difference";
         },
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

@@ -23,16 +23,22 @@ const OF_A_REGULATOR: &[Row] = table! {
     LINEAR_ABOVE;
 };
 
-const PORTS: &[Port] = &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhaust("3")];
-const CHOICES: &[Choice] = &[Choice {
-    name: "relieving",
-    options: &["yes", "no"],
-    meaning: "Whether the regulator vents excess pressure at its outlet",
-}];
-const OUTPUTS: &[Variable] = &[
-    ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
-    ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
-];
+/// Table of every regulator.
+const KIND: Kind = Kind {
+    sources: &["iso6358-2013"],
+    ports: &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhaust("3")],
+    parameters: OF_A_REGULATOR,
+    choices: &[Choice {
+        name: "relieving",
+        options: &["yes", "no"],
+        meaning: "Whether the regulator vents excess pressure at its outlet",
+    }],
+    outputs: &[
+        ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),
+        ("relief_flow_kg_s", "kg/s", "mass flow from port 2 to port 3"),
+    ],
+    ..Kind::PLAIN
+};
 
 /// Adds the seat and the relief. The set pressure may be a signal. Returns the input of the set pressure if it is a
 /// number.
@@ -72,13 +78,8 @@ impl Component for PressureRegulator {
         title: "Pressure regulator",
         text: "A seat from port 1 to port 2 that opens by the share y of its conductance, tau y' = clip((p_set - p2)/dp_full) - y, \
                and, if relieving, a path from port 2 to port 3 that opens by clip((p2 - p_set - dp_on)/dp_relief).",
-        sources: &["iso6358-2013"],
-        ports: PORTS,
-        parameters: OF_A_REGULATOR,
-        choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "set pressure, absolute")],
-        outputs: OUTPUTS,
-        ..Kind::PLAIN
+        ..KIND
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
@@ -97,8 +98,6 @@ impl Component for ElectroPneumatic {
         title: "Electro-pneumatic pressure regulator",
         text: "A regulator whose set pressure p_set follows the commanded one, p_c: \
                p_set'' + 2 zeta w p_set' + w^2 p_set = w^2 p_c with w = 2 pi f. Seat and relief are those of a regulator.",
-        sources: &["iso6358-2013"],
-        ports: PORTS,
         parameters: table! {
             ..OF_A_REGULATOR;
             natural_frequency: "Hz", physics::above(0.0), default 10.0, assumed "usual for a valve of this kind",
@@ -106,10 +105,8 @@ impl Component for ElectroPneumatic {
             damping_ratio: "1", physics::above(0.0), default 1.0, assumed "no overshoot",
                 "Damping ratio zeta of the set pressure";
         },
-        choices: CHOICES,
         inputs: &[("set_pressure_pa", "Pa", "commanded pressure, absolute")],
-        outputs: OUTPUTS,
-        ..Kind::PLAIN
+        ..KIND
     };
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {

@@ -11,8 +11,6 @@ impl Component for SoftStart {
         text: "A needle of conductance C_n from port 1 to port 2 until the gauge pressure at port 2 exceeds a share of that \
                at port 1, then an open seat of conductance C; it stays open until the pressure at port 1 falls below the \
                reset pressure, and opens again from 1.2 times that on.",
-        sources: &["iso6358-2013"],
-        ports: &[gas("1"), gas("2")],
         parameters: table! {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open valve, for air";
@@ -26,8 +24,7 @@ impl Component for SoftStart {
             LINEAR_ABOVE;
         },
         open: true,
-        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
-        ..Kind::PLAIN
+        ..Kind::PATH
     };
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {

@@ -117,12 +117,6 @@ const fn flow_table(columns: &'static [Parameter]) -> Option<Points> {
     Some(Points { key: FLOW_TABLE, columns, optional: true, most: 50 })
 }
 
-const FLOW_SHAPE: Choice = Choice {
-    name: "flow_shape",
-    options: &["smooth", "straight"],
-    meaning: "A smooth curve without overshoot through the points of the flow table, or straight lines between them",
-};
-
 /// Returns an edge by its columns of the flow table, or `None` if it never opens.
 fn table_edge<P: Lane>(
     own: &Instance<P>,
@@ -177,7 +171,18 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     Ok(())
 }
 
-const INPUTS: &[Variable] = &[("command", "1", "valve command")];
+/// Table of every proportional valve.
+const KIND: Kind = Kind {
+    sources: &["iso6358-2013", "fritsch1984"],
+    choices: &[Choice {
+        name: "flow_shape",
+        options: &["smooth", "straight"],
+        meaning: "A smooth curve without overshoot through the points of the flow table, or straight lines between them",
+    }],
+    discrete: &["hysteresis", "delay"],
+    inputs: &[("command", "1", "valve command")],
+    ..Kind::PLAIN
+};
 
 impl Component for Proportional53 {
     const KIND: Kind = Kind {
@@ -186,7 +191,6 @@ impl Component for Proportional53 {
         text: "Four edges that the spool opens by the share |x| of their conductance: x > 0 opens 1 to 4 and 2 to 3, x < 0 \
                opens 1 to 2 and 4 to 5. Or a flow table gives the conductance of each edge over the opening. The spool follows \
                the command at once, or as a system of second order with bounded speed behind a dead time and a play.",
-        sources: &["iso6358-2013", "fritsch1984"],
         points: flow_table(&[
             OPENING,
             flow("supply_4", "Conductance from port 1 to port 4"),
@@ -198,7 +202,6 @@ impl Component for Proportional53 {
             flow("exhaust_2", "Conductance from port 2 to port 3"),
             ratio("exhaust_2_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
         ]),
-        choices: &[FLOW_SHAPE],
         ports: &[gas("1"), gas("4"), gas("2"), exhaust("5"), exhaust("3")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), unless "flow_table",
@@ -208,15 +211,13 @@ impl Component for Proportional53 {
             LINEAR_ABOVE;
             ..DYNAMICS;
         },
-        discrete: &["hysteresis", "delay"],
-        inputs: INPUTS,
         outputs: &[
             ("command", "1", "valve command"),
             ("position", "1", "position of the spool"),
             ("mass_flow_4_kg_s", "kg/s", "mass flow out of port 4"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
-        ..Kind::PLAIN
+        ..KIND
     };
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {
@@ -259,7 +260,6 @@ impl Component for Proportional32 {
         text: "Two edges that the spool opens by the share |x| of their conductance: x > 0 opens 1 to 2, x < 0 opens 2 to 3. \
                Or a flow table gives the conductance of both over the opening. The spool follows the command at once, or as a \
                system of second order with bounded speed behind a dead time and a play.",
-        sources: &["iso6358-2013", "fritsch1984"],
         points: flow_table(&[
             OPENING,
             flow("supply", "Conductance from port 1 to port 2"),
@@ -267,7 +267,6 @@ impl Component for Proportional32 {
             flow("exhaust", "Conductance from port 2 to port 3"),
             ratio("exhaust_critical_pressure_ratio", "Its critical pressure ratio; 0: that of the valve"),
         ]),
-        choices: &[FLOW_SHAPE],
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), unless "flow_table",
@@ -282,14 +281,12 @@ impl Component for Proportional32 {
             LINEAR_ABOVE;
             ..DYNAMICS;
         },
-        discrete: &["hysteresis", "delay"],
-        inputs: INPUTS,
         outputs: &[
             ("command", "1", "valve command"),
             ("position", "1", "position of the spool"),
             ("mass_flow_2_kg_s", "kg/s", "mass flow out of port 2"),
         ],
-        ..Kind::PLAIN
+        ..KIND
     };
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {

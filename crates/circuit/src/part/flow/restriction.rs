@@ -1,10 +1,11 @@
-use crate::ground::{Between, Common, Input, Net, Part, inputs, one_path, post_ideal};
+use crate::ground::{Between, Common, Net, Part, inputs, one_path, post, post_ideal};
 use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 
 /// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
+/// `USUAL` states that its gas is ideal: the circuit then handles it itself while it is open.
 #[derive(Clone, Debug)]
-pub struct Restriction<P> {
+pub struct Restriction<P, const USUAL: bool = true> {
     /// The flow at full opening.
     pub law: Iso6358<P>,
     /// Opening, 0 to 1: the fraction of the full conductance. An input: it may change at any time.
@@ -15,7 +16,10 @@ pub struct Restriction<P> {
     pub path: Between,
 }
 
-math::gather!(Restriction { law, opening } same { path } of {
+/// A restriction with a real gas. The circuit handles it in the exchange of the other kinds.
+pub type OtherRestriction<P> = Restriction<P, false>;
+
+math::gather!(Restriction [const USUAL: bool] { law, opening } same { path } of {
     closed: |each: &[&Self]| each.iter().all(|part| part.closed),
 });
 
@@ -28,7 +32,7 @@ pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
     S::select(S::zero().lt(S::from(gain)), m_dot, none)
 }
 
-impl<P: Lane> Restriction<P> {
+impl<P: Lane, const USUAL: bool> Restriction<P, USUAL> {
     /// Gain of its law at its opening.
     #[inline(always)]
     pub(crate) fn gain(&self) -> P {
@@ -41,7 +45,7 @@ impl<P: Lane> Restriction<P> {
     }
 }
 
-impl<P: Lane> Part<P> for Restriction<P> {
+impl<P: Lane, const USUAL: bool> Part<P> for Restriction<P, USUAL> {
     inputs! { opening: "opening", "1", physics::within(0.0, 1.0) }
 
     one_path!(path);
@@ -56,39 +60,14 @@ impl<P: Lane> Part<P> for Restriction<P> {
         (passing(m_dot, self.gain()), backward)
     }
 
-    /// The circuit handles open restrictions itself.
     #[inline(always)]
-    fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        if !USUAL {
+            post(net, self.path, self.flow(0, net));
+        }
+    }
 
     fn rests(&self) -> bool {
         self.closed
-    }
-}
-
-/// A restriction with a real gas. The circuit handles it in the exchange of the other kinds.
-#[derive(Clone, Debug)]
-pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
-
-math::gather!(OtherRestriction { 0 });
-
-impl<P: Lane> Part<P> for OtherRestriction<P> {
-    fn inputs(&self) -> &'static [Input] {
-        self.0.inputs()
-    }
-
-    fn input(&self, input: usize) -> P {
-        self.0.input(input)
-    }
-
-    fn input_mut(&mut self, input: usize) -> &mut P {
-        self.0.input_mut(input)
-    }
-
-    fn paths(&self) -> &[Between] {
-        self.0.paths()
-    }
-
-    fn flow<S: Over<P>>(&self, path: usize, net: &Net<S>) -> (S, S::Mask) {
-        self.0.flow(path, net)
     }
 }

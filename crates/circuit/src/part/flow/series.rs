@@ -1,4 +1,5 @@
 use crate::ground::{Between, Common, Kind, Net, Own, Part, log, one_path, path};
+use crate::part::gas::volume::HEAT_CHANNELS;
 use math::{Lane, Over};
 use physics::flow::Iso6358;
 use physics::heat::Heat;
@@ -95,9 +96,7 @@ impl<P: Lane> Part<P> for Series<P> {
     fn channels(&self) -> Vec<(&'static str, Kind)> {
         let mut all = path::CHANNELS.to_vec();
         if !self.walls.is_empty() {
-            all.push(("wall heat", Kind::Energy));
-            all.push(("wall heat over wall temperature", Kind::EntropyIn));
-            all.push(("heat transfer", Kind::EntropyOfGas));
+            all.extend(HEAT_CHANNELS);
         }
         all
     }

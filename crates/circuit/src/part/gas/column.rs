@@ -1,5 +1,6 @@
 use crate::ground::{
-    Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, gathered, one_path, path,
+    Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, first_is_a_signal, gathered, one_path,
+    path,
 };
 use math::{Lane, Over, Real};
 use physics::flow::pipe::friction;
@@ -100,11 +101,7 @@ impl<P: Lane> Part<P> for Column<P> {
         vec![State::own("inner_flow_kg_s", "kg/s", self.scale)]
     }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [m_dot] = y.first();
-        net.signal[self.signal] = m_dot;
-    }
+    first_is_a_signal!(signal);
 
     one_path!(path);
 

@@ -1,5 +1,5 @@
 use crate::ground::{
-    Common, GasId, Kind, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered, log, specific_entropy,
+    Common, GasId, Kind, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered, log, path, specific_entropy,
 };
 use math::{Lane, Over};
 
@@ -43,12 +43,7 @@ impl<P: Lane> Part<P> for Compressor<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("mass over the boundary", Kind::Mass),
-            ("enthalpy over the boundary", Kind::Energy),
-            ("entropy over the boundary", Kind::EntropyIn),
-            ("mixing", Kind::EntropyOfGas),
-        ]
+        path::CHANNELS.into_iter().filter(|(name, _)| *name != "throttling").collect()
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {

@@ -12,6 +12,13 @@ pub(crate) const LEAST_ROOM: f64 = 1e-3;
 /// empty. This fraction is far below any tolerance.
 pub(crate) const LEAST_GAS: f64 = 1e-9;
 
+/// Balances of the heat from a wall.
+pub(crate) const HEAT_CHANNELS: [(&str, Kind); 3] = [
+    ("wall heat", Kind::Energy),
+    ("wall heat over wall temperature", Kind::EntropyIn),
+    ("heat transfer", Kind::EntropyOfGas),
+];
+
 /// State variables of a volume's balance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChamberLaw {
@@ -235,11 +242,7 @@ impl<P: Lane> Part<P> for Volume<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("wall heat", Kind::Energy),
-            ("wall heat over wall temperature", Kind::EntropyIn),
-            ("heat transfer", Kind::EntropyOfGas),
-        ]
+        HEAT_CHANNELS.to_vec()
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {

@@ -1,4 +1,5 @@
 use crate::ground::{AxisNode, Common, Given, Kind, Net, Of, Own, OwnMut, Part, State, Switching, inputs};
+use crate::part::mechanics::damper;
 use math::{Lane, Over, Real};
 use ode::Accepted;
 use physics::friction::{At, Contact};
@@ -191,17 +192,10 @@ impl<P: Lane> Axis<P> {
         out: &mut [S],
     ) {
         let node = &net.axis[self.node];
-        let heat = match &self.friction {
-            Some(contact) => {
-                let force = S::from(-self.inertia).fma(node.a, node.friction);
-                let heat = contact.heat(node.v, force, z, dz);
-                if self.is_damped() { heat - contact.law.damping(node.v) * node.v * dz[0] } else { heat }
-            }
-            None => S::zero(),
-        };
+        let friction = self.friction.as_ref();
+        let heat = friction.map_or(S::zero(), |contact| heat_of(contact, self.inertia, node, (z, dz)));
         out[0] = S::from(self.external_force) * node.v;
-        out[1] = -heat;
-        out[2] = heat / S::from(common.ambient_temperature);
+        damper::account(heat, common, &mut out[1..]);
     }
 
     /// Returns whether the force contains the rate of a deflection.
@@ -236,6 +230,23 @@ impl<P: Lane> Axis<P> {
         }
         begin_inner(self.friction.as_ref(), self.node, given, z);
     }
+}
+
+/// Balances of a mass.
+pub(crate) const CHANNELS: [(&str, Kind); 3] =
+    [("external work", Kind::Energy), ("friction heat", Kind::Energy), ("friction", Kind::EntropyOfSolid)];
+
+/// Returns the heat of the friction of a mass with inner states `z`, whose rates are `dz`, W. Work on the damping of
+/// bristles is not included: see [`Axis::damped_in`].
+pub(crate) fn heat_of<P: Lane, S: Over<P>>(
+    contact: &Contact<P>,
+    inertia: P,
+    node: &AxisNode<S>,
+    (z, dz): (&[S], &[S]),
+) -> S {
+    let force = S::from(-inertia).fma(node.a, node.friction);
+    let heat = contact.heat(node.v, force, z, dz);
+    if contact.law.is_damped() { heat - contact.law.damping(node.v) * node.v * dz[0] } else { heat }
 }
 
 /// Sets the inner states `z` of the friction of an axis to given values.
@@ -401,11 +412,7 @@ impl<P: Lane> Part<P> for Axis<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("external work", Kind::Energy),
-            ("friction heat", Kind::Energy),
-            ("friction", Kind::EntropyOfSolid),
-        ]
+        CHANNELS.to_vec()
     }
 
     fn account<S: Over<P>>(&self, y: Own<S>, dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {

@@ -50,21 +50,8 @@ pub(crate) const FOLLOWER: usize = 3;
 impl<P: Lane> Carriage<P> {
     /// Creates an axis that equals its command, without compliance.
     pub fn rigid() -> Self {
-        let (zero, one) = (P::zero(), P::one());
-        Carriage {
-            jerk: zero,
-            frequency: one,
-            damping_ratio: one,
-            ripple: zero,
-            wave_number: one,
-            virtual_mass: one,
-            virtual_damping: zero,
-            giving_way: zero,
-            node: 0,
-            follows: false,
-            ripples: false,
-            can_give_way: false,
-        }
+        let defaults = Self::PARAMETERS.iter().map(|own| P::c(own.default.expect("a number with a default")));
+        Carriage::from_values(&defaults.collect::<Vec<_>>(), 0, false, false, false)
     }
 
     /// Creates an axis that follows with a natural frequency in rad/s and a damping ratio.

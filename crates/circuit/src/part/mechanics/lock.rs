@@ -1,4 +1,4 @@
-use crate::ground::{Common, Net, Own, OwnMut, Part, State, clip, gathered};
+use crate::ground::{Common, Net, Own, OwnMut, Part, State, clip, first_is_a_signal, gathered};
 use crate::part::mechanics::damper;
 use math::{Lane, Over};
 
@@ -53,11 +53,7 @@ impl<P: Lane> Part<P> for Lock<P> {
         vec![State::own("deflection_m", "m", self.scale)]
     }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [z] = y.first();
-        net.signal[self.deflection] = z;
-    }
+    first_is_a_signal!(deflection);
 
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let ahead = S::from(self.damping_time).fma(net.axis[self.axis].v, net.signal[self.deflection]);

@@ -1,4 +1,5 @@
 use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, force_on, gathered, inputs};
+use crate::part::mechanics::damper;
 use math::{Lane, Over};
 
 gathered! {
@@ -67,18 +68,12 @@ impl<P: Lane> Part<P> for Motor<P> {
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("work of the motor", Kind::Energy),
-            ("damper heat", Kind::Energy),
-            ("damper", Kind::EntropyOfSolid),
-        ]
+        [("work of the motor", Kind::Energy)].into_iter().chain(damper::CHANNELS).collect()
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let closing = self.closing(net);
-        let heat = S::from(self.damping) * closing * closing;
         out[0] = self.force(net) * S::from(self.velocity);
-        out[1] = -heat;
-        out[2] = heat / S::from(common.ambient_temperature);
+        damper::account(S::from(self.damping) * closing * closing, common, &mut out[1..]);
     }
 }

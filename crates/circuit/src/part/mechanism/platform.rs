@@ -1,7 +1,8 @@
 //! The platform as a part of a circuit.
 
 use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
-use crate::part::mechanics::axis::{GAUSS, at, begin_inner};
+use crate::part::mechanics::axis::{CHANNELS, GAUSS, at, begin_inner, heat_of};
+use crate::part::mechanics::damper;
 use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms, with_square, with_sum};
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
@@ -14,9 +15,6 @@ const STEPS: usize = 24;
 const STEEP: f64 = 50.0;
 /// Length and speed of a coordinate for the error scale: m or 1.
 const SCALE: f64 = 0.1;
-/// Balances of a leg.
-const CHANNELS: [(&str, Kind); 3] =
-    [("external work", Kind::Energy), ("friction heat", Kind::Energy), ("friction", Kind::EntropyOfSolid)];
 
 /// A platform on legs. Its coordinates and their rates are states. The positions of its legs are not.
 #[derive(Clone, Debug)]
@@ -288,22 +286,14 @@ impl<P: Lane> Part<P> for Platform<P> {
         for (i, &node) in self.nodes.iter().enumerate() {
             let node = &net.axis[node];
             let heat = self.contacts[i].as_ref().map_or(S::zero(), |contact| {
-                let force = S::from(-self.inertia[i]).fma(node.a, node.friction);
-                let (z, dz) = (self.inner(i, &y), self.inner(i, &dy));
-                let heat = contact.heat(node.v, force, z, dz);
-                if contact.law.is_damped() {
-                    heat - contact.law.damping(node.v) * node.v * dz[0]
-                } else {
-                    heat
-                }
+                heat_of(contact, self.inertia[i], node, (self.inner(i, &y), self.inner(i, &dy)))
             });
             let own = &mut out[CHANNELS.len() * i..];
             own[0] = S::from(self.external[i]) * node.v;
             if self.velocity.is_some() {
                 own[0] -= (node.force - node.friction) * node.v;
             }
-            own[1] = -heat;
-            own[2] = heat / S::from(common.ambient_temperature);
+            damper::account(heat, common, &mut own[1..]);
         }
     }
 

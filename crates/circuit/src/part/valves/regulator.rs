@@ -1,4 +1,6 @@
-use crate::ground::{Between, Common, Given, Net, Own, OwnMut, Part, State, clip, gathered, inputs};
+use crate::ground::{
+    Between, Common, Given, Net, Own, OwnMut, Part, State, clip, first_is_a_signal, gathered, inputs,
+};
 use math::{Lane, Over};
 use physics::flow::Iso6358;
 
@@ -46,11 +48,7 @@ impl<P: Lane> Part<P> for Regulator<P> {
 
     inputs! { set_pressure: "set pressure", "Pa", physics::above(0.0) }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [seat] = y.first();
-        net.signal[self.signal] = seat;
-    }
+    first_is_a_signal!(signal);
 
     fn paths(&self) -> &[Between] {
         &self.paths

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
+use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, first_is_a_signal, gathered, inputs};
 use math::{Lane, Over, Real};
 use physics::constants::P_0;
 
@@ -41,11 +41,7 @@ impl<P: Lane> Part<P> for SecondOrder<P> {
 
     inputs! { command: "command", "Pa", physics::above(0.0) }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [x] = y.first();
-        net.signal[self.signal] = x;
-    }
+    first_is_a_signal!(signal);
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {

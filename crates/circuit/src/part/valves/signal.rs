@@ -1,6 +1,6 @@
 //! Positions of a valve's edges: signals between parts.
 
-use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, gathered, inputs};
+use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, first_is_a_signal, gathered, inputs};
 use crate::part::valves::second_order::follows;
 use math::{Lane, Over};
 use physics::flow::leaking;
@@ -62,11 +62,7 @@ impl<P: Lane> Part<P> for Spool<P> {
         vec![State::own("position", "1", 1.0), State::own("speed_1_s", "1/s", SPEED)]
     }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [x, _] = y.first();
-        net.signal[self.signal] = x;
-    }
+    first_is_a_signal!(signal);
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
@@ -125,11 +121,7 @@ impl<P: Lane> Part<P> for Armature<P> {
         vec![State::own("position", "1", 1.0)]
     }
 
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
-        let [x] = y.first();
-        net.signal[self.signal] = x;
-    }
+    first_is_a_signal!(signal);
 
     #[inline(always)]
     fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
