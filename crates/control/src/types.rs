@@ -44,22 +44,12 @@ memory! {
     }
 }
 
+math::mapped!(State { position, velocity, disturbance, friction } arrays { pressures, temperatures });
+
 impl<S: Over<f64>> State<S> {
     /// The gas of both chambers.
     pub fn gas(&self) -> [GasState<S>; 2] {
         gas_at(&[self.pressures, self.temperatures])
-    }
-
-    /// The same state in another number type.
-    pub fn map<T: Copy>(&self, f: impl Fn(S) -> T) -> State<T> {
-        State {
-            position: f(self.position),
-            velocity: f(self.velocity),
-            disturbance: f(self.disturbance),
-            friction: f(self.friction),
-            pressures: self.pressures.map(&f),
-            temperatures: self.temperatures.map(&f),
-        }
     }
 }
 

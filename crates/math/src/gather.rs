@@ -32,6 +32,20 @@ macro_rules! gather {
     };
 }
 
+/// Implements `map` for a struct of numbers and of arrays of numbers: the same in other numbers.
+#[macro_export]
+macro_rules! mapped {
+    ($name:ident { $($number:ident),* } $(arrays { $($array:ident),* })?) => {
+        impl<S: Copy> $name<S> {
+            /// Returns the same in other numbers.
+            #[inline(always)]
+            pub fn map<T>(&self, f: impl Fn(S) -> T) -> $name<T> {
+                $name { $($number: f(self.$number),)* $($($array: self.$array.map(&f),)*)? }
+            }
+        }
+    };
+}
+
 /// Implements [`Gather`] for an enum, each of whose variants has one value. All lanes must have the same variant.
 #[macro_export]
 macro_rules! gather_enum {

@@ -121,14 +121,9 @@ impl<P: Real> Curve<P> {
 
 math::gather!(Curve { pieces });
 math::gather!(Piece { x, width, value, rises, before });
+math::mapped!(Piece { x, width, value, before } arrays { rises });
 
 impl<P: Copy> Piece<P> {
-    #[inline(always)]
-    fn map<T>(&self, f: impl Fn(P) -> T) -> Piece<T> {
-        let Piece { x, width, value, rises, before } = *self;
-        Piece { x: f(x), width: f(width), value: f(value), rises: rises.map(&f), before: f(before) }
-    }
-
     #[inline(always)]
     fn zip(&self, other: Self, f: impl Fn(P, P) -> P) -> Self {
         Piece {

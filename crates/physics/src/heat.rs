@@ -75,22 +75,7 @@ pub struct Wetted<S> {
     pub turnover: S,
 }
 
-impl<S> Wetted<S> {
-    /// Returns the same in other numbers.
-    #[inline(always)]
-    pub fn map<T>(&self, f: impl Fn(&S) -> T) -> Wetted<T> {
-        Wetted {
-            p: f(&self.p),
-            t: f(&self.t),
-            wall_temperature: f(&self.wall_temperature),
-            area: f(&self.area),
-            volume: f(&self.volume),
-            volume_rate: f(&self.volume_rate),
-            m_dot: f(&self.m_dot),
-            turnover: f(&self.turnover),
-        }
-    }
-}
+math::mapped!(Wetted { p, t, wall_temperature, area, volume, volume_rate, m_dot, turnover });
 
 /// Law of the heat transfer of a volume.
 #[derive(Clone, Debug)]

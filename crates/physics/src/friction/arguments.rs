@@ -19,24 +19,13 @@ pub struct At<S> {
     pub prepared: S,
 }
 
+math::mapped!(At { v, x, gauge_a, gauge_b, applied, prepared });
+
 impl<S: Real> At<S> {
     /// Returns the state of rest at x = 0 under ambient pressure, without applied force.
     pub fn at_rest() -> Self {
         let o = S::zero();
         At { v: o, x: o, gauge_a: o, gauge_b: o, applied: o, prepared: o }
-    }
-
-    /// Returns the same arguments in other numbers.
-    pub fn map<T>(&self, f: impl Fn(S) -> T) -> At<T> {
-        let At { v, x, gauge_a, gauge_b, applied, prepared } = *self;
-        At {
-            v: f(v),
-            x: f(x),
-            gauge_a: f(gauge_a),
-            gauge_b: f(gauge_b),
-            applied: f(applied),
-            prepared: f(prepared),
-        }
     }
 
     /// Returns the same with gauge pressures, Pa, in chambers a and b.
@@ -59,18 +48,13 @@ pub struct Levels<S> {
     pub lean: [S; 2],
 }
 
+math::mapped!(Levels { coulomb, breakaway, viscous } arrays { lean });
+
 impl<S: Real> Levels<S> {
     /// Creates equal levels in both directions.
     #[inline(always)]
     pub fn new(coulomb: S, breakaway: S, viscous: S) -> Self {
         Levels { coulomb, breakaway, viscous, lean: [S::zero(); 2] }
-    }
-
-    /// Returns each level in other numbers.
-    #[inline(always)]
-    pub fn map<T>(&self, f: impl Fn(S) -> T) -> Levels<T> {
-        let Levels { coulomb, breakaway, viscous, lean } = *self;
-        Levels { coulomb: f(coulomb), breakaway: f(breakaway), viscous: f(viscous), lean: lean.map(f) }
     }
 
     /// Returns the levels in the direction that has the sign of `way`.
