@@ -46,6 +46,7 @@ def test_factors_go_through_a_file_into_a_run(axis, tmp_path):
         ('law = "pva"', 'The controller "pva" was removed. Use "inversion"'),
         ('law = "pid"\n[observer]\nkind = "levant"\njerk = "400 m/s3"', "Leave the table out: kalman is used"),
         ('law = "fuzzy"\n[fuzzy]\ninference = "mamdani"', "Leave the table out: sugeno is used"),
+        ('law = "pid"\ndrive = "gone.toml"', 'controller.toml:3\n    drive = "gone.toml"'),
         ('law = "pid"\n[on_fault]\nlaw = "pva"', 'The controller "pva" was removed. Use "inversion"'),
     ],
 )

@@ -12,6 +12,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import _plain_warnings
 from pneudrive.cli.main import run as command
+from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveWarning, warn
 from pneudrive.report.page import Items, Report, section
@@ -132,8 +133,9 @@ def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts():
 
 
 def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
-    found = size(TRANSFER | {"cycles": 5e6}, **DRAWS)
-    assert [check.name for check in found.open_checks] == ["side load", "energy at the end", "life"]
+    found = size(TRANSFER | {"cycles": 5e6, "mass": "0.5 g"}, **DRAWS)
+    assert [check.name for check in found.open_checks] == ["side load", "energy at the end", "life", "mass"]
+    assert [size[0] for size in unusual_sizes(SizingTask(**SLOPE | {"stroke": "1 um"}), USUAL)] == ["stroke"]
     assert f"{len(found.ranked)} meet the task" in found.extent
     short = size(TRANSFER | {"guide": "ball"}, **DRAWS, most=1)
     assert not any("`most`" in note for note in short.notes)

@@ -50,8 +50,9 @@ def test_decimal_units_round_once():
 
 
 def test_gauge_counts_from_ambient():
-    assert units.parse_pressure("6 bar gauge").absolute_pa(98_000.0) == 698_000.0
-    assert units.parse_pressure("6 bar abs").absolute_pa(98_000.0) == 600_000.0
+    for text, absolute in (("6 bar gauge", 7e5), ("6 barg", 7e5), ("6 bar abs", 6e5), ("6 bara", 6e5)):
+        assert units.parse_pressure(text).absolute_pa(1e5) == absolute, text
+    assert units.parse_pressure("6 barg").absolute_pa(101_325.0) == 701_325.0
 
 
 @given(st.floats(min_value=-1e12, max_value=1e12))
@@ -91,7 +92,7 @@ def test_ranges():
         units.parse_range("30 mm .. 5 mm", "m")
 
 
-@pytest.mark.parametrize("text", ["10700 Pa abs", "40 psi gauge"])
+@pytest.mark.parametrize("text", ["10700 Pa abs", "40 psi gauge", "6 barg", "90 psia"])
 def test_a_difference_of_pressures_has_its_own_rule(text):
     with pytest.raises(DescriptionError, match="is a pressure, not a difference") as told:
         units.parse(text, "Pa")

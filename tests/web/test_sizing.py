@@ -72,11 +72,9 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
     assert energy["interval"][0] < energy["interval"][1] == energy["value"]
     assert not missed["file"]
     lines = Path("results/push/choices.jsonl")  # as an earlier version wrote it
-    old = [
-        {key: value for key, value in json.loads(one).items() if key != "intervals"}
-        for one in lines.read_text().splitlines()
-    ]
-    lines.write_text("".join(json.dumps(one) + "\n" for one in old))
+    drives = map(json.loads, lines.read_text().splitlines())
+    old = ({key: value for key, value in drive.items() if key != "intervals"} for drive in drives)
+    lines.write_text("".join(json.dumps(drive) + "\n" for drive in old))
     assert all(one["load_ratio"] is None for one in get(served, "/api/sizing", path="results/push")["candidates"])
 
     (served.folder / "push.toml").write_text(TASK.replace("2 kg", "3 kg"))

@@ -194,7 +194,7 @@ def _ambient(curves: xr.Dataset, text: str) -> float:
     """Return the ambient pressure from the option or the map, otherwise the standard value with a note."""
     if text:
         with naming("--ambient"):
-            return units.parse_pressure(text if "abs" in text else f"{text} abs").value_pa
+            return units.parse_pressure(text if units.split_mark(text)[1] == " abs" else f"{text} abs").value_pa
     if "ambient_pressure_pa" in curves.attrs:
         return float(curves.attrs["ambient_pressure_pa"])
     typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed; --ambient gives another one", err=True)

@@ -189,11 +189,12 @@ class ControlFault(Described):
     def _plain_pressure(self, value: str) -> str:
         """Return a pressure without "abs". Reject gauge pressures, and absolute pressures if a difference is needed."""
         is_absolute = self.kind in ABSOLUTE
-        if value.endswith(" gauge") or (value.endswith(" abs") and not is_absolute):
-            what = f'"{value}" is {"gauge" if value.endswith(" gauge") else "an absolute pressure"}'
+        plain, mark = units.split_mark(value)
+        if mark == " gauge" or (mark and not is_absolute):
+            what = f'"{value}" is {"gauge" if mark == " gauge" else "an absolute pressure"}'
             rule, example = ("an absolute pressure", "3 bar abs") if is_absolute else ("a difference", "0.2 bar")
             raise wrong("value", f"value: {what}", rule=f'a fault of kind {self.kind} has {rule}, e.g. "{example}"')
-        return value.removesuffix(" abs")
+        return plain
 
 
 class Disturbance(Described):

@@ -20,7 +20,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
-from pneudrive.errors import CommandError, DescriptionError, WrongValueError, nearest, warn, wrong
+from pneudrive.errors import CommandError, DescriptionError, WrongValueError, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -623,10 +623,11 @@ def believed_by(controller: str | None) -> Drive | Circuit:
     DescriptionError
         A file is not valid.
     """
-    table, folder, path, _ = _table(None, controller)
+    table, folder, path, text = _table(None, controller)
     if table.drive is None:
         raise CommandError("no drive is named", where=path or None, remedy="Name one: --drive DRIVE.")
-    return _believed(table.drive, folder)[0]
+    with toml.locating(path, text) if path else nullcontext():
+        return _believed(table.drive, folder)[0]
 
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
@@ -634,7 +635,10 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
     from pneudrive.describe.files.load import load_described
 
     path = source if source.startswith(PREFIX) else str(folder / source)
-    return load_described(path), path
+    try:
+        return load_described(path), path
+    except DescriptionError as error:
+        raise error if error.where else within(error, "drive") from None  # the file or the name does not exist
 
 
 # --- Limits of a tuned controller.

@@ -32,9 +32,8 @@ LASTING_S = 1e6  # a step after which rates that are settled count as such: gas 
 LONGEST = (0.5, 0.1, 1.0)  # steps of ln p, ln T and the velocity, m/s
 HELD = 1e-3  # change of ln p that must act on a rate
 DAMPED, SHORTER = 0.9, (1.0, 0.5, 0.2, 0.05)  # a step after which rates are not below this share is tried shorter
-LEAST = (
-    1e-13  # of a singular value: what does not act on the rates keeps its start (the temperature of gas that leaves)
-)
+#: Least singular value: what does not act on the rates keeps its start (the temperature of gas that leaves).
+LEAST = 1e-13
 SLOWEST = 1e-5  # m/s: a piston that does not get faster rests
 START_M_S = 0.5  # m/s: another start of the search
 HIGHEST = 50.0  # times the supply: no steady state has such a pressure

@@ -75,7 +75,7 @@ class Component(Described):
         return {}
 
     @classmethod
-    def flat(cls, table: Mapping[str, Any]) -> dict[str, Any]:
+    def flat(cls, table: Mapping[str, Any]) -> Plain:
         """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``, and keep the origin."""
         out: Plain = {}
         keys: list[str] = []
@@ -100,7 +100,7 @@ class Component(Described):
         return out if out.keys() == table.keys() else cls.flat(out)  # cushion = { b = { length = ... } }
 
     @classmethod
-    def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> Plain:
         """Merge keys of a user over those of a part, each with its origin.
 
         A size of a flow path, or a friction law, that the user gives in another form replaces that of the part.
@@ -191,7 +191,7 @@ class Component(Described):
         """Return the pressures, absolute or gauge as stated."""
         return [value for field in self.fields.values() if isinstance(value := getattr(self, field), Pressure)]
 
-    def core(self, ambient_pa: float) -> dict[str, Any]:
+    def core(self, ambient_pa: float) -> Plain:
         """Return the component in the core's form, in SI."""
         friction = getattr(self, "friction", None)
         formula = getattr(self, "formula", None)
@@ -212,11 +212,11 @@ class Component(Described):
             return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
         return getattr(self, COMMAND)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Write the table, values with their origin if it is known."""
         return sourced.put_back(self.plain(), self.origins)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> Plain:
         """Write the table with its values only."""
         return super().to_dict()
 
@@ -258,15 +258,23 @@ class Component(Described):
     @property
     def unusual(self) -> Iterator[str]:
         """Sizes that are larger or smaller than usual ones."""
-        for key, ends in USUAL.items():
-            given = getattr(self, key, None)
-            if given is not None and not ends[0] <= given <= ends[1]:
-                least, most = (UnitFloat(end, given.si_unit, given.unit) for end in ends)
-                yield f"{key} = {given}; usual are {least} to {most} (assumed): check the unit"
+        for key, size, _, rule in unusual_sizes(self, USUAL):
+            yield f"{key} = {size}; {rule}"
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the component as its table: its class is made again on loading."""
         return component, (self.to_dict(),)
+
+
+def unusual_sizes(
+    description: Described, usual: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[str, UnitFloat, float, str]]:
+    """Yield each size outside its usual range: key, size, the end of the range that it exceeds (SI), and the rule."""
+    for key, (low, high) in usual.items():
+        size = getattr(description, key, None)
+        if size is not None and not low <= size <= high:
+            least, most = (UnitFloat(end, size.si_unit, size.unit) for end in (low, high))
+            yield key, size, low if size < low else high, f"usual are {least} to {most} (assumed): check the unit"
 
 
 def component(table: Keyed) -> Component:

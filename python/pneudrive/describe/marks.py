@@ -235,8 +235,9 @@ class StatedPressure(Mark):
 
     def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
-        words = "(abs|gauge)" if self.gauge_allowed else "abs"
-        return {"type": "string", "pattern": f"^.+ {words}$", "description": units.kind("Pa"), "x-unit": "Pa"}
+        long, short = ("(abs|gauge)", "[ag]") if self.gauge_allowed else ("abs", "a")
+        pattern = f"^.+( {long}|(bar|psi|Pa){short})$"
+        return {"type": "string", "pattern": pattern, "description": units.kind("Pa"), "x-unit": "Pa"}
 
 
 POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)

@@ -62,6 +62,15 @@ class TankLine(Described):
             raise wrong(key, f"{key} = {self.linear_above:g} must exceed line.critical_pressure_ratio = {b:g}")
         return self
 
+    def core(self, ambient: Ambient) -> dict[str, Any]:
+        """Return the line in the core's form, with pressure and temperature of its other side."""
+        stated = ambient.pressure_pa if self.pressure is None else self.pressure.absolute_pa(ambient.pressure_pa)
+        if not stated > 0.0:
+            raise wrong("line.pressure", "line.pressure is below vacuum", rule="gauge + ambient > 0")
+        out = ambient.core() | self.stored() | {"pressure_pa": stated}
+        out.pop("pressure", None)
+        return out
+
 
 def _tube(table: object) -> object:
     """Read the table of the tube as a component with waves."""
@@ -144,22 +153,9 @@ class Tank(Described):
             "gas": self.gas.core(),
             "ambient": ambient,
             "volume": volume,
-            "line": None if line is None else self._line_core(line),
+            "line": None if line is None else line.core(self.ambient),
             "tube": None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa),
         }
-
-    def _line_core(self, line: TankLine) -> dict[str, Any]:
-        out = self.ambient.core() | line.stored() | {"pressure_pa": self._other_side_pa(line)}
-        out.pop("pressure", None)
-        return out
-
-    def _other_side_pa(self, line: TankLine) -> float:
-        if line.pressure is None:
-            return self.ambient.pressure_pa
-        pressure = line.pressure.absolute_pa(self.ambient.pressure_pa)
-        if not pressure > 0.0:
-            raise wrong("line.pressure", "line.pressure is below vacuum", rule="gauge + ambient > 0")
-        return pressure
 
     def core_json(self) -> str:
         """Return `core_form` as JSON."""

@@ -331,8 +331,8 @@ class QuantityReader:
         if not isinstance(given, str) or self.number.unit in ("1", ""):
             return self.value(given)
         with _named(self.number.name):
-            unit = given.strip().partition(" ")[2].removesuffix(" abs").removesuffix(" gauge")
-            number = given.removesuffix(" abs").removesuffix(" gauge")
+            number, _ = units.split_mark(given)
+            unit = number.strip().partition(" ")[2]
             return units.parse(number, self.number.unit) - units.parse(f"0 {unit}", self.number.unit)
 
 

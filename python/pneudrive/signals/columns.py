@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.errors import DescriptionError, package_table
 from pneudrive.units import converter, parse
+from pneudrive.units.table import MARKED, split_mark
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 #: Units in headers, roles of columns, and words of other columns.
 _TABLES = package_table(__file__, "columns.toml")
 LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
-#: How a pressure says that it counts from ambient, or from vacuum.
-_SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|relative?|ü|a|abs|absolute?)\.?\)?\.?")
 _BRACKETS = re.compile(r"[\[(<{]([^\[\](){}<>]+)[\])>}]")
 _MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 
@@ -77,7 +76,7 @@ def header_unit(text: str) -> HeaderUnit | None:
     known = _known()
     if bare.lower() in known:
         return known[bare.lower()]
-    match = _SUFFIX.fullmatch(bare.lower().replace("[", "(").replace("]", ")"))
+    match = MARKED.fullmatch(bare.lower().replace("[", "(").replace("]", ")"))
     unit = known.get(match.group(1).strip()) if match else None
     if match is None or unit is None or unit.si != "Pa":
         return None
@@ -150,16 +149,16 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     short = header_unit(text)
     if short is not None and short.gauge is not None:
         return ColumnUnit(converter(short.unit, "Pa")[0], short.gauge, text=text)
-    words = text.split()
-    if not words or words[-1] not in ("gauge", "abs"):
-        converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first
+    unit, mark = split_mark(text)
+    factor, _ = converter(unit, si_unit)  # a wrong dimension is the greater mistake: it is reported first
+    if not mark:
         raise DescriptionError.of("signals.gauge-or-abs", text=text)
-    return ColumnUnit(converter(" ".join(words[:-1]), "Pa")[0], words[-1] == "gauge", text=text)
+    return ColumnUnit(factor, mark == " gauge", text=text)
 
 
 def uncertainty(text: str, si_unit: str) -> float:
     """Read a standard uncertainty. As a difference, an uncertainty of pressure has neither gauge nor abs."""
-    if si_unit == "Pa" and isinstance(text, str) and text.split()[-1:] in (["gauge"], ["abs"]):
+    if si_unit == "Pa" and isinstance(text, str) and split_mark(text)[1]:
         raise DescriptionError(f'uncertainty "{text}": gauge and abs do not apply to a difference')
     value = parse(text, si_unit)
     if value < 0:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
+from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
 from pneudrive.sizing.choices import WITHOUT, DriveChoice, PartChoice
@@ -317,6 +318,8 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
     if math.sin(task.incline_rad):
         found.append(_hanging_load(choice, task))
+    for key, size, end, rule in unusual_sizes(task, USUAL | {"mass": USUAL["moving_mass"]}):
+        found.append(MachineCheck(key, size.si, end, size.si_unit, None, rule, (f"{key} of the task in a usual size",)))
     return sorted(found, key=lambda one: (one.is_kept is not False, one.is_kept is not None))
 
 

@@ -295,7 +295,17 @@ class SizingResult(Viewed):
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write table, summary and the files of the ten best into a folder."""
-        return _write(self, Path(folder))
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in self.ranked]
+        reasons = [(*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"') for one in self.dropped]
+        tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
+        tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
+        files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
+        strict = json.loads(json.dumps(_summary(self)), parse_constant=lambda _: None)  # null for infinity
+        files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
+        files |= {f"{place + 1:02d}.toml": self.circuit(place).to_toml() for place in range(len(self.ranked[:WRITTEN]))}
+        return [write_whole(folder / name, text) for name, text in files.items()]
 
     @classmethod
     def load(cls, folder: str | Path) -> SizingResult:
@@ -306,7 +316,27 @@ class SizingResult(Viewed):
         CommandError
             The folder does not contain a result, or it is damaged.
         """
-        return _read(Path(folder))
+        folder = Path(folder)
+        stored = read_json(folder / SUMMARY, CommandError)
+        try:
+            ranked = tuple(read_drive(drive) for drive in stored["ranked"])
+            simulated, _ = read_choices(folder / LINES)
+            miss = stored.get("miss")
+            return cls(
+                SizingTask.model_validate(stored["task"]),
+                **{name: stored[name] for name in ("enumerated", "left", "pruned", "tuned", "complete")},
+                simulated=tuple(simulated) or ranked,
+                ranked=ranked,
+                miss=None if miss is None else NearestMiss(**miss),
+                provisional=tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
+                savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
+                checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
+                interrupted=stored.get("interrupted", False),
+                notes=tuple(stored.get("notes", ())),
+                asked=stored.get("asked", {}),
+            )
+        except (KeyError, TypeError, ValueError, ValidationError) as error:
+            raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
@@ -402,21 +432,6 @@ def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str
 
 # --- The folder.
 
-
-def _write(result: SizingResult, folder: Path) -> list[Path]:
-    """Write ranking, summary and the circuit files of the ten best; return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in result.ranked]
-    reasons = [(*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"') for one in result.dropped]
-    tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
-    tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
-    files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
-    strict = json.loads(json.dumps(_summary(result)), parse_constant=lambda _: None)  # null for infinity
-    files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
-    files |= {f"{place + 1:02d}.toml": result.circuit(place).to_toml() for place in range(len(result.ranked[:WRITTEN]))}
-    return [write_whole(folder / name, text) for name, text in files.items()]
-
-
 #: Fields of a result that its file holds as they are.
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
 
@@ -435,29 +450,6 @@ def _summary(result: SizingResult) -> dict[str, Any]:
         "checks": [check._asdict() for check in result.checks],
         "said": result.sentences,
     }
-
-
-def _read(folder: Path) -> SizingResult:
-    stored = read_json(folder / SUMMARY, CommandError)
-    try:
-        ranked = tuple(read_drive(drive) for drive in stored["ranked"])
-        simulated, _ = read_choices(folder / LINES)
-        miss = stored.get("miss")
-        return SizingResult(
-            SizingTask.model_validate(stored["task"]),
-            **{name: stored[name] for name in ("enumerated", "left", "pruned", "tuned", "complete")},
-            simulated=tuple(simulated) or ranked,
-            ranked=ranked,
-            miss=None if miss is None else NearestMiss(**miss),
-            provisional=tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
-            savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
-            checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
-            interrupted=stored.get("interrupted", False),
-            notes=tuple(stored.get("notes", ())),
-            asked=stored.get("asked", {}),
-        )
-    except (KeyError, TypeError, ValueError, ValidationError) as error:
-        raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None
 
 
 # --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.

@@ -169,8 +169,8 @@ class DriveStrokes:
         parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
         return (self.task.template_key, outward, *(part.form for part in parts))
 
-    def template(self, outward: bool) -> _Template:
-        """Return the circuit of a stroke in the core's form; this choice differs from it only in numbers."""
+    def template(self, outward: bool) -> tuple[System, dict[str, float]]:
+        """Return the circuit of a stroke in the core's form, and its start. This choice differs only in numbers."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             circuit = _opened_circuit(self.choice, self.task, outward)
@@ -180,7 +180,7 @@ class DriveStrokes:
             begun = circuit.core_initial(
                 {"cylinder.position": at} | {f"cylinder.{side}": f"{p!r} Pa abs" for side, p in pressures.items()}
             )
-            _TEMPLATES[key] = _Template(circuit.system, begun)
+            _TEMPLATES[key] = circuit.system, begun
         return _TEMPLATES[key]
 
     def opens_after(self, outward: bool, draws: Array) -> Array:
@@ -227,7 +227,7 @@ class DriveStrokes:
                 values[path] = values[path] * share
         values |= {"supply.pressure": supply, "ambient.temperature_k": temperature}
         starts: dict[str, float | Array] = {}
-        for name, value in self.template(outward).starts.items():
+        for name, value in self.template(outward)[1].items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
             own = begun if is_full else temperature if name.endswith("temperature_k") else value
             starts[name] = np.broadcast_to(np.asarray(own, dtype=np.float64), rows)
@@ -273,12 +273,8 @@ class DriveStrokes:
 
     def drawn_assumed(self) -> dict[str, str]:
         """Return the values that are sampled because they are assumed, each with its component."""
-        named = {
-            "friction": "friction",
-            "dead volume": "dead_volume",
-            "mass of the piston": "moving_mass",
-            "cushion": "cushion",
-        }
+        named = {"friction": "friction", "dead volume": "dead_volume"}
+        named |= {"mass of the piston": "moving_mass", "cushion": "cushion"}
         assumed = " ".join(("", *self.choice.cylinder.assumed))
         found = {name: "cylinder" for name, key in named.items() if f" {key}" in assumed}
         sizes = {"valve": "valve conductance", "tube": "tube conductance", "flow_control": "needle"}
@@ -340,7 +336,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     }
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(limit)]))
-    system, reductions = first.template(outward).system, _reductions(first.task.stroke_m, outward)
+    system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
     kept = engine.run(system, members, plans, rtol, reductions, first.threads)
     arrived, near, before, *peaks, air, force = kept.values
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
@@ -400,14 +396,8 @@ def points(n: int) -> Array:
     return qmc.Sobol(len(DRAWN), rng=SEED).random_base2(max(n - 1, 1).bit_length())[:n]
 
 
-class _Template(NamedTuple):
-    """A circuit in the core's form, and its start state."""
-
-    system: System
-    starts: dict[str, float]
-
-
-_TEMPLATES: dict[tuple[Any, ...], _Template] = {}
+#: Structure of a circuit -> the circuit in the core's form, and its start state.
+_TEMPLATES: dict[tuple[Any, ...], tuple[System, dict[str, float]]] = {}
 
 
 def _is_size(key: str) -> bool:

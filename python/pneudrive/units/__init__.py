@@ -24,6 +24,7 @@ from pneudrive.units.table import (
     converter_of_pint,
     kind,
     needed,
+    split_mark,
     wrong_dimension,
 )
 
@@ -159,7 +160,7 @@ def is_unit(text: str) -> bool:
     >>> is_unit("bar gauge"), is_unit("Reibung")
     (True, False)
     """
-    return text.removesuffix(" gauge").removesuffix(" abs") in TABLE
+    return split_mark(text)[0] in TABLE
 
 
 def suffix(si_unit: str) -> str:
@@ -240,7 +241,7 @@ def _parsed(text: str, si_unit: str) -> float:
 
 
 def parse_pressure(text: str) -> Pressure:
-    """Read a pressure with ``abs`` or ``gauge``.
+    """Read a pressure with ``abs`` or ``gauge``, or with a unit such as ``barg`` or ``psia``.
 
     Raises
     ------
@@ -249,13 +250,13 @@ def parse_pressure(text: str) -> Pressure:
 
     Examples
     --------
-    >>> parse_pressure("3 bar abs")
-    3 bar abs
+    >>> parse_pressure("3 bar abs"), parse_pressure("3 barg")
+    (3 bar abs, 3 bar gauge)
     """
-    words = text.split()
+    plain, mark = split_mark(text)
     try:
-        if words and words[-1] in {"abs", "gauge"}:
-            return Pressure(parse(" ".join(words[:-1]), "Pa"), gauge=words[-1] == "gauge")
+        if mark:
+            return Pressure(parse(plain, "Pa"), gauge=mark == " gauge")
         number, unit = _split(text, "Pa")
         converter(unit, "Pa")  # a wrong dimension is the greater mistake: report that first
     except DescriptionError as error:
@@ -386,7 +387,7 @@ def like(unit: str) -> list[str]:
     >>> like("mm"), like("bar gauge")[:2], like("furlong")
     (['m', 'cm', 'mm', 'um', 'in', 'km'], ['Pa gauge', 'kPa gauge'], [])
     """
-    plain, said = _said(unit)
+    plain, said = split_mark(unit)
     known = TABLE.get(canonical(plain))
     if known is None:
         return []
@@ -417,18 +418,12 @@ def in_unit(text: str, unit: str) -> str:
     >>> in_unit("25.4 mm", "in"), in_unit("7 bar abs", "kPa abs"), in_unit("20 degC", "K")
     ('1 in', '700 kPa abs', '293.15 K')
     """
-    plain, said = _said(text)
-    wanted, wanted_said = _said(unit)
+    plain, said = split_mark(text)
+    wanted, wanted_said = split_mark(unit)
     known = TABLE.get(canonical(wanted))
     if known is None or said != wanted_said:
         raise DescriptionError(f'"{text}" cannot be written in "{unit}"', rule="a common unit of the same quantity")
     return f"{write(parse(plain, known[0]), known[0], canonical(wanted))}{said}"
-
-
-def _said(text: str) -> tuple[str, str]:
-    """Split ``abs`` or ``gauge`` from a unit or a quantity."""
-    end = next((one for one in (" abs", " gauge") if text.rstrip().endswith(one)), "")
-    return text.rstrip().removesuffix(end), end
 
 
 def readable(si_unit: str) -> tuple[float, str]:

@@ -39,6 +39,24 @@ def needed(si_unit: str) -> str:
     return DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
+#: A unit, and the mark after it that a pressure counts from ambient or from vacuum: barg, psia, kPa(a), bar gauge.
+MARKED = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|relative?|ü|a|abs|absolute?)\.?\)?\.?")
+_NUMBER = re.compile(r"[\s\d.+-]*(?:[eE][+-]?\d+\s*)?")
+
+
+def split_mark(text: str) -> tuple[str, str]:
+    """Split a pressure or its unit from its mark: ``"6 barg"`` and ``"6 bar gauge"`` into ``"6 bar"`` and ``" gauge"``.
+
+    The mark is empty for other units.
+    """
+    if (last := text.split()[-1:]) in (["abs"], ["gauge"]):
+        return text.rstrip().removesuffix(last[0]).rstrip(), f" {last[0]}"
+    match = MARKED.fullmatch(text.strip())
+    if match is None or TABLE.get(_NUMBER.sub("", match[1], count=1), ("",))[0] != "Pa":
+        return text, ""
+    return match[1], " abs" if match[2].startswith("a") else " gauge"
+
+
 @lru_cache(maxsize=1024)
 def canonical(unit: str) -> str:
     """Return a unit without signs for powers and products."""
@@ -73,7 +91,7 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
     DescriptionError
         The unit is not known, or is of another quantity.
     """
-    if unit.endswith((" abs", " gauge")):
+    if split_mark(unit)[1]:
         raise wrong_dimension(unit, si_unit, "a pressure, not a difference" if si_unit == "Pa" else "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
         raise DescriptionError.of("units.no-reference-state", unit=unit, needed=needed("m^3/s ANR"))

@@ -27,17 +27,10 @@ def golden_file(folder):
     """Write the trajectory of an independent model of the reference drive as a recording."""
     want, noise = np.load(GOLDEN), np.random.default_rng(1)
     t = np.arange(len(want["position_m"])) / 1000.0
-    table = np.column_stack(
-        [
-            t,
-            np.where(t < 1.0, 0.6, -0.6),
-            want["position_m"] + 1e-5 * noise.standard_normal(t.size),
-            want["pressure_a_pa"] + 500.0 * noise.standard_normal(t.size),
-            want["pressure_b_pa"] + 500.0 * noise.standard_normal(t.size),
-        ]
-    )
-    path = folder / "golden.csv"
-    head = "time_s,command,position_m,pressure_a_pa,pressure_b_pa"
+    deviations = {"position_m": 1e-5, "pressure_a_pa": 500.0, "pressure_b_pa": 500.0}
+    measured = [want[name] + size * noise.standard_normal(t.size) for name, size in deviations.items()]
+    table = np.column_stack([t, np.where(t < 1.0, 0.6, -0.6), *measured])
+    path, head = folder / "golden.csv", ",".join(("time_s", "command", *deviations))
     np.savetxt(path, table, delimiter=",", header=head, comments="")
     names = {"time": "time_s", "command": "command", "position": "position_m"}
     names |= {f"pressure_{side}": f"pressure_{side}_pa" for side in "ab"}
