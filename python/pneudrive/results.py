@@ -31,6 +31,7 @@ from pneudrive.files.inputs import located
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import groups_of, read_map
+from pneudrive.identify.base import Fit, whole_interval
 from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
@@ -514,7 +515,12 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
         }
         return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
     view = view_of(result)
-    sides = {row.key: _side(row) for row in view.rows if row.origin != "text"}
+    rows = [row for row in view.rows if row.origin != "text"]
+    if isinstance(result, Fit):  # as its report: the intervals contain the errors of the sensors
+        u, about = result.systematic, {row.key: (float(row.value), row.interval) for row in rows if row.interval}
+        wide = {key: whole_interval(*of, u.get(key, 0.0)) for key, of in about.items()}
+        rows = [replace(row, interval=wide.get(row.key)) for row in rows]
+    sides = {row.key: _side(row) for row in rows}
     if isinstance(result, SizingResult):  # a table of the view names the parts
         sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder[:WRITTEN], 1)}
     return sides

@@ -72,8 +72,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
     if out is None:
         typer.echo(proposal.text)
     else:
-        with trajectory.whole(out) as temporary:
-            temporary.write_text(proposal.text, encoding="utf-8")
+        trajectory.write_whole(out, proposal.text)
     if picture is None:
         picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
     layout_figure.write_layout_figure(proposal, picture)
@@ -249,12 +248,13 @@ def _compare_results(first: str, second: str, plot: Path | None) -> None:
     """Print the values that differ between two results, and the differences of their curves."""
     terminal.check_outputs(None, plot=plot)
     compared = pn.compare_results(first, second, (first, second))
+    is_fit = compared.kind == fit_results.FrictionFit.TITLE
     show_lines(compared.sentence)
     if compared.values:
         show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), compared.rows())
     if rows := compared.curve_rows()[: terminal.MOST_ROWS]:
-        show_table(("curve", "at", "B minus A", "95 %"), rows)
-    elif not compared.curves and compared.kind == fit_results.FrictionFit.TITLE:
+        show_table(("curve", "at", "B minus A", "95 %, statistical" if is_fit else "95 %"), rows)
+    elif not compared.curves and is_fit:
         show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
     write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
 
