@@ -112,7 +112,6 @@ def types() -> str:
     from pneudrive.report.circuit.svg import PistonShapes, Shape
     from pneudrive.results import ValuePair
     from pneudrive.sizing.checks import MachineCheck
-    from pneudrive.web.drive.beside import SentLeg, SentOutput, SentPart, SentPath, SentPlatform
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
 
@@ -124,8 +123,7 @@ def types() -> str:
     lines += [f"export type Mark = {' | '.join(mark.__name__ for mark in marks)};"]
     of_figures = (figures.Axis, *marks, figures.PenStroke, figures.Panel, figures.Figure, views.ShownFigure)
     of_views = (views.Finding, views.ShownTable, views.SentValue, views.SentCurve, views.SentView)
-    drawn = (MachineCheck, Shape, PistonShapes, SentPart, SentLeg, SentPath, SentOutput, SentPlatform)
-    for one in (Listed, *of_figures, *of_views, *drawn, CommandInput, ValuePair):
+    for one in (Listed, *of_figures, *of_views, MachineCheck, Shape, PistonShapes, CommandInput, ValuePair):
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)

@@ -11,11 +11,11 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import CommandError
+from pneudrive.figures import plain_data
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.sizing import FIRST
-from pneudrive.web.messages import plain
 from waiting import until
 from web.conftest import Served
 from web.test_friction import finished, post
@@ -83,7 +83,7 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
 
 def served_view(found: SizingResult) -> dict:
     """Return the view of a result as JSON has it."""
-    return json.loads(json.dumps(plain(found.view().data())))
+    return json.loads(json.dumps(plain_data(found.view().data())))
 
 
 def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:

@@ -227,42 +227,6 @@ export interface PistonShapes {
   moves: Record<number, (boolean)[]>;
 }
 
-export interface SentPart {
-  part: string;
-  leg: number;
-  points: ([number, number, number])[];
-  moving: number;
-}
-
-export interface SentLeg {
-  name: string;
-  force: string;
-  limits: [number | null, number | null];
-}
-
-export interface SentPath {
-  label: string;
-  points: ([number, number, number])[];
-}
-
-export interface SentOutput {
-  column: string;
-  label: string;
-  unit: string;
-  size: number;
-}
-
-export interface SentPlatform {
-  name: string;
-  traced: string;
-  view: SentView;
-  parts: (SentPart)[];
-  legs: (SentLeg)[];
-  reach: ([number, number, number])[];
-  paths: (SentPath)[];
-  outputs: (SentOutput)[];
-}
-
 export interface CommandInput {
   key: string;
   label: string;
@@ -467,6 +431,42 @@ export interface Impact {
 export interface RunEvent {
   time_s: number;
   what: string;
+}
+
+export interface SentPart {
+  part: string;
+  leg: number;
+  points: ([number, number, number])[];
+  moving: number;
+}
+
+export interface SentLeg {
+  name: string;
+  force: string;
+  limits: [number | null, number | null];
+}
+
+export interface SentPath {
+  label: string;
+  points: ([number, number, number])[];
+}
+
+export interface SentOutput {
+  column: string;
+  label: string;
+  unit: string;
+  size: number;
+}
+
+export interface SentPlatform {
+  name: string;
+  traced: string;
+  view: SentView;
+  parts: (SentPart)[];
+  legs: (SentLeg)[];
+  reach: ([number, number, number])[];
+  paths: (SentPath)[];
+  outputs: (SentOutput)[];
 }
 
 /** A cylinder and the columns of its position and pressures. */

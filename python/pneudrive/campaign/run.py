@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive import own_code
+from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
@@ -220,8 +220,6 @@ def _full_name(source: str) -> str:
 
 
 def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> dict[str, Any]:
-    from pneudrive import __version__
-
     protocol = plan.protocol
     return {
         "name": protocol.name,

@@ -163,11 +163,6 @@ def _run_platform(
     circuit: pn.Circuit, path: str, payload: str | None, out: Path | None, plot: Path | None, options: dict[str, Any]
 ) -> None:
     """Run a platform along a path, print its score, and write run, score and picture into a folder."""
-
-    def write_score(target: Path) -> None:
-        with trajectory.whole(target) as temporary:
-            temporary.write_text(score.to_csv(), encoding="utf-8")
-
     check_outputs(None, plot=plot)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -176,7 +171,11 @@ def _run_platform(
     score = pose.PoseScore.read(run.attrs["score"])
     show_view(score.view(run.attrs))
     draw = partial(control_page.plot_control, run)
-    of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
+    of_folder = (
+        (RUN, partial(trajectory.save, run)),
+        (SCORE, lambda path: trajectory.write_whole(path, score.to_csv())),
+        (PICTURE, draw),
+    )
     write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
 

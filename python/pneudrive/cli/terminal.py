@@ -10,7 +10,7 @@ import sys
 import time
 from tempfile import TemporaryFile
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -27,7 +27,6 @@ with used_later(__name__):
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
-    from typing import Literal
 
     from rich.console import Console
 
@@ -70,18 +69,17 @@ def _width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
 
 
-def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
+def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print a table. `rich` is imported only to fold cells in a narrow terminal, because its import takes long.
 
     Parameters
     ----------
     heads : sequence of str
+        The first column and those whose head begins with "<" are left-aligned.
     rows : iterable of sequences of str
-    left : int
-        Number of left-aligned columns; others are right-aligned unless their head begins with "<".
     """
     rows, names = list(rows), [head.removeprefix("<") for head in heads]
-    to_left = [index for index, head in enumerate(heads) if index < left or head.startswith("<")]
+    to_left = [index for index, head in enumerate(heads) if not index or head.startswith("<")]
     lines = aligned([names, *rows], 0, "", to_left).splitlines()
     if max(map(len, lines)) <= _width():
         typer.echo("\n".join([typer.style(lines[0], bold=True), *lines[1:]]))
@@ -91,7 +89,7 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for index, name in enumerate(names):
         side: Literal["left", "right"] = "left" if index in to_left else "right"
-        table.add_column(name, justify=side, no_wrap=index == 0 and left == 1)
+        table.add_column(name, justify=side, no_wrap=index == 0)
     for row in rows:
         table.add_row(*row)
     console().print(table)
@@ -186,8 +184,7 @@ def write_text(text: str, out: Path | None) -> None:
     if out is None:
         typer.echo(text, nl=False)
         return
-    with trajectory.whole(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    trajectory.write_whole(out, text)
     show_paths(out)
 
 

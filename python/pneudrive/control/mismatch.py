@@ -14,13 +14,15 @@ from pydantic import Field
 from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
-from pneudrive.describe.marks import Bounds, Choice, Mark, number, quantity
+from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.marks import Bounds, Choice, Mark, number, parameter_quantities, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.errors import CommandError, WrongValueError, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pneudrive.arrays import Keyed, Plain
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
@@ -65,7 +67,7 @@ class ValueOrRange(Mark):
         ends = [units.write(end, self.si_unit, self.written) for end in value]
         return ends[0] if ends[0] == ends[1] else " .. ".join(ends)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         form = {"type": "string", "x-unit": self.si_unit} if self.si_unit else {"type": ["number", "string"]}
         return form | {"description": "a value, or a range LOW .. HIGH"}
@@ -73,8 +75,9 @@ class ValueOrRange(Mark):
 
 _Range = tuple[float, float]
 Factor = Annotated[_Range | None, ValueOrRange()]
-_POSITIVE, _SHARE = Bounds(at_least=0.0), Bounds(at_least=0.0, below=1.0)
 _ANY = Bounds()
+#: Key of a proportional valve -> bounds of its values, of the core's table.
+_OF_VALVE = {key: of.bounds for key, of in parameter_quantities(component_kinds()["valve/proportional-5/3"]).items()}
 
 
 def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
@@ -106,11 +109,11 @@ class Mismatch(Described):
     supply_conductance: Factor = Field(
         default=None, description="conductance from the supply to 0.2 l before the valve, relative to the valve's"
     )
-    spool_frequency_hz: Annotated[_Range | None, ValueOrRange("1/s", "Hz")] = None
-    delay_s: Annotated[_Range | None, ValueOrRange("s", "ms", _POSITIVE)] = None
-    overlap: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
-    leakage: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
-    hysteresis: Annotated[_Range | None, ValueOrRange(bounds=_SHARE)] = None
+    spool_frequency_hz: Annotated[_Range | None, ValueOrRange("1/s", "Hz", _OF_VALVE["frequency"])] = None
+    delay_s: Annotated[_Range | None, ValueOrRange("s", "ms", _OF_VALVE["delay"])] = None
+    overlap: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["overlap"])] = None
+    leakage: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["leakage"])] = None
+    hysteresis: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["hysteresis"])] = None
     pressure_zero_pa: Annotated[_Range | None, ValueOrRange("Pa", "kPa", _ANY)] = Field(
         default=None, description="zero of each pressure sensor"
     )
@@ -234,11 +237,12 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
             raise wrong("friction_law", what, remedy="Choose another law.")
         cylinder["friction"] = _other_law(mismatch.friction_law, cylinder["friction"])
     start = _supply(form, drawn, conductance)
-    values = {name: value for name, value in drawn.items() if _has_sensor(setup, name)}
+    unseen = set() if setup.sensors.pressure_a is not None else _SENSORS.keys()
+    values = {name: value for name, value in drawn.items() if name.removesuffix("_b") not in unseen}
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
 
 
-def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
+def _valves(valves: list[Plain], drawn: Mapping[str, float]) -> None:
     """Change the valves of a drive in place; a law assumes equal valves."""
     for name, key in OF_VALVE.items():
         if name in drawn and "frequency" not in valves[0]["numbers"]:
@@ -260,7 +264,7 @@ def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: 
         numbers[key] *= factor
 
 
-def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
+def _other_law(word: str, friction: Keyed) -> Plain:
     """Return friction by another law, with the parameters that both laws have; formulas are dropped."""
     law, has = friction_laws()[word], dict(friction["parameters"])
     if friction.get("elements"):
@@ -281,7 +285,7 @@ def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
     return kept | {"law": word, "parameters": parameters}
 
 
-def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
+def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
     """Change the supply in place; return the start state of the volume after it."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
@@ -310,11 +314,6 @@ def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float
     pressure = supply["numbers"]["pressure"]
     temperature = supply["numbers"].get("temperature", form["ambient"]["temperature_k"])
     return {f"{volume}.pressure_pa": pressure, f"{volume}.temperature_k": temperature}
-
-
-def _has_sensor(setup: Setup, name: str) -> bool:
-    """Return whether an instrumentation has the sensor that a deviation concerns."""
-    return name.removesuffix("_b") not in _SENSORS or setup.sensors.pressure_a is not None
 
 
 def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Setup:

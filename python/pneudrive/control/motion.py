@@ -14,9 +14,9 @@ from pneudrive import _core, units
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
 
     Row = list[float]  # begin, s, duration, s, and ten coefficients, m, of the elapsed fraction of the duration
 
@@ -266,7 +266,7 @@ class Reference(Shown):
         ends = [move.end_s for move in self.moves[-1:]] + [begin + lasts for begin, lasts, *_ in self.pieces[-1:]]
         return max(ends, default=0.0) + self.rest_s
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the reference in the core's form, in SI."""
         if self.is_sine:
             sizes = {"amplitude_m": self.amplitude_m, "frequency_hz": self.frequency_hz}
@@ -326,7 +326,7 @@ def rounded_up(factor: float) -> float:
     return float(np.ceil(1e3 * factor) / 1e3)
 
 
-def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
+def moves_of(motion: Keyed) -> list[ReferenceMove]:
     """Return the moves of a motion in the core's form: from one rest to the next. A sine has no moves."""
     if motion["kind"] == "moves":
         return [ReferenceMove(*one) for one in motion["moves"]]
@@ -341,7 +341,7 @@ def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
     return found
 
 
-def ways_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
+def ways_of(motion: Keyed) -> list[ReferenceMove]:
     """Return the moves of a motion in the core's form, divided at their reversals."""
     moves = moves_of(motion)
     if motion["kind"] != "pieces":

@@ -10,7 +10,7 @@ import uuid
 from collections import namedtuple
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import _core, own_code
 from pneudrive.errors import CommandError, OwnLawError, nearest
@@ -22,14 +22,6 @@ if TYPE_CHECKING:
 OWN = "own"
 _FAILS = 'Correct the law, or let another one take over: [on_fault] law = "inversion" in a controller file.'
 _RULE = "a law has inputs, a tuple of names, and step(t, sample, preview), which returns the command"
-
-
-class Preview(Protocol):
-    """Wanted state of the drive."""
-
-    def at(self, t: float, /) -> tuple[float, float, float, float]:
-        """Return position, velocity, acceleration and jerk at a time, s, in SI units."""
-        ...
 
 
 @dataclass
@@ -191,7 +183,7 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
         inputs = _inputs(name, law)
         own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)
         make = namedtuple("Sample", inputs)._make
-        step, preview = law.step, preview_of(motion)
+        step, preview = law.step, _core.ControlReference(json.dumps(motion))
 
         def call(values: tuple[float, ...]) -> object:
             return step(values[0], make(values[1:]), preview)
@@ -199,8 +191,3 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
         return RunningLaw(name, call, ["time", *inputs])
 
     return begin
-
-
-def preview_of(motion: Mapping[str, Any]) -> Preview:
-    """Return the core's evaluator of the reference states of a motion."""
-    return _core.ControlReference(json.dumps(motion))

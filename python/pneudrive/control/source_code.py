@@ -101,18 +101,24 @@ def export(
             rule="a name of source code consists of letters, digits and underscores, and begins with a letter",
             remedy='Write "left_axis".',
         )
-    if to == "fmu" and tuning.law == "nmpc":
-        if along is None:
-            remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
-            raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
-        return [_unit(tuning, along, read, Path(out), version)]
-    if along is not None:
+    is_nmpc = to == "fmu" and tuning.law == "nmpc"
+    if is_nmpc and along is None:
+        remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
+        raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
+    if not is_nmpc and along is not None:
         raise CommandError(f"{to} of {tuning.law} gets the reference as an input", remedy="Leave the reference out.")
     if to == "fmu":
         from pneudrive.fmu.package import check_fmu, write_fmu
 
         target = check_fmu(out, version)
-        return [write_fmu(code_plan(tuning, *_written(tuning, read, "c")), target, version).path]
+        if along is None:
+            plan = code_plan(tuning, *_written(tuning, read, "c"))
+        else:
+            reach = (tuning.plant.stroke_m, tuning.plant.speed_m_s)
+            to_follow = named_or_read(along, *reach)
+            check_reach(to_follow, *reach)
+            plan = law_plan(tuning, to_follow, read)
+        return [write_fmu(plan, target, version).path]
     files, _ = _written(tuning, read, to, name)
     folder = Path(out)
     try:
@@ -134,15 +140,6 @@ def _written(
         return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about, name)
     except ValueError as error:
         raise CommandError(str(error)) from None
-
-
-def _unit(tuning: Tuning, along: Reference | str | Path, setup: Setup, path: Path, version: str) -> Path:
-    from pneudrive.fmu.package import check_fmu, write_fmu
-
-    target, reach = check_fmu(path, version), (tuning.plant.stroke_m, tuning.plant.speed_m_s)
-    to_follow = named_or_read(along, *reach)
-    check_reach(to_follow, *reach)
-    return write_fmu(law_plan(tuning, to_follow, setup), target, version).path
 
 
 def code_plan(

@@ -30,6 +30,7 @@ from pneudrive.views import VALUE, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pneudrive.arrays import Plain
     from pneudrive.describe import Circuit, Drive
 
 
@@ -58,7 +59,7 @@ def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
 
 
 def _numbers(table: str) -> Reads:
-    def read(given: Any) -> dict[str, Any]:  # noqa: ANN401 - of any type
+    def read(given: Any) -> Plain:  # noqa: ANN401 - of any type
         if not isinstance(given, dict):
             raise WrongValueError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
         return dict(given)
@@ -326,7 +327,7 @@ class Tuning(Viewed):
         """Gains of the law and numbers of its valves."""
         return (*self.gains, *self.valves)
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the controller in the core's form, in SI."""
         each = {"gains": self.gains, "valves": self.valves}
         numbers = {table: {one.key: one.value for one in own} for table, own in each.items()}
@@ -396,7 +397,7 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
     ]
 
 
-def factors_form(factors: Factors) -> dict[str, Any]:
+def factors_form(factors: Factors) -> Plain:
     """Return the factors of the gains in the core's form; empty if all are 1."""
     return {} if factors == USUAL_FACTORS else {"factors": factors.values}
 
@@ -413,7 +414,7 @@ def core_form(
     adaptation: bool,
     belief: Circuit,
     numbers: Mapping[str, dict[str, float]],
-) -> dict[str, Any]:
+) -> Plain:
     """Return a controller in the core's form, SI. `numbers` has the numbers of ``gains`` and of ``valves``."""
     held = None if hold is None else [hold.band_m, hold.after_s]
     core = {"law": law, "period_s": period_s, "gains": {}, "hold": held, "adaptation": adaptation}
@@ -563,8 +564,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     def asked(
         gains: dict[str, float] | None = None,
         valves: dict[str, float] | None = None,
-        more: dict[str, Any] | None = None,
-    ) -> tuple[dict[str, Any], list[list[_Ruled]]]:
+        more: Plain | None = None,
+    ) -> tuple[Plain, list[list[_Ruled]]]:
         numbers = {"gains": gains or {}, "valves": valves or {}}
         form = core_form(word, table.period_s, table.hold, table.adaptation, belief, numbers)
         return _core.control_tune(json.dumps(form | (more or {})), 0.0)
@@ -593,7 +594,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
 
 
 def _numbers_of(
-    table: str, whose: str, values: dict[str, Any], ruled: list[_Ruled], check: Callable[[dict[str, float]], object]
+    table: str, whose: str, values: Plain, ruled: list[_Ruled], check: Callable[[dict[str, float]], object]
 ) -> tuple[TunedGain, ...]:
     """Read the numbers of a table of a controller file; missing ones keep the core's default."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}

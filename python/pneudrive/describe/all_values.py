@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.base import inline
+from pneudrive.describe.files.toml import leaves
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
@@ -65,15 +64,6 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
         else:
             out.append(DescribedValue(key, value, "", "given" if key in given else "default"))
     return out
-
-
-def leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of each leaf of nested tables."""
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from leaves(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
 
 
 def _assumptions(described: Drive | Circuit) -> dict[str, str]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
+from pneudrive.describe.files.toml import leaves
 from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.system import compiled
@@ -202,7 +203,7 @@ def numbers_of(described: Drive | Circuit) -> dict[str, Parameter]:
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
     form = json.loads(drive.core_json())
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
-    found = [_parameter(path, value, laws) for path, value in _leaves(own, "")]
+    found = [_parameter(key, float(n), laws) for key, n in leaves(own) if type(n) in (int, float)]
     found += [_of_component(*number) for number in component_numbers(form)]
     return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))}
 
@@ -253,14 +254,6 @@ def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
         if not p.lower < p.value < p.upper:
             raise FitError.of("free.start-at-bound", p=p)
     return found
-
-
-def _leaves(table: Any, path: str) -> Iterator[tuple[str, float]]:  # noqa: ANN401 - a tree of JSON
-    if isinstance(table, dict):
-        for key, value in table.items():
-            yield from _leaves(value, f"{path}.{key}" if path else key)
-    elif isinstance(table, (int, float)) and not isinstance(table, bool):
-        yield path, float(table)
 
 
 def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:

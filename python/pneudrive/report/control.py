@@ -63,7 +63,8 @@ def view_of_controlled_run(run: xr.Dataset) -> View:
 def run_figure(run: xr.Dataset) -> Figure:
     """Draw a run under control over time."""
     check_si(run)
-    time, known = _samples(run)
+    part = thin(run.time, MOST_DRAWN)
+    time, known = run.time.to_numpy()[part], {str(name): run[name].to_numpy()[part] for name in run.data_vars}
     title = f"{run.attrs.get('law', '')} on {run.attrs.get('title', 'a drive')}"
     score = attributes(run).get("score", {})
     panels = _pose_panels(time, known, score, title) if "coordinates" in score else _axis_panels(time, known, title)
@@ -135,12 +136,6 @@ def plot_reference(reference: Reference, plant: Plant, path: str | Path | None =
         Panel([Line(time, a)], y="acceleration / (m/s²)"),
     ]
     return draw_figure(_over_time(panels), path, synthetic=False)
-
-
-def _samples(run: xr.Dataset) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return time and columns of a run, thinned."""
-    part = thin(run.time, MOST_DRAWN)
-    return run.time.to_numpy()[part], {str(name): run[name].to_numpy()[part] for name in run.data_vars}
 
 
 def _over_time(panels: Sequence[Panel]) -> Figure:

@@ -235,9 +235,9 @@ def sheet_view(found: Datasheet) -> View:
     bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
     values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
     tables = [topics["numbers"].shown(found.numbers)]
-    figures = [
-        ShownFigure("curves", topics["curves"].texts["pictures"]["curves"].format(bands=bands), _curve_figure(found))
-    ]
+    drawn = {name: found.results[name] for name in CURVES if name in found.results}
+    panels = [characteristic_panel(result, title=name.replace("-", " ")) for name, result in drawn.items()]
+    figures = [topics["curves"].figure("curves", figure_of("sheet", panels), bands=bands)]
     if "published" in found.results:
         tables.append(topics["numbers"].shown(_published(found), "published"))
     if found.measured is not None:
@@ -284,12 +284,6 @@ def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
     columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
     for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
         yield str(name), plain(printed), plain(computed), f"{more:+.2g} %"
-
-
-def _curve_figure(found: Datasheet) -> Figure:
-    results = {name: found.results[name] for name in CURVES if name in found.results}
-    panels = [characteristic_panel(result, title=name.replace("-", " ")) for name, result in results.items()]
-    return figure_of("sheet", panels)
 
 
 def _measured_row(number: ComparedNumber) -> tuple[str, ...]:

@@ -114,21 +114,23 @@ PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
 def provenance_section(found: Characterisation | None, study: Addition | None) -> Section:
     """Return the section on provenance of the report."""
     topic = Topic("recordings", "provenance")
-    lines = [] if found is None else [topic.say("synthetic" if found.synthetic else "real")]
+    lines: list[str] = []
+    keys: list[str] = []
+    blocks: list[Block] = []
     rows = [("pneudrive", __version__), *software()]
     if found is not None:
+        lines.append(topic.say("synthetic" if found.synthetic else "real"))
         rows.append(("protocol of the characterisation", found.protocol))
+        blocks += _notes(topic, found)
+        keys += METHODS
     if study is not None:
+        laws = friction_laws()
         lines.append(study.validity)
         rows += study.settings
-    return topic.section(
-        Items(tuple(lines)),
-        topic.table(rows),
-        *(_notes(topic, found) if found is not None else ()),
-        *(study.sources if study is not None else ()),
-        *topic.listed(references(_keys(found, study)), "sources"),
-        synthetic=False,
-    )
+        blocks += study.sources
+        keys += [*study.cited, *(laws[name]["source"] for name in study.laws if name in laws)]
+    blocks += topic.listed(references(dict.fromkeys(keys)), "sources")
+    return topic.section(Items(tuple(lines)), topic.table(rows), *blocks, synthetic=False)
 
 
 def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
@@ -155,14 +157,6 @@ def _head(path: Path) -> str:
         return path.read_text(encoding="utf-8", errors="replace")[:3000].strip()
     except OSError as error:
         return f"(it cannot be read: {error.strerror})"
-
-
-def _keys(found: Characterisation | None, study: Addition | None) -> list[str]:
-    keys: list[str] = list(METHODS) if found is not None else []
-    if study is not None:
-        laws = friction_laws()
-        keys += [*study.cited, *(laws[name]["source"] for name in study.laws if name in laws)]
-    return list(dict.fromkeys(keys))
 
 
 def reference(key: str) -> str | None:

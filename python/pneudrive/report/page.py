@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from pneudrive import units
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Plain, evenly
 from pneudrive.describe.files.toml import tomllib
 from pneudrive.errors import CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
@@ -206,18 +206,16 @@ class Report:
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads no other files. `linked`: captions link to the files of the figures."""
         import jinja2
-        from markupsafe import Markup
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
         environment.filters["words"] = _words
         details = [part.key for part in self.sections if part and part.key in DETAILS and not _has_severe(part)]
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
-        drawn = {name: Markup(svg) for name, svg in self.pictures.items()}
         return template.render(
             title=self.title,
             verdict=self.lines,
             sections=self.sections,
-            pictures=drawn,
+            pictures=self.pictures,
             folded=details if len(self.sections) > MOST_OPEN else (),
             most_rows=MOST_ROWS,
             folder=FIGURES if linked else "",
@@ -227,7 +225,7 @@ class Report:
 
 def _plain(value: object) -> object:
     """Show characters that hide or reverse a text as escapes; jinja2 calls this before it escapes HTML."""
-    return shown(value, len(value)) if type(value) is str else value  # not Markup: pictures are ours
+    return shown(value, len(value)) if type(value) is str else value  # not Markup: of `_words`
 
 
 def _words(text: str) -> object:
@@ -408,7 +406,7 @@ TEXTS = Path(__file__).with_name("texts")
 
 
 @lru_cache
-def texts_of(file: Path) -> dict[str, Any]:
+def texts_of(file: Path) -> Plain:
     """Return the texts of a page: topic -> name -> text, with placeholders as in ``str.format``."""
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
@@ -442,10 +440,10 @@ class Topic:
         """Return a paragraph."""
         return Paragraph(self.say(name, **values), kind)
 
-    def listed(self, items: Iterable[str], name: str = "", kind: str = "plain") -> tuple[Block, ...]:
+    def listed(self, items: Iterable[str], name: str = "") -> tuple[Block, ...]:
         """Return a paragraph with a list of sentences; nothing without sentences."""
         lines = tuple(items)
-        lead = (self.text(name, kind),) if name else ()
+        lead = (self.text(name),) if name else ()
         return (*lead, Items(lines)) if lines else ()
 
     def figure(self, name: str, figure: Any, /, **values: object) -> ShownFigure:  # noqa: ANN401 - also of matplotlib

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
 _STYLE = package_table(__file__, "style.toml")
-#: Settings of matplotlib, and colours by name on light and on dark paper.
-_SETTINGS, INKS = _STYLE["settings"], _STYLE["inks"]
+#: Settings of matplotlib, legends of a panel by their place, and colours by name on light and on dark paper.
+_SETTINGS, LEGENDS, INKS = _STYLE["settings"], _STYLE["legends"], _STYLE["inks"]
 FONT, LABEL_PT, TITLE_PT = (_SETTINGS[key] for key in ("font.family", "axes.labelsize", "axes.titlesize"))
 TICK_PT, LEGEND_PT = _SETTINGS["xtick.labelsize"], _SETTINGS["legend.fontsize"]
 TINTS = ("band", "shade", "shade two")
@@ -339,16 +339,14 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
         if figure.share_y in ("all", "row") and index % columns:
             axis.tick_params(labelleft=False, which="both")
             axis.set_ylabel("")
-    x, y = (figures.axis(own).label for own in (figure.x, figure.y))
-    if figure.share_x == "all" and columns > 1 and x:
-        made.supxlabel(x, fontsize=LABEL_PT)
-    if figure.share_y == "all" and rows > 1 and y:
-        made.supylabel(y, fontsize=LABEL_PT)
-    for axis in axes.values():
-        if figure.share_x == "all" and columns > 1 and axis.get_xlabel() == x:
-            axis.set_xlabel("")
-        if figure.share_y == "all" and rows > 1 and axis.get_ylabel() == y:
-            axis.set_ylabel("")
+    sides = (("x", figure.x, figure.share_x, columns), ("y", figure.y, figure.share_y, rows))
+    for side, own, share, several in sides:
+        label = figures.axis(own).label
+        if share == "all" and several > 1 and label:
+            getattr(made, f"sup{side}label")(label, fontsize=LABEL_PT)
+            for axis in axes.values():
+                if getattr(axis, f"get_{side}label")() == label:
+                    getattr(axis, f"set_{side}label")("")
 
 
 def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> Plain:
@@ -387,22 +385,12 @@ def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis, *, dark: bool) ->
 
 def _legend(axis: Axes, handles: Plain, figure: figures.Figure, how: str) -> Plain:
     """Put the legend of a panel into the panel; return the handles if the legend belongs above all panels."""
-    entries = min(len(handles), figure.entries)
-    size: Plain = {"fontsize": LEGEND_PT * figure.text_scale}
-    if how == "panel" and handles:
-        axis.legend(list(handles.values()), list(handles), **size)
-    elif how == "inside" and handles:  # above the data, within the panel
-        low, high = axis.get_ylim()
-        axis.set_ylim(low, high + 0.16 * -(-len(handles) // 2) * (high - low))
-        axis.legend(
-            *(list(handles.values()), list(handles)),
-            **{"loc": "upper left", "ncols": 2, "borderaxespad": 0.1, "handlelength": 2.0, "labelspacing": 0.3, **size},
-        )
-    elif how == "over" and handles:
-        place: Plain = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderaxespad": 0.0}
-        axis.legend(list(handles.values()), list(handles), ncols=entries, **place, **size)
-    elif how == "under" and handles:  # below a drawing
-        axis.legend(list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=entries)
+    if how in LEGENDS and handles:
+        if how == "inside":
+            low, high = axis.get_ylim()
+            axis.set_ylim(low, high + 0.16 * -(-len(handles) // 2) * (high - low))
+        usual = {"fontsize": LEGEND_PT * figure.text_scale, "ncols": min(len(handles), figure.entries)}
+        axis.legend(list(handles.values()), list(handles), **usual | LEGENDS[how])
     return handles if how == "above" else {}
 
 
@@ -549,11 +537,11 @@ DRAWN: dict[type, Callable[..., Any]] = {
 }
 
 
-def box_marks(position: int, values: Sequence[float], *, color: str = "orange") -> Iterator[Any]:
+def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
     """Yield a box of values at a position of a vertical axis: 5, 25, 50, 75 and 95 %, and the values outside."""
     low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
     outside = np.asarray([v for v in values if not low <= v <= high])
     yield Line((low, high), (position, position), width=0.9)
     yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
-    yield Markers([middle], [position], look=Look(color, "-", "|"), size=9.0)
+    yield Markers([middle], [position], look=Look("orange", "-", "|"), size=9.0)
     yield Markers(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)

@@ -231,7 +231,9 @@ def motion_view(found: MotionValidation) -> View:
         figure = comparison_figure(fitted_pressures(found.solution))
         figures.append(ShownFigure("pressures", Topic("motion", "chambers").say("time"), figure))
     if found.closures:
-        figures.append(ShownFigure("closure", topic.say("residual"), closure_figure(found.closures)))
+        dots, each = Look("blue", "-", "."), found.closures
+        panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in each]
+        figures.append(ShownFigure("closure", topic.say("residual"), figure_of("closure", panels)))
         notes += [*map(str, found.closures), topic.say()]
     return View(
         f"{found.circuit.name} along recorded motions",
@@ -246,13 +248,6 @@ def motion_view(found: MotionValidation) -> View:
 def motion_page(found: MotionValidation, folder: str | Path) -> Path:
     """Write the page of a validation into an existing folder."""
     return view_report(found.view(), *_chambers(found.solution)).write(folder)
-
-
-def closure_figure(closures: tuple[Closure, ...]) -> Figure:
-    """Draw the residual of each force balance over time."""
-    dots = Look("blue", "-", ".")
-    panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
-    return figure_of("closure", panels)
 
 
 def _force_row(c: Closure) -> tuple[object, ...]:

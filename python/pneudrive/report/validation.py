@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from pneudrive.validate.validation import CHANNELS, RecordResult, Validation
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, State, View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from pneudrive.arrays import Keyed
     from pneudrive.describe.drive import Drive
 
 MOST_RECORDS, MOST_STOPS = 6, 60
@@ -30,7 +31,7 @@ DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
 MET: dict[bool | None, State] = {False: "bad", True: "good", None: "open"}
 
 
-def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str, Any] | None]) -> View:
+def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     """Return the view of a validation of a drive, live or stored.
 
     Parameters
@@ -67,7 +68,7 @@ def validation_view(content: Mapping[str, Any], run: Callable[[int], Mapping[str
     )
 
 
-def _leading(verdict: Mapping[str, Any]) -> LeadingValue:
+def _leading(verdict: Keyed) -> LeadingValue:
     (words, factor), met = Topic("validation", "verdicts").texts[verdict["what"]], verdict.get("met")
     if met is None:
         return LeadingValue(ShownValue(verdict["what"], "", "", verdict["text"]), None, "open")
@@ -75,7 +76,7 @@ def _leading(verdict: Mapping[str, Any]) -> LeadingValue:
     return LeadingValue(value, factor * verdict["target"], MET[met])
 
 
-def _rows(record: Mapping[str, Any]) -> Iterator[ShownValue]:
+def _rows(record: Keyed) -> Iterator[ShownValue]:
     """Yield the agreement of each channel of a record."""
     badge = f" ({record['badge']})" if record.get("badge") else ""
     for column, title in CHANNELS.items():
@@ -95,7 +96,7 @@ def _rows(record: Mapping[str, Any]) -> Iterator[ShownValue]:
             yield ShownValue(f"{record['name']}: {title}.{key}", label, words, float(value), si_unit)
 
 
-def _tables(content: Mapping[str, Any]) -> Iterator[ShownTable]:
+def _tables(content: Keyed) -> Iterator[ShownTable]:
     """Yield causes, sizes of residuals, stops and conditions."""
     diagnosis, records = content["diagnosis"], content["record"]
     why = Topic("validation", "why")
@@ -116,7 +117,7 @@ def _tables(content: Mapping[str, Any]) -> Iterator[ShownTable]:
     )  # fmt: skip
 
 
-def channel_figure(columns: Mapping[str, Any]) -> Figure:
+def channel_figure(columns: Keyed) -> Figure:
     """Draw measured and modelled channels, each with its residual below."""
     panels, part = [], thin(columns["time_s"])
     t = columns["time_s"][part]

@@ -25,7 +25,7 @@ from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, Problems, WrongValueError, package_table, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import Motion, MotionLimits, uniform_in_position
-from pneudrive.rig.rig_file import RigFile
+from pneudrive.rig.rig_file import RigFile, shipped_rigs
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Plain
@@ -339,8 +339,6 @@ def _open(path: Path, above: tuple[Path, ...]) -> Plain:
     base = content.pop("extends", None)
     if base is None:
         return content
-    from pneudrive.rig.rig_file import shipped_rigs
-
     below = _open(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
     law, old = (_table(one, "friction").get("law") for one in (content, below))
     if law is not None and law != old:  # another friction law drops the values of the old one

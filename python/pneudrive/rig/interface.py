@@ -355,7 +355,7 @@ class Identity:
     bandwidth_hz: dict[str, Frequency] = field(default_factory=dict)
     force_calibration: ForceCalibration | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return plain data for JSON."""
         return asdict(self)
 
@@ -412,11 +412,11 @@ class Reproducible(Protocol):
         """Seed the noise of the next cycle from the rig's seed and this key."""
         ...
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> Plain:
         """Return the saved state (clock, travel, temperature, age of the contact) as plain data."""
         ...
 
-    def restore(self, memory: dict[str, Any]) -> None:
+    def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
         ...
 

@@ -344,21 +344,27 @@ class Machine:
         SimulationError
             The core cannot continue.
         """
-        friction = self.friction()
+        d, past, friction = self.d, self.past, self.friction()
         hold = step if isinstance(step, Hold) else Hold(0.0)
         if hold.released:
             self._stays(friction)
-        columns = self._core(friction, motion, times, released=hold.released, shut=hold.shut, look=look)
+        begin = past.commanded_m if past.state is None else past.state
+        plan = (motion.durations_s, motion.jerks_m_s3, times)
+        on_look = None if look is None else lambda _: look()
+        try:
+            rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
+            result = rig.run(*plan, begin, RTOL, released=hold.released, shut=hold.shut, look=on_look)
+        except (ValueError, RuntimeError) as error:
+            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
+        columns, _, past.state, past.commanded_m = result
+        past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         power = 0.0
         if isinstance(step, Move):
-            way = abs(self.past.commanded_m - motion.start_m)
-            self.past.travel_m += way
-            power = (
-                self.steady_n(friction, float(np.copysign(step.speed_m_s, step.to_m - motion.start_m)))
-                * way
-                / motion.duration_s
-            )
-        self.past.pass_time(self.d, motion.duration_s, power)
+            way = abs(past.commanded_m - motion.start_m)
+            past.travel_m += way
+            speed = float(np.copysign(step.speed_m_s, step.to_m - motion.start_m))
+            power = self.steady_n(friction, speed) * way / motion.duration_s
+        past.pass_time(d, motion.duration_s, power)
         return columns
 
     def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> None:
@@ -366,10 +372,7 @@ class Machine:
         self.past = before
         begun = motion.until(time_s)
         position, speed, acceleration = (float(value) for value in motion.at(time_s))
-        stopping = brake(position, speed, acceleration, self.d.limits)
-        rest = Motion(
-            np.r_[begun.durations_s, stopping.durations_s], np.r_[begun.jerks_m_s3, stopping.jerks_m_s3], motion.start_m
-        )
+        rest = begun.then(brake(position, speed, acceleration, self.d.limits))
         if rest.durations_s.size:
             self.run(step, rest, np.array([rest.duration_s]))
 
@@ -404,31 +407,6 @@ class Machine:
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError.of("rig.moves-away", push=push, holds=holds)
-
-    def _core(
-        self,
-        friction: Plain,
-        motion: Motion,
-        times: Array,
-        *,
-        released: bool,
-        shut: bool,
-        look: Callable[[], object] | None,
-    ) -> dict[str, Array]:
-        d, past = self.d, self.past
-        room = float(past.room_k(d))
-        pressures = (past.pressure_a_pa, past.pressure_b_pa)
-        begin = past.commanded_m if past.state is None else past.state
-        on_look = None if look is None else lambda _: look()
-        try:
-            rig = core_rig(d, pressures, friction, room)
-            plan = (motion.durations_s, motion.jerks_m_s3, times)
-            result = rig.run(*plan, begin, RTOL, released=released, shut=shut, look=on_look)
-        except (ValueError, RuntimeError) as error:
-            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
-        columns, _, past.state, past.commanded_m = result
-        past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
-        return columns
 
     def copy(self) -> Machine:
         """Return a machine with a copy of the history."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,6 +65,11 @@ class MotionLimits:
 Limits = MotionLimits  # public name in pneudrive.rig
 
 
+def _moved(h: Any, x: Any, v: Any, a: Any, j: Any) -> tuple[Any, Any, Any]:  # noqa: ANN401 - numbers or arrays
+    """Return position, velocity and acceleration after a time `h` of constant jerk."""
+    return x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+
+
 @dataclass(frozen=True)
 class Motion:
     """Motion with piecewise constant jerk from rest at `start_m`.
@@ -79,6 +84,12 @@ class Motion:
     jerks_m_s3: Array
     start_m: float = 0.0
 
+    @classmethod
+    def of(cls, durations_s: Array, jerks_m_s3: Array, start_m: float) -> Motion:
+        """Return a motion without the segments of no duration."""
+        used = durations_s > 0.0
+        return cls(durations_s[used], jerks_m_s3[used], start_m)
+
     @property
     def duration_s(self) -> float:
         """Total time, s."""
@@ -90,7 +101,7 @@ class Motion:
         out[1, 0] = self.start_m
         for i, (h, j) in enumerate(zip(self.durations_s, self.jerks_m_s3, strict=True)):
             t, x, v, a = out[:, i]
-            out[:, i + 1] = t + h, x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+            out[:, i + 1] = t + h, *_moved(h, x, v, a, j)
         return out
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
@@ -99,15 +110,14 @@ class Motion:
         time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
         i = np.clip(np.searchsorted(knots[0], time, side="right") - 1, 0, self.durations_s.size - 1)
         h = time - knots[0, i]
-        x, v, a, j = knots[1, i], knots[2, i], knots[3, i], self.jerks_m_s3[i]
-        return x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+        x, v, a = knots[1:, i]
+        return _moved(h, x, v, a, self.jerks_m_s3[i])
 
     def until(self, time_s: float) -> Motion:
         """Return the beginning of this motion, up to `time_s`."""
         ends = np.cumsum(self.durations_s)
         durations = np.clip(time_s - (ends - self.durations_s), 0.0, self.durations_s)
-        used = durations > 0.0
-        return Motion(durations[used], self.jerks_m_s3[used], self.start_m)
+        return Motion.of(durations, self.jerks_m_s3, self.start_m)
 
     def then(self, other: Motion) -> Motion:
         """Return this motion followed by `other` (which starts where this one ends)."""
@@ -157,8 +167,7 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
     cruise = max(distance / speed - limits.ramp_time_s(speed), 0.0)
     durations = np.array([rise, hold, rise, cruise, rise, hold, rise])
     jerks = sign * j * np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
-    used = durations > 0.0
-    return Motion(durations[used], jerks[used], start_m)
+    return Motion.of(durations, jerks, start_m)
 
 
 def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
@@ -197,8 +206,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
     if peak > a:
         peak, hold = a, (needed - (2.0 * a * a - now * now) / (2.0 * j)) / a
     durations = np.array([(peak - now) / j, hold, peak / j])
-    used = durations > 0.0
-    return Motion(durations[used], sign * j * np.array([1.0, 0.0, -1.0])[used], position_m)
+    return Motion.of(durations, sign * j * np.array([1.0, 0.0, -1.0]), position_m)
 
 
 def cycles(

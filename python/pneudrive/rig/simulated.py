@@ -8,7 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, RLock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Plain
     from pneudrive.rig.description import AnalogSensor, EncoderClock, TimeClock
     from pneudrive.rig.interface import Sampling
+
+    Gauges = float | tuple[float, float]  # pressures of both chambers, or of a and b
 
     Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
@@ -136,7 +138,7 @@ class SimulatedRig:
     def drag(
         self,
         speed_m_s: float,
-        gauge_pa: float | tuple[float, float] = 0.0,
+        gauge_pa: Gauges = 0.0,
         *,
         count: int = 1,
         dwell_s: float = 0.0,
@@ -240,7 +242,7 @@ class SimulatedRig:
     def measure(
         self,
         speed_m_s: float,
-        gauge_pa: float | tuple[float, float] = 0.0,
+        gauge_pa: Gauges = 0.0,
         *,
         count: int = 1,
         dwell_s: float = 0.0,
@@ -260,7 +262,7 @@ class SimulatedRig:
         friction = steady_friction_n(core_friction(d), speed_m_s, gauges, 0.5 * d.stroke_m)
         return friction if np.ndim(speed_m_s) else friction[0]
 
-    def _absolute(self, gauge_pa: float | tuple[float, float]) -> tuple[float, float]:
+    def _absolute(self, gauge_pa: Gauges) -> tuple[float, float]:
         pair = gauge_pa if isinstance(gauge_pa, tuple) else (gauge_pa, gauge_pa)
         absolute = tuple(float(p) + self.description.ambient_pressure_pa for p in pair)
         if len(absolute) != 2 or not all(np.isfinite(p) and p > 0.0 for p in absolute):
@@ -271,7 +273,7 @@ class SimulatedRig:
 def sweep(
     rig: SimulatedRig,
     speeds_m_s: Iterable[float],
-    gauges_pa: Iterable[float | tuple[float, float]] = (0.0,),
+    gauges_pa: Iterable[Gauges] = (0.0,),
     *,
     count: int = 1,
     seed: int = 0,
@@ -541,11 +543,11 @@ class RigSession:
         self.past.key = key
         self._rng = stream(self.seed, "noise", key)
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> Plain:
         """Return the saved state as plain data."""
         return self._machine.snapshot().to_dict()
 
-    def restore(self, memory: dict[str, Any]) -> None:
+    def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
         self._idle()
         self._machine.past = Past.from_dict(memory)

@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval, Plain
+    from pneudrive.arrays import Array, Bools, Interval, Keyed, Plain
     from pneudrive.describe.drive import Drive
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
@@ -137,7 +137,7 @@ class VolumeRecording(DriveRecording):
 
 
 def drive_recording(
-    columns: Mapping[str, Any],
+    columns: Keyed,
     name: str = "recording",
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
@@ -192,7 +192,7 @@ def drive_recording(
 
 
 def volume_recording(
-    columns: Mapping[str, Any],
+    columns: Keyed,
     name: str = "recording",
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
@@ -233,7 +233,7 @@ def volume_recording(
 
 
 def _arrays(
-    columns: Mapping[str, Any],
+    columns: Keyed,
     needed: Sequence[str],
     known: Iterable[str],
     where: str,

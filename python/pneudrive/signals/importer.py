@@ -249,7 +249,8 @@ def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array
     time = table.columns[table.places[column.column]]
     if column.date is not None:
         return time + table.columns[table.places[column.date]], 0
-    times.refuse_equal_stamps(time, column.column, where)
+    if (count := times.samples_of_a_stamp(time)) > 1.0:
+        raise RecordingError.of("signals.shared-stamps", where=f"{where}, column {column.column!r}", count=count)
     clocks = times.clocks_of(column.format if column.is_date else None, column.conversion.factor)
     time, midnights = times.unwrapped(time, clocks, forward=True)
     counters = times.COUNTERS if column.wraps is None else (column.wraps,)

@@ -143,7 +143,7 @@ def layout_beside(file: Path) -> Layout:
     raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
 
 
-def load_recording(path: Path, layout: Layout, name: str | None = None, kind: str = "rig") -> Recording:
+def load_recording(path: Path, layout: Layout, kind: str = "rig") -> Recording:
     """Read one file through a layout. For a drive, the force is zero if it was not measured.
 
     Raises
@@ -152,7 +152,7 @@ def load_recording(path: Path, layout: Layout, name: str | None = None, kind: st
         As for `load_recordings`.
     """
     said = layout.for_file(path, kind)
-    return to_recording(name or stem(path), path, said, import_file(path, said))
+    return to_recording(stem(path), path, said, import_file(path, said))
 
 
 @dataclass(frozen=True)

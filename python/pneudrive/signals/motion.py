@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Ints
 
+    Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
+
 
 MINIMUM_SAMPLES = 20
 # A reversal counts if the position retreats by this fraction of the whole travel.
@@ -288,7 +290,7 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
     return bool(agree[-1] <= CONTROLLED_TOLERANCE)
 
 
-def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
+def speed_levels(strokes: list[Stroke]) -> Levels:
     """Group strokes into speed classes, slowest first. There is one class if the rig did not set speeds.
 
     If returns do not have the speed of the stroke before, each class contains strokes of one direction only.
@@ -307,7 +309,7 @@ def speeds_differ(strokes: Sequence[Stroke]) -> bool:
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
 
-def _one_way_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
+def _one_way_levels(strokes: list[Stroke]) -> Levels:
     """Return the classes of each direction if the speed of one direction was set in steps.
 
     If several returns have the speed of the stroke before them, they belong to the class of that stroke. The result
@@ -332,9 +334,9 @@ def _one_way_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
     return [sorted(members, key=lambda s: s.index) for members in (*classes, *rest)]
 
 
-def _groups(ordered: list[Stroke], width: float) -> list[list[Stroke]]:
+def _groups(ordered: list[Stroke], width: float) -> Levels:
     """Return strokes in groups whose speeds differ at most by the factor ``width``; slowest first."""
-    groups: list[list[Stroke]] = []
+    groups: Levels = []
     for stroke in ordered:
         if groups and abs(stroke.speed_m_s) <= abs(groups[-1][0].speed_m_s) * width:
             groups[-1].append(stroke)
@@ -343,7 +345,7 @@ def _groups(ordered: list[Stroke], width: float) -> list[list[Stroke]]:
     return groups
 
 
-def _are_steps(groups: list[list[Stroke]]) -> bool:
+def _are_steps(groups: Levels) -> bool:
     """Return whether groups of one direction are set speeds: clearly apart, and rising or falling step by step.
 
     A few steps in the other direction are allowed, such as a first stroke at a usual speed.
@@ -356,7 +358,7 @@ def _are_steps(groups: list[list[Stroke]]) -> bool:
     return len(groups) >= LEAST_STEPS and speeds[-1] > LEAST_RANGE * speeds[0] and apart and bool(one_way)
 
 
-def _are_levels(groups: list[list[Stroke]]) -> bool:
+def _are_levels(groups: Levels) -> bool:
     """Return whether groups are speeds that were set.
 
     Drift or scatter also makes groups, but of one direction only or without gaps between them.

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.signals.force_calibration import ForceCalibration
 
+    Runs = tuple[NDArray[np.intp], NDArray[np.intp]]  # first sample and length of each run of equal samples
+
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
@@ -365,7 +367,7 @@ def _upper(steps: Array, share: float) -> float:
     return float(np.partition(some, rank)[rank])
 
 
-def equal_runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def equal_runs(values: Array) -> Runs:
     """Return start and length of each run of equal samples."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
     return starts, np.diff(np.concatenate((starts, [values.size])))
@@ -391,7 +393,7 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
     return float(np.searchsorted(covered, 0.9 * covered[-1]))
 
 
-def clipped(values: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
+def clipped(values: Array, runs: Runs) -> Bools:
     """Mark samples at the largest or smallest value of a noisy channel, if long runs have this value.
 
     A channel near its limit also touches it for single samples. These samples are marked like the runs.
@@ -407,7 +409,7 @@ def clipped(values: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> B
     return np.isin(values, np.unique(values[starts[hit]]))
 
 
-def stuck_runs(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
+def stuck_runs(position: Array, runs: Runs) -> Bools:
     """Mark runs of one value while the piston moves."""
     starts, lengths = runs
     long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
@@ -418,7 +420,7 @@ def stuck_runs(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]])
     return _fill(position.size, starts[moved], lengths[moved])
 
 
-def stuck_position(position: Array, runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Bools:
+def stuck_position(position: Array, runs: Runs) -> Bools:
     """Mark runs of one position that end in a jump, because a real piston starts without a jump."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)

@@ -531,7 +531,10 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
     times = _time(form, best.column, dates)
     if best.score > PHYSICS:
         clocks = [one.column for one in candidates if one.score >= best.score]
-        times.clocks = _clocks_of(form, columns, best.column, clocks)
+        other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
+        for at in range(len(columns)):  # the clock of a column is the nearest one to its left
+            nearest = max((one.index for one in clocks if one.index < at), default=best.column.index)
+            times.clocks |= {at: nearest} if nearest in other else {}
     rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
     times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
     taken.add(best.column.index)
@@ -611,19 +614,6 @@ def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> boo
     is_shifted = abs(slope - 1.0) < 0.01 and abs(b[0] - a[0]) > 1.01 * quantum
     is_number = not {first.index, second.index} & set(form.dates)
     return rest <= 1.01 * quantum and not (is_shifted and is_number)
-
-
-def _clocks_of(
-    form: FileForm,
-    columns: Sequence[FileColumn],
-    best: FileColumn,
-    clocks: Sequence[FileColumn],
-) -> dict[int, int]:
-    """Return the clock of each column that does not use the best clock: the nearest clock to its left."""
-    other = {one.index for one in clocks if one is not best and not _is_same_clock(form, best, one)}
-    every = [one.index for one in clocks]
-    nearest = {at: max((c for c in every if c < at), default=best.index) for at in range(len(columns))}
-    return {at: clock for at, clock in nearest.items() if clock in other}
 
 
 def _time(form: FileForm, column: FileColumn, dates: Sequence[FileColumn]) -> Times:

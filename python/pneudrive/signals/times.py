@@ -221,19 +221,6 @@ def rate_of_stamps(time: Array) -> float | None:
     return float(counts.sum() / (some[fresh[-1]] - some[fresh[0]]))
 
 
-def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
-    """Reject time stamps that many samples share.
-
-    Raises
-    ------
-    RecordingError
-        If at least 40 % of the samples have the stamp of the previous sample.
-    """
-    count = samples_of_a_stamp(time)
-    if count > 1.0:
-        raise RecordingError.of("signals.shared-stamps", where=f"{where}, column {column!r}", count=count)
-
-
 def on_clock(time: Array, own: Array, values: Array) -> Array:
     """Return the values of a channel with a separate clock at other times.
 

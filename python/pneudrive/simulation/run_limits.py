@@ -253,11 +253,32 @@ def water_warnings(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
 
     A gas without a dew point gives no warnings. All gas counts as gas from the supply.
     """
-    share = water_share(described)
-    if share is None:
+    import numpy as np
+
+    if (share := water_share(described)) is None:
         return
     for place in gas_volumes(columns):
-        yield from _water_in(place, _wall_k(described, columns, place), share, described, columns["time_s"])
+        time_s, wall_k = columns["time_s"], _wall_k(described, columns, place)
+        vapour, saturated = share * place.pressure_pa, saturation_pressure(place.temperature_k)
+        on_wall = vapour / saturation_pressure(wall_k)
+        at = int(on_wall.argmax())
+        if on_wall[at] > SATURATED:
+            wall = float(np.broadcast_to(wall_k, vapour.shape)[at])
+            what = "ice may form" if wall < ZERO_CELSIUS_K else "water may condense"
+            yield (
+                f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has its "
+                f"{_point(vapour[at])}, the wall is at {_celsius(wall)}"
+            )
+        in_gas = vapour / saturated
+        at = int(in_gas.argmax())
+        if in_gas[at] > SATURATED:
+            gas, in_exhaust = float(place.temperature_k[at]), share * described.ambient.pressure_pa / saturated
+            what = "fog or ice" if gas < ZERO_CELSIUS_K else "fog"
+            outside = " and in its exhaust" if in_exhaust.max() > SATURATED else ""
+            yield (
+                f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
+                f"{_celsius(gas)}, below its {_point(vapour[at])}"
+            )
 
 
 def water_share(drive: Drive | Circuit) -> float | None:
@@ -272,38 +293,6 @@ def _wall_k(described: Drive | Circuit, columns: Keyed, place: GasVolume) -> Any
     wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
     wall = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
     return described.ambient.temperature_k if wall is None else wall
-
-
-def _water_in(
-    place: GasVolume,
-    wall_k: Any,  # noqa: ANN401 - array or number
-    share: float,
-    described: Drive | Circuit,
-    time_s: Array,
-) -> Iterator[str]:
-    import numpy as np
-
-    vapour = share * place.pressure_pa
-    saturated = saturation_pressure(place.temperature_k)
-    on_wall = vapour / saturation_pressure(wall_k)
-    at = int(on_wall.argmax())
-    if on_wall[at] > SATURATED:
-        wall = float(np.broadcast_to(wall_k, vapour.shape)[at])
-        what = "ice may form" if wall < ZERO_CELSIUS_K else "water may condense"
-        yield (
-            f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has its "
-            f"{_point(vapour[at])}, the wall is at {_celsius(wall)}"
-        )
-    in_gas = vapour / saturated
-    at = int(in_gas.argmax())
-    if in_gas[at] > SATURATED:
-        gas = float(place.temperature_k[at])
-        what = "fog or ice" if gas < ZERO_CELSIUS_K else "fog"
-        outside = " and in its exhaust" if (share * described.ambient.pressure_pa / saturated).max() > SATURATED else ""
-        yield (
-            f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
-            f"{_celsius(gas)}, below its {_point(vapour[at])}"
-        )
 
 
 def _when(time_s: float, pressure_pa: float) -> str:

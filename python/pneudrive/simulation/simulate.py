@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import SimulationResult
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.free.parameters import Sensitivities
 
@@ -242,26 +242,15 @@ def run(
     for message in result["warnings"]:
         warn(message)
     by_numbers = None
-    if sensitivities:
-        by_numbers = _derivatives(drive, sensitivities, (command, initial, rtol), result["columns"], watch)
+    if sensitivities:  # by a second simulation with the same command, start and tolerance
+        from pneudrive.free.parameters import Differentiator
+
+        differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
+        values = [parameter.value for parameter in differentiator.parameters]
+        names = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
+        by_numbers = differentiator.run(values, result["columns"]["time_s"], names, watch=watch)
     known = {} if drive.system.names is None else _steps(*plans[0][1])
     return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, by_numbers)
-
-
-def _derivatives(
-    drive: Drive | Circuit,
-    names: Sequence[str],
-    conditions: tuple[Any, Any, float],
-    columns: Keyed,
-    watch: Watch,
-) -> Sensitivities:
-    """Return the derivatives of a run's columns, by a second simulation with the same command, start and tolerance."""
-    from pneudrive.free.parameters import Differentiator
-
-    differentiator = Differentiator(drive, names, *conditions)
-    values = [parameter.value for parameter in differentiator.parameters]
-    differentiated = [name for name in columns if name not in UNDIFFERENTIATED]
-    return differentiator.run(values, columns["time_s"], differentiated, watch=watch)
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:

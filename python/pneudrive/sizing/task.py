@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe import marks
-from pneudrive.describe.all_values import leaves
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
@@ -245,11 +244,11 @@ class TaskValue(NamedTuple):
 
 def values_of(task: SizingTask) -> list[TaskValue]:
     """Return every value of a task, including defaults, in the order of its file."""
-    given = dict(leaves(task.to_dict()))
+    given = dict(toml.leaves(task.to_dict()))
     meanings = dict(_meanings(task))
     return [
         TaskValue(key, _brief(value) if isinstance(value, str) else inline(value), key in given, meanings.get(key, ""))
-        for key, value in leaves(task.with_defaults())
+        for key, value in toml.leaves(task.with_defaults())
         if key != "schema"
     ]
 

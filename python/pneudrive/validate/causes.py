@@ -19,8 +19,10 @@ from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Interval, Row
+    from pneudrive.arrays import Array, Interval, Plain, Row
     from pneudrive.describe.drive import Drive
+
+    Rows = dict[str, Row]
 
 #: A change of the scene by an amount. Rows hold what depends on the drive in a cause: arguments of `Cause`.
 Change = Callable[[Scene, float], Scene]
@@ -105,16 +107,16 @@ def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Ch
     return _drive(lambda drive, amount: {key: write(value(drive, amount), si_unit)})
 
 
-def _drive(changes: Callable[[Drive, float], dict[str, object]]) -> Change:
+def _drive(changes: Callable[[Drive, float], Plain]) -> Change:
     return lambda scene, amount: replace(scene, drive=scene.drive.replace(changes(scene.drive, amount)))
 
 
-def _of_friction(drive: Drive) -> dict[str, Row]:
+def _of_friction(drive: Drive) -> Rows:
     parameters, seals = drive.friction.parameters, drive.friction.pressure
     if "coulomb" not in parameters:
         return {}
     level, lips = parameters["coulomb"], 0.0 if seals is None else min(seals.coulomb_n_pa)
-    rows: dict[str, Row] = {
+    rows: Rows = {
         "Coulomb friction": {"change": _drive(_friction_level), "bounds": (-level, np.inf)},
         "pressure-dependent friction": {"change": _drive(_pressure_friction), "bounds": (-lips, np.inf)},
         "direction of friction": {"change": _drive(_direction), "bounds": (-0.9, 0.9)},
@@ -129,7 +131,7 @@ def _of_friction(drive: Drive) -> dict[str, Row]:
     return rows
 
 
-def _friction_level(drive: Drive, amount: float) -> dict[str, object]:
+def _friction_level(drive: Drive, amount: float) -> Plain:
     """Change Fc and Fs by the same amount."""
     known = drive.friction.parameters
     return {f"friction.{k}": write(max(known[k] + amount, 1e-6), "N") for k in ("coulomb", "breakaway") if k in known}
@@ -140,7 +142,7 @@ def _breakaway(drive: Drive, amount: float) -> float:
     return max(known["breakaway"] + amount, known["coulomb"])
 
 
-def _pressure_friction(drive: Drive, amount: float) -> dict[str, object]:
+def _pressure_friction(drive: Drive, amount: float) -> Plain:
     """Change Coulomb and breakaway force with the pressure in either chamber, N/Pa."""
     seals = drive.friction.pressure
     pairs = {}
@@ -150,7 +152,7 @@ def _pressure_friction(drive: Drive, amount: float) -> dict[str, object]:
     return {"friction.pressure": pairs}
 
 
-def _direction(drive: Drive, amount: float) -> dict[str, object]:
+def _direction(drive: Drive, amount: float) -> Plain:
     """Increase friction towards +x and decrease it towards -x by this fraction."""
     old = drive.friction.direction
     positive, negative = (1.0, 1.0) if old is None else (old.positive, old.negative)
@@ -167,7 +169,7 @@ def _along_stroke(scene: Scene) -> list[Values]:
     return out
 
 
-def _of_load(drive: Drive) -> dict[str, Row]:
+def _of_load(drive: Drive) -> Rows:
     spring = drive.carried.spring
     heavier = "load.mass" if drive.carried.mass_kg > drive.cylinder.moving_mass_kg else "cylinder.moving_mass"
     force = _value("load.force", "N", lambda d, f: d.carried.force_n + f)
@@ -178,13 +180,13 @@ def _of_load(drive: Drive) -> dict[str, Row]:
     }
 
 
-def _mass(drive: Drive, share: float) -> dict[str, object]:
+def _mass(drive: Drive, share: float) -> Plain:
     """Change the masses of piston and load by the same fraction, so that each stays above zero."""
     masses = {"cylinder.moving_mass": drive.cylinder.moving_mass_kg, "load.mass": drive.carried.mass_kg}
     return {key: write((1.0 + share) * mass, "kg") for key, mass in masses.items() if mass or key != "load.mass"}
 
 
-def _spring(drive: Drive, amount: float) -> dict[str, object]:
+def _spring(drive: Drive, amount: float) -> Plain:
     old = drive.carried.spring
     if old is not None:
         return {"load.spring.stiffness": write(old.stiffness_n_m + amount, "N/m")}
@@ -192,7 +194,7 @@ def _spring(drive: Drive, amount: float) -> dict[str, object]:
     return {"load.spring": {"stiffness": write(amount, "N/m"), "rest_position": middle}}
 
 
-def _of_valve(drive: Drive) -> dict[str, Row]:
+def _of_valve(drive: Drive) -> Rows:
     ratio, gauge = drive.valve.critical_pressure_ratio, drive.supply_pressure_pa - drive.ambient.pressure_pa
     paths = {"to exhaust": (1, 3), "from supply": (0, 2), "of a": (0, 1), "of b": (2, 3)}
     return {
@@ -211,7 +213,7 @@ def _of_valve(drive: Drive) -> dict[str, Row]:
     }
 
 
-def _ratio(drive: Drive, amount: float) -> dict[str, object]:
+def _ratio(drive: Drive, amount: float) -> Plain:
     return {"valve.critical_pressure_ratio": float(np.clip(drive.valve.critical_pressure_ratio + amount, *RATIO))}
 
 
@@ -285,7 +287,7 @@ def _sag(lag_s: float) -> Change:
     return change
 
 
-def _of_leaks(drive: Drive) -> dict[str, Row]:
+def _of_leaks(drive: Drive) -> Rows:
     conductance = drive.valve.conductance_m3_s_pa
     piston = _value(
         "cylinder.leakage",
@@ -318,9 +320,9 @@ def _past_piston(scene: Scene) -> tuple[Array, float]:
     return np.minimum(a, b) / np.maximum(a, b), LEAK_CRITICAL_RATIO
 
 
-def _of_chambers(drive: Drive) -> dict[str, Row]:
+def _of_chambers(drive: Drive) -> Rows:
     volumes = {"dead volume of a": "a", "dead volume of b": "b", "dead volumes": "ab"}
-    rows: dict[str, Row] = {key: {"change": _dead_volume(at), "bounds": SHARE} for key, at in volumes.items()}
+    rows: Rows = {key: {"change": _dead_volume(at), "bounds": SHARE} for key, at in volumes.items()}
     key, field, unit = "cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)"
     if drive.cylinder.heat_transfer_w_m2_k is None:
         key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
@@ -332,7 +334,7 @@ def _of_chambers(drive: Drive) -> dict[str, Row]:
 
 
 def _dead_volume(sides: str) -> Change:
-    def changes(drive: Drive, share: float) -> dict[str, object]:
+    def changes(drive: Drive, share: float) -> Plain:
         old = drive.cylinder.dead_volume_m3
         factor = {c: 1.0 + share if c in sides else 1.0 for c in "ab"}
         return {"cylinder.dead_volume": {c: write(getattr(old, c) * factor[c], "m^3", "cm3") for c in "ab"}}
@@ -356,7 +358,7 @@ def _gain(scene: Scene, share: float) -> Scene:
     return replace(scene, pressures=(a / (1.0 + share), b / (1.0 + share)))
 
 
-_SENSORS: dict[str, Row] = {
+_SENSORS: Rows = {
     "zero of pressure a": {"change": _sensor(a=1.0)},
     "zero of pressure b": {"change": _sensor(b=1.0)},
     "gain of the pressures": {"change": _gain, "bounds": (-0.5, 0.5)},

@@ -30,7 +30,7 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
@@ -177,7 +177,7 @@ class Validation(Viewed):
         )
 
     @cached_property
-    def conditions(self) -> list[dict[str, Any]]:
+    def conditions(self) -> list[Plain]:
         """Return the metrics of free runs and of runs from measured states for each value of each label that varies."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
@@ -209,7 +209,7 @@ class Validation(Viewed):
         target = write_whole(Path(folder) / "validation.toml", "\n".join([HEAD, *toml.sections(tables)]) + "\n")
         return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
 
-    def content(self) -> dict[str, Any]:
+    def content(self) -> Plain:
         """Return the tables of validation.toml: values are in SI, fractions as numbers, fit in percent."""
         drive, diagnosis = self.drive, self.diagnosis()
         identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
@@ -271,7 +271,7 @@ def validate(
     follow: None = None,
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
-    sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Validation: ...
@@ -299,7 +299,7 @@ def validate(
     follow: str | None = None,
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
-    sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> Validation | MotionValidation | RegulatorValidation:

@@ -10,7 +10,6 @@ from typing_extensions import NotRequired, TypedDict
 from pneudrive.report.circuit.svg import PistonShapes, Shape
 from pneudrive.results import ValuePair
 from pneudrive.views import SentValue, SentView, ShownFigure
-from pneudrive.web.drive.beside import SentPlatform
 from pneudrive.web.signatures import CommandInput
 from pneudrive.web.workspace import Listed
 
@@ -183,6 +182,43 @@ class Impact(TypedDict):
 class RunEvent(TypedDict):
     time_s: float
     what: str
+
+# Line of a platform: its part, number of its leg or 0, and its points at rest, m, or how many points move.
+class SentPart(TypedDict):
+    part: str
+    leg: int
+    points: list[tuple[float, float, float]]
+    moving: int
+
+# A leg: its name, the column of its force, and its forces at rest under supply pressure, N.
+class SentLeg(TypedDict):
+    name: str
+    force: str
+    limits: tuple[float | None, float | None]
+
+# Path of the traced point in another run, or of its reference, m.
+class SentPath(TypedDict):
+    label: str
+    points: list[tuple[float, float, float]]
+
+# An output of a platform: its column, its name in words, and the unit with its size in SI.
+class SentOutput(TypedDict):
+    column: str
+    label: str
+    unit: str
+    size: float
+
+# A platform of a run. The array ``platform/NAME`` has the moving points of each sample, m, then the origin and the
+# traced point.
+class SentPlatform(TypedDict):
+    name: str
+    traced: str
+    view: SentView
+    parts: list[SentPart]
+    legs: list[SentLeg]
+    reach: list[tuple[float, float, float]]
+    paths: list[SentPath]
+    outputs: list[SentOutput]
 
 class MovingCylinder(TypedDict):
     """A cylinder and the columns of its position and pressures."""

@@ -23,13 +23,14 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import PneudriveError, package_table
+from pneudrive.figures import plain_data
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
 from pneudrive.web.jobs import READY, PageJobs
 from pneudrive.web.live import live
-from pneudrive.web.messages import PageRequest, fault_of, plain, problems_of, wrong_request
+from pneudrive.web.messages import PageRequest, fault_of, problems_of, wrong_request
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
     from starlette.websockets import WebSocket
 
-    from pneudrive.arrays import Keyed
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
@@ -178,7 +178,7 @@ def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data
     try:
         return JSONResponse({} if answer is None else answer)
     except ValueError:
-        return JSONResponse(plain(answer))
+        return JSONResponse(plain_data(answer))
 
 
 def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:

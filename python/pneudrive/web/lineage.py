@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import TypeAdapter
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.benchmarks import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
@@ -45,8 +45,6 @@ from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from pneudrive.arrays import Keyed
 
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files that are read: for all results, for one result
@@ -143,10 +141,14 @@ class Lineage:
     def _digests(self, kind: str, path: str, of: str) -> frozenset[str]:
         """Return the hashes by which a result may name an input; empty if the file cannot be read."""
         if kind == "friction map":
-            return _map_hashes(self._read(map_at, path), self._read(fit_at, of))
-        if kind == "recording" and self.files[path].size > MOST_BYTES:
-            return frozenset()
-        return self._read(_hashes, path, kind)
+            table, fit = self._read(map_at, path), self._read(fit_at, of)
+            with suppress(PneudriveError, LookupError):
+                if table is not None and fit is not None:
+                    values = values_of_fit(table, fit.provenance)
+                    return frozenset(["" if values is None else fingerprint(values)])
+        elif kind != "recording" or self.files[path].size <= MOST_BYTES:
+            return self._read(_hashes, path, kind)
+        return frozenset()
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
         """Return file and drive of a result's drive; "" and None if the file is missing or has changed."""
@@ -246,15 +248,6 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
     with suppress(PneudriveError):
         return read_map(workspace.path(path))
     return None
-
-
-def _map_hashes(table: xr.Dataset | None, fit: AnyFit | None) -> frozenset[str]:
-    """Return the hash of the values that a fit uses from a map; empty for a map of other recordings."""
-    with suppress(PneudriveError, LookupError):
-        if table is not None and fit is not None:
-            values = values_of_fit(table, fit.provenance)
-            return frozenset(["" if values is None else fingerprint(values)])
-    return frozenset()
 
 
 @kept(2 * MOST_TRACED)

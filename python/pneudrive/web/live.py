@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from starlette.websockets import WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
@@ -25,8 +25,6 @@ from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from starlette.websockets import WebSocket
 
     from pneudrive.arrays import Keyed, Plain
 
@@ -95,7 +93,8 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         request = ExtrasRequest.of(asked)
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
-        head, arrays = request.answer(workspace, described, run, shown_columns(run), limit)
+        shown = [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
+        head, arrays = request.answer(workspace, described, run, shown, limit)
         return frame_of(run, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
@@ -116,11 +115,6 @@ def _read(message: str) -> Any:  # noqa: ANN401 - plain data
         return json.loads(message)
     except (ValueError, RecursionError):
         raise CommandError("the request is not JSON", remedy="Reload the page.") from None
-
-
-def shown_columns(run: Run) -> list[str]:
-    """Return the drawn columns of a run."""
-    return [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
 
 
 def _of_panel(run: Run, panel: list[str]) -> list[str]:

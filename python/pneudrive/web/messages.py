@@ -28,6 +28,7 @@ from pydantic import (
 )
 
 from pneudrive.errors import CommandError, package_table
+from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
         padding = -own.nbytes % ALIGNED
         blocks += [own.tobytes(), bytes(padding)]
         at += own.nbytes + padding
-    text = json.dumps(plain({**head, "arrays": listed}), default=str, allow_nan=False).encode()
+    text = json.dumps(plain_data({**head, "arrays": listed}), default=str, allow_nan=False).encode()
     text += b" " * (-(4 + len(text)) % ALIGNED)
     return b"".join([struct.pack("<I", len(text)), text, *blocks])
 
@@ -90,15 +91,6 @@ def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a Pneudri
             }
         )
     return out
-
-
-def plain(value: Any) -> Any:  # noqa: ANN401 - plain data
-    """Return plain data for JSON, with null in place of infinity and NaN."""
-    if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: object) -> float | None:

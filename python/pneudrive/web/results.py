@@ -6,8 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import results
-from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
-from pneudrive.campaign.storage.folder import CYCLES
+from pneudrive.campaign.storage.folder import ABOUT, CYCLES
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
@@ -117,7 +116,7 @@ def _of_task(workspace: Workspace, path: str) -> str:
 
 def _of_campaign(workspace: Workspace, path: str) -> str:
     folder = workspace.folder(path)
-    about = read_json(folder / CAMPAIGN, PneudriveError)
+    about = read_json(folder / ABOUT, PneudriveError)
     return f"{about.get('name') or folder.name}: {sum(1 for _ in (folder / CYCLES).glob('*.parquet'))} cycles"
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from pneudrive.web.guard import App
 
+
 MOST_MESSAGE = 1 << 16  # largest message of the socket, bytes
 SWITCH_S = 5e-4  # thread switch interval, s: with the default of 5 ms, answers would wait for importing threads
 MOST_WAIT_S = 2.0  # the same until the first answer of a run

@@ -13,7 +13,7 @@ from pathlib import Path
 from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.cli.main import COMMANDS
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError, package_table
@@ -35,7 +35,6 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.arrays import Keyed
 
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known

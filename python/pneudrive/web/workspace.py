@@ -315,7 +315,8 @@ def cache_folder() -> Path:
     folder = _user_cache() / "pneudrive" / "page"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not folder.is_symlink() and _is_ours(folder) and os.access(folder, os.W_OK):
+        is_ours = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
+        if not folder.is_symlink() and is_ours and os.access(folder, os.W_OK):
             folder.chmod(0o700)
             return folder.resolve()
     except OSError:
@@ -323,9 +324,9 @@ def cache_folder() -> Path:
     return log_folder()
 
 
-def forget_unused(folder: Path, now_s: float | None = None) -> None:
+def forget_unused(folder: Path) -> None:
     """Remove files that were not opened during `LONGEST_UNUSED_S`."""
-    oldest = (time.time() if now_s is None else now_s) - LONGEST_UNUSED_S
+    oldest = time.time() - LONGEST_UNUSED_S
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_mtime < oldest:
             shutil.rmtree(entry.path, ignore_errors=True)
@@ -337,10 +338,6 @@ def log_folder() -> Path:
     folder = tempfile.mkdtemp(prefix="pneudrive-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()
-
-
-def _is_ours(folder: Path) -> bool:
-    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
 
 
 def _user_cache() -> Path:

@@ -20,7 +20,7 @@ from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from pneudrive.arrays import Keyed, Plain
 
 
 #: Significant digits of the levels between the ends of a range, so that its name states a level exactly.
@@ -69,7 +69,7 @@ class MovingAverage(Quantity):
         """Return the value as users write it."""
         return "none" if value == 1 else int(value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the schema of its written form."""
         return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
 
@@ -117,7 +117,7 @@ class PositionMark(Mark):
         """Return the value as users write it."""
         return str(value)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the schema of its written form."""
         return {"type": "string", "x-unit": "m or %"}
 
@@ -140,7 +140,7 @@ class BetweenPositions(PositionMark):
         """Return the value as users write it."""
         return f"{value[0]} .. {value[1]}"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the schema of its written form."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
 
@@ -159,7 +159,7 @@ class PressurePair(StatedPressure):
         """Return both pressures in the form that users write."""
         return {"a": str(value.a), "b": str(value.b)}
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the schema of its written form."""
         both = {"a": super().schema(), "b": super().schema()}
         return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
@@ -204,7 +204,7 @@ class ListOf(Mark):
             seen.add(value)
         return tuple(sorted(values) if self.sorts else values)
 
-    def _range(self, given: dict[str, Any]) -> tuple[Any, ...]:
+    def _range(self, given: Plain) -> tuple[Any, ...]:
         """Read ``{ from, to, count, spacing }``."""
         keys = ["from", "to", "count", "spacing"]
         for key in given:
@@ -233,7 +233,7 @@ class ListOf(Mark):
         """Return each level as a quantity with its unit."""
         return tuple(map(self.mark.named, value))
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the forms in which users write levels."""
         entry = self.mark.schema()
         if isinstance(self.mark, Quantity):
@@ -738,14 +738,14 @@ def ready_protocols() -> dict[str, Path]:
     return {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
 
 
-def protocol_schema() -> dict[str, Any]:
+def protocol_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a protocol."""
     schema = Protocol.model_json_schema(by_alias=True)
     measured = [{"required": ["speed"]}, {"required": ["stop"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "anyOf": measured}
 
 
-def _from_tables(tables: Mapping[str, Any], text: str, origin: str) -> Protocol:
+def _from_tables(tables: Keyed, text: str, origin: str) -> Protocol:
     with toml.locating(origin, text, ProtocolError):
         protocol = Protocol.model_validate(tables)
     protocol._text, protocol._origin = text, origin

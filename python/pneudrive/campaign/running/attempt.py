@@ -82,7 +82,7 @@ class Attempts:
         self._memory: Plain = {}  # snapshot after the last finished cycle, or before the first one
         self._pressures_after: tuple[float, float] | None = None  # after the last finished cycle
         self._pressures: tuple[float, float] | None = None  # in the chambers now, if known
-        self._homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
+        self.homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
 
     def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
         """Run a job on the rig's thread after the previous one.
@@ -110,7 +110,7 @@ class Attempts:
         trouble = "" if self._at_rest else self._stop()
         self._at_rest = not trouble
         self._pressures = None
-        self._homed = self._homed and self._whole
+        self.homed = self.homed and self._whole
         return trouble
 
     def _stop(self) -> str:
@@ -154,9 +154,9 @@ class Attempts:
         return Head(0, cycle, began_s, started, memory=memory, attempts=self._begun[cycle.key]), samples
 
     def _go_to_start(self, rig: Rig, cycle: Cycle) -> None:
-        if not self._homed:
+        if not self.homed:
             rig.home()
-            self._homed = True
+            self.homed = True
         if has_verbs(rig, Reproducible):
             remembering = cast("Reproducible", rig)
             self._memory = self._memory or as_plain(remembering.memory())
@@ -194,10 +194,6 @@ class Attempts:
         """Record a cycle as done, now or in an earlier run; the next cycle starts from its end."""
         self._memory = dict(head.memory)
         self._pressures_after = (head.cycle.pressure_a_pa, head.cycle.pressure_b_pa)
-
-    def go_home_first(self) -> None:
-        """Home the axis before the next cycle, because its position may be lost."""
-        self._homed = False
 
 
 def as_plain(memory: Plain) -> Plain:

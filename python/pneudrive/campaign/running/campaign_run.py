@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
     from pathlib import Path
 
+    from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
@@ -90,20 +91,18 @@ class Documents:
         Metadata of the start document.
     """
 
-    def __init__(
-        self, subscribers: Sequence[Callable[[str, dict], None]], source: str, metadata: dict[str, Any]
-    ) -> None:
+    def __init__(self, subscribers: Sequence[Callable[[str, dict], None]], source: str, metadata: Plain) -> None:
         self._subscribers, self._source = tuple(subscribers), source
         self._descriptor, self._events = "", 0
         self._run = self._publish("start", {**metadata, "scan_id": 1})
 
-    def _publish(self, name: str, content: dict[str, Any]) -> str:
+    def _publish(self, name: str, content: Plain) -> str:
         document = {"uid": str(uuid.uuid4()), "time": time.time(), **content}
         for subscriber in self._subscribers:
             subscriber(name, document)
         return document["uid"]
 
-    def event(self, data: dict[str, Any]) -> None:
+    def event(self, data: Plain) -> None:
         """Publish an event for a finished cycle, and before the first event the descriptor of its keys."""
         if not self._descriptor:
             about = {"source": self._source, "shape": [], "object_name": DEVICE}
@@ -289,7 +288,7 @@ class CampaignRun:
         documents.stop("success")
         return DONE
 
-    def _metadata(self) -> dict[str, Any]:
+    def _metadata(self) -> Plain:
         from pneudrive import __version__
 
         return {
@@ -312,13 +311,6 @@ class CampaignRun:
             self._requests.wait()
             self._serve()
         return future
-
-    def _sleep(self, seconds: float) -> None:
-        """Wait, and serve requests during this time."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0.0 and not self._pausing:
-            self._requests.wait(left)
-            self._serve()
 
     def _serve(self) -> None:
         """Serve the requests since the last call.
@@ -390,7 +382,7 @@ class CampaignRun:
             raise EndedError("ended while paused")
         self._journal.write(answer)
         self._display.go_on()
-        self._requests.began_again()
+        self._requests.presses = 0
         self._lock.tell(state="running", text="")
         return {"name": name, "time": control.now(), "how": how}
 
@@ -415,7 +407,7 @@ class CampaignRun:
 
     # -- a cycle ----------------------------------------------------------------------------------------------
 
-    def _cycle(self, cycle: Cycle) -> dict[str, Any]:
+    def _cycle(self, cycle: Cycle) -> Plain:
         """Run a cycle, store it, and return the data of its event."""
         self._lock.tell(state="running", text="", cycle=cycle.key)
         self._display.cycle(cycle)
@@ -490,13 +482,16 @@ class CampaignRun:
                 self._tell(f"waiting before {cycle.key}: {wrong}")
                 self._lock.tell(state="waiting", text=wrong)
             if wrong.startswith((FAULT, NO_ANSWER)):
-                self._attempts.go_home_first()
+                self._attempts.homed = False
             if wrong and not last_wrong:
                 self._rest()
             last_wrong = wrong or last_wrong
             if waited >= options.patience_s:
                 raise CampaignError.of("campaign.waited", value=last_wrong, seconds=options.patience_s)
-            self._sleep(options.look_s)
+            until = time.monotonic() + options.look_s
+            while (left := until - time.monotonic()) > 0.0 and not self._pausing:
+                self._requests.wait(left)
+                self._serve()
             waited += options.look_s
         if last_wrong:
             self._tell(f"continued after {waited:.3g} s: conditions are met again")
@@ -512,7 +507,7 @@ class CampaignRun:
 
     # -- finished cycles ----------------------------------------------------------------------------------------
 
-    def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> dict[str, Any]:
+    def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> Plain:
         """Store a cycle, which is then finished. Requests cannot interrupt this."""
         cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"

@@ -339,7 +339,7 @@ class Requests:
         self._folder = folder / FOLDER
         self._someone_there, self._cancel = someone_there, cancel
         self._queue: deque[Request] = deque()
-        self._presses, self._last_press = 0, 0.0
+        self.presses, self._last_press = 0, 0.0
         # Not a threading.Event: its lock is not re-entrant, and a signal handler may run while its thread holds it.
         self._arrived: queue.SimpleQueue[None] = queue.SimpleQueue()
         with contextlib.suppress(OSError):
@@ -374,10 +374,6 @@ class Requests:
     def wake(self) -> None:
         """End a wait."""
         self._arrived.put(None)
-
-    def began_again(self) -> None:
-        """Reset the count of Ctrl-C."""
-        self._presses = 0
 
     def _waiting(self) -> list[Path]:
         try:
@@ -428,8 +424,8 @@ class Requests:
         else:
             since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
             if since >= BOUNCE_S:
-                self._presses += 1
-                word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
+                self.presses += 1
+                word = {1: PAUSE, 2: STOP}.get(self.presses, ABORT)
                 self.put(Request(word, CTRL_C, leave=not self._someone_there))
 
 

@@ -25,8 +25,7 @@ import numpy as np
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Head, check_schema
 from pneudrive.campaign.cycle import read_head as parse_head
-from pneudrive.campaign.storage.control import FOLDER as CONTROL
-from pneudrive.campaign.storage.control import PART, clear_errors, make_folder, write_whole
+from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
@@ -518,7 +517,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: Plain) -> Cam
     make_folder(folder)
 
     # A process that was killed while it created the folder leaves some of these.
-    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, CONTROL}
+    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, FOLDER}
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
         raise CampaignError.of("campaign.not-empty", where=str(folder), value=", ".join(sorted(foreign)[:5]) or CYCLES)
@@ -553,14 +552,10 @@ def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
         if problem.lost and problem.where.startswith(f"{CYCLES}/"):
             path = campaign.path / problem.where
             with clear_errors("the campaign folder cannot be tidied", path):
-                path.replace(_free_name(path))
+                names = (path.with_name(f"{path.name}{ASIDE}{n or ''}") for n in range(10_000))
+                path.replace(next(name for name in names if not name.exists()))
             done.append(f"put aside {problem}")
     return files, done
-
-
-def _free_name(path: Path) -> Path:
-    names = (path.with_name(f"{path.name}{ASIDE}{n or ''}") for n in range(10_000))
-    return next(name for name in names if not name.exists())
 
 
 __all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle"]

@@ -240,20 +240,13 @@ def _read(path: Path) -> list[Entry]:
 
 def _values(given: object) -> tuple[Value, ...]:
     """Read values with their origin, in tables of any depth."""
-    problems = Problems()
-    found = [problems.take(sourced.read, key, one) for key, one in _leaves(given, "")]
-    problems.tell()
-    return tuple(found)
-
-
-def _leaves(given: object, before: str) -> Iterator[tuple[str, Any]]:
     if not isinstance(given, dict):
         raise WrongValueError(f"{given!r} is not a table")
-    for key, one in given.items():
-        if isinstance(one, dict) and one and not {"value", "source", "assumed"} & set(one):
-            yield from _leaves(one, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", one
+    problems, origins = Problems(), {"value", "source", "assumed"}
+    inner = toml.leaves(given, is_inner=lambda one: bool(isinstance(one, dict) and one and not origins & set(one)))
+    found = [problems.take(sourced.read, key, one) for key, one in inner]
+    problems.tell()
+    return tuple(found)
 
 
 class SourceTable(Described):

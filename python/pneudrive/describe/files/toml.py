@@ -112,6 +112,25 @@ def merge(base: Keyed, changes: Keyed, is_inner: Callable[[object], bool] = _is_
     return out
 
 
+def leaves(
+    table: Any,  # noqa: ANN401 - nested tables, or lists of them
+    before: str = "",
+    is_inner: Callable[[object], bool] = _is_dict,
+) -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the value of each leaf of nested tables.
+
+    Examples
+    --------
+    >>> dict(leaves({"valve": {"kv": 2.0}, "name": "x"}))
+    {'valve.kv': 2.0, 'name': 'x'}
+    """
+    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if is_inner(value):
+            yield from leaves(value, f"{before}{key}.", is_inner)
+        else:
+            yield f"{before}{key}", value
+
+
 def put(tables: Plain, key: str, value: object) -> None:
     """Set the value of a dotted key; missing tables are created."""
     *path, last = key.split(".")

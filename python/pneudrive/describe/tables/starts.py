@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
+from pneudrive.describe.files.toml import leaves
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure
 from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, within, wrong
 
@@ -308,8 +309,8 @@ class Starts:
         poses = Poses(self.platforms)
         for table in given:
             with problems.caught():
-                poses.take(dict(_flat(table)))
-        for key, value in (entry for table in given for entry in _flat(table)):
+                poses.take(dict(leaves(table)))
+        for key, value in (entry for table in given for entry in leaves(table)):
             if key in poses.keys:
                 continue
             with problems.caught():
@@ -331,7 +332,7 @@ class Starts:
                 else:
                     moves = last in (POSITION, VELOCITY)
                     out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
-        given_keys = {key for table in given for key, _ in _flat(table)}
+        given_keys = {key for table in given for key, _ in leaves(table)}
         poses.check(
             lambda leg: next(out[n] for own in self._moves_with(leg) if (n := f"{own}.{POSITION}") in out), given_keys
         )
@@ -438,15 +439,6 @@ def _key(name: str) -> str:
 def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
     """Return the key and the annotation of a start value by the last part of its name. The default is a pure number."""
     return _MARKS.get(last, (last, Quantity("")))
-
-
-def _flat(table: Keyed, before: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        full = f"{before}{key}"
-        if isinstance(value, dict):
-            yield from _flat(value, f"{full}.")
-        else:
-            yield full, value
 
 
 def _bar(value: float) -> str:

@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.base import Described
+from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import GivenNumber, values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
@@ -142,7 +143,7 @@ def curve_of_drive(
     """
     numbers = {key: value for key, value in values(drive).items() if key.startswith("friction.")}
     numbers |= _numbers_of_lists(drive.friction, "friction")
-    given = {f"friction.{key}" for key, _ in _leaves(drive.friction.to_dict())}
+    given = {f"friction.{key}" for key, _ in _written(drive.friction)}
     entries = []
     for key, value in numbers.items():
         if key not in given and _is_refused(drive, key, value):
@@ -168,13 +169,9 @@ def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNu
                 yield from ((f"{here}.{i}.{key}", number) for key, number in values(one).items())
 
 
-def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - as written
-    """Yield the values of a written table by dotted names."""
-    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
-        if isinstance(value, (dict, list)):
-            yield from _leaves(value, f"{path}{key}.")
-        else:
-            yield f"{path}{key}", value
+def _written(friction: Friction) -> Iterator[tuple[str, Any]]:
+    """Yield the values of a written table, also those of its lists, by dotted names."""
+    return toml.leaves(friction.to_dict(), is_inner=lambda value: isinstance(value, dict | list))
 
 
 def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
@@ -197,7 +194,7 @@ def curve_of_friction(
     tables = [key for key, table in friction.to_dict().items() if key != "law" and isinstance(table, (dict, list))]
     lost = [sentences("not_exported").get(key, f"friction.{key}").format(**at) for key in tables]
     names = {entry.name for entry in entries}
-    rest = [(key, str(w)) for key, w in _leaves(friction.to_dict()) if key not in names and not key.startswith("law.")]
+    rest = [(key, str(w)) for key, w in _written(friction) if key not in names and not key.startswith("law.")]
     entries = (*entries, *(CurveEntry(key, word, "", np.nan, np.nan, "") for key, word in rest))
     unwritten = () if friction.formula is None else (f"the formulas of law {friction.law}",)
     if friction.law not in ("coulomb", "stribeck"):

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from pneudrive.describe import Circuit, Component
 
+    Placed = Mapping[str, "Block"]
+    Beside = Mapping[str, tuple[str, str]]  # component on a rod -> first component of its group, its neighbour
+
 MODULE_IN = 0.1  # inch, height of a module on paper
 NAME_PT, TEXT_PT = 7.0, 6.0
 LINE = 1.1  # line spacing of a label
@@ -39,7 +42,8 @@ Box = tuple[float, float, float, float]
 Place = tuple[int, int]
 
 
-Points = tuple[tuple[float, float], ...]
+Point = tuple[float, float]
+Points = tuple[Point, ...]
 
 
 class Shape(NamedTuple):
@@ -138,7 +142,7 @@ def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
     return tuple((x + point[0], y + point[1]) for point in points)
 
 
-def _mark(name: str, at: tuple[float, float], direction: tuple[int, int], mark: str) -> Iterator[Shape]:
+def _mark(name: str, at: Point, direction: Place, mark: str) -> Iterator[Shape]:
     """Yield the mark of a port that is open to the ambient air, or shut."""
     (x, y), (dx, dy) = at, direction
     if mark == "exhaust":
@@ -256,7 +260,7 @@ def _points(shape: Shape) -> Points:
     return tuple((x + shape.size * math.cos(angle), y + shape.size * math.sin(angle)) for angle in steps)
 
 
-def _bounds(points: Sequence[tuple[float, float]]) -> Box:
+def _bounds(points: Sequence[Point]) -> Box:
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return min(xs), min(ys), max(xs), max(ys)
 
@@ -340,7 +344,7 @@ class Routes:
         Steps that belong to pilot lines.
     """
 
-    def __init__(self, placed: Mapping[str, Block], nets: Sequence[Net]) -> None:
+    def __init__(self, placed: Placed, nets: Sequence[Net]) -> None:
         self.blocked = {cell for block in placed.values() for cell in block.cells()}
         self.bounds = _around(self.blocked)
         self.pins = {point: number for number, net in enumerate(nets) for point in net.points(placed)}
@@ -488,16 +492,16 @@ class Net(NamedTuple):
     pilots: tuple[tuple[str, str], ...] = ()  # pilot ports
 
     @staticmethod
-    def point(placed: Mapping[str, Block], pin: tuple[str, str]) -> Place:
+    def point(placed: Placed, pin: tuple[str, str]) -> Place:
         """Return the position of a port."""
         return placed[pin[0]].port(pin[1])
 
-    def points(self, placed: Mapping[str, Block]) -> list[Place]:
+    def points(self, placed: Placed) -> list[Place]:
         """Return the positions of the ports."""
         return [self.point(placed, pin) for pin in self.pins]
 
 
-def nets(circuit: Circuit, placed: Mapping[str, Block]) -> list[Net]:
+def nets(circuit: Circuit, placed: Placed) -> list[Net]:
     """Return the lines between ports; a port open to the ambient air, or shut, gets a mark at its block."""
     out = []
     for joint in circuit.wiring.joints:
@@ -573,7 +577,7 @@ def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> d
     return out
 
 
-def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> list[list[str]]:
+def _columns(names: Sequence[str], beside: Beside) -> list[list[str]]:
     """Return the neighbours of an actuator in columns, by their number of couplings from the actuator."""
     columns = [[names[0]]]
     while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
@@ -581,7 +585,7 @@ def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> lis
     return columns[1:]
 
 
-def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]) -> None:
+def _put_beside(names: Sequence[str], beside: Beside, placed: Placed) -> None:
     """Place the moved components to the right of their actuator, each at the height of the component that moves it."""
     last = placed[names[0]].x + placed[names[0]].box[2]
     for column in _columns(names, beside):
@@ -597,9 +601,7 @@ def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], pla
         last = max(placed[name].x + placed[name].box[2] for name in column)
 
 
-def _group_extent(
-    names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]
-) -> tuple[float, float]:
+def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> tuple[float, float]:
     """Return the extent of a block to the left and right of its origin, including its neighbours."""
     own = placed[names[0]]
     widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
@@ -647,9 +649,7 @@ def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, kn
     return None
 
 
-def _pulls(
-    lines: Sequence[Net], beside: Mapping[str, tuple[str, str]], above: Collection[str]
-) -> dict[str, list[tuple[str, str, str]]]:
+def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> dict[str, list[tuple[str, str, str]]]:
     """Return the ports, and the ports of other components near which a component is placed.
 
     A component that actuators carry is placed above them. The actuators are not moved apart for this component.
@@ -669,7 +669,7 @@ def _order(
     rows: Mapping[int, list[str]],
     extent: Mapping[str, tuple[float, float]],
     pulls: Mapping[str, Sequence[tuple[str, str, str]]],
-    placed: Mapping[str, Block],
+    placed: Placed,
     spread: float,
 ) -> None:
     """Order the blocks of each row to be near the blocks that they are connected to, in upward and downward passes."""
@@ -711,7 +711,7 @@ def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: f
     return [round(value) + round(offset) for value, offset in zip(free, offsets, strict=True)]
 
 
-def _fix(circuit: Circuit, placed: Mapping[str, Block]) -> None:
+def _fix(circuit: Circuit, placed: Placed) -> None:
     """Move components to the places in their description; others make room."""
     for name, block in placed.items():
         at = circuit.components[name].at

@@ -35,6 +35,8 @@ from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from pneudrive.arrays import Plain
+
 STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
 AGAIN_S = (0.02, 0.1, 0.3)  # s; wait before connecting again after a server has closed a first connection
@@ -92,7 +94,7 @@ class OpcUaRig:
             self._reconnect(str(error))
             self._gone = True  # the next verb reports it
             return self.state()
-        said: dict[str, Any] = dict(zip(node_map.STATE.values(), values, strict=True))
+        said: Plain = dict(zip(node_map.STATE.values(), values, strict=True))
         return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
 
     def home(self) -> None:
@@ -119,7 +121,9 @@ class OpcUaRig:
         try:
             with self._one_connection("the acquisition") as same:
                 (taken,) = self._link.read("samples.written")
-                arguments = {**self._program(steps), **self._sampling(sampling), "samples.acknowledged": taken}
+                known = {name: field for name, field in node_map.SAMPLING.items() if name in self._link.nodes}
+                rates = {name: getattr(sampling, field) for name, field in known.items()}
+                arguments = {**self._program(steps), **rates, "samples.acknowledged": taken}
                 identity = self._start(node_map.Verb.ACQUIRE, arguments)
                 deadline, look = time.monotonic() + patience, FIRST_LOOK_S
                 while running:
@@ -159,13 +163,13 @@ class OpcUaRig:
             raise RigError.of("rig.stop-lost", where=self._link.url, reason=self._link.lost, beat=beat) from None
         self._gone = False
 
-    def _do(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
+    def _do(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
         """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
             self._run(verb, arguments, expected_s)
 
-    def _start(self, verb: node_map.Verb, arguments: dict[str, Any] | None) -> int:
+    def _start(self, verb: node_map.Verb, arguments: Plain | None) -> int:
         """After the answer to a pending stop, write the arguments, then the id that starts the command."""
         with self._starting:
             if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
@@ -175,7 +179,7 @@ class OpcUaRig:
             self._link.write({"command.id": self._id})
             return self._id
 
-    def _run(self, verb: node_map.Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
+    def _run(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
         """Start a command and wait for its answer."""
         identity = self._start(verb, arguments)
         look = FIRST_LOOK_S
@@ -219,7 +223,7 @@ class OpcUaRig:
             raise RigError(f"chunk {number} of {count} samples has columns of different lengths", value=sizes)
         return Samples(**dict(zip(node_map.SAMPLES.values(), columns, strict=True)))
 
-    def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
+    def _program(self, steps: Sequence[Step]) -> Plain:
         """Write steps as arrays, within the limits of the rig."""
         nodes = self._link.nodes
         most = self._link.served["step.kind"].length or nodes.handshake.steps
@@ -236,9 +240,6 @@ class OpcUaRig:
             raise RigError.of("rig.no-weight")
         known = {name: values for name, values in arrays.items() if name in nodes}
         return {"step.count": len(steps), "step.kind": kinds, **known}
-
-    def _sampling(self, sampling: Sampling) -> dict[str, Any]:
-        return {name: getattr(sampling, field) for name, field in node_map.SAMPLING.items() if name in self._link.nodes}
 
     def _expected_s(self, steps: Sequence[Step]) -> float:
         low, high = self._limits.position_m
@@ -337,11 +338,11 @@ class SimulatedOpcUaRig(OpcUaRig):
         """Seed the noise of the next cycle from the rig's seed and this key."""
         self._ask(node_map.Verb.BEGIN_CYCLE, key)
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> Plain:
         """Return the saved state of the rig."""
         return self._ask(node_map.Verb.MEMORY)
 
-    def restore(self, memory: dict[str, Any]) -> None:
+    def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
         self._ask(node_map.Verb.RESTORE, memory)
 

@@ -30,6 +30,8 @@ from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
+    from pneudrive.arrays import Plain
+
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # share of the heartbeat time after which the axis is stopped, so that it is at rest at its end
@@ -153,7 +155,7 @@ class RigServer:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._ids: dict[str, list[Any]] = {}  # of each node: one, or one for each slot
         self._writable: dict[Any, str] = {}
-        self._values: dict[str, Any] = {}  # written by the client, SI
+        self._values: Plain = {}  # written by the client, SI
         self._beat_at: float | None = None  # time of the client's last heartbeat
         self._stops = 0
         # Commands run on one thread and stops on another, so that neither blocks the other.
@@ -249,7 +251,7 @@ class RigServer:
         first = {"Double": 0.0, "Boolean": False, "String": ""}.get(kind.type, 0)
         return [first] * (ring.chunk if name in IN_RING else ring.steps) if kind.array else first
 
-    async def _show(self, values: dict[str, Any], slot: int = 0) -> None:
+    async def _show(self, values: Plain, slot: int = 0) -> None:
         """Publish values in SI."""
         for name, value in values.items():
             if name not in self._ids:
@@ -405,7 +407,7 @@ class RigServer:
         if identity is not None:
             await self._answer(identity, fault)
 
-    def _run(self, verb: int, arguments: dict[str, Any]) -> str:
+    def _run(self, verb: int, arguments: Plain) -> str:
         """Run a command on the thread of commands; return its fault."""
         try:
             if not self._interrupted:
@@ -419,7 +421,7 @@ class RigServer:
             return self._interrupted or f"{type(error).__name__}: {error}"
         return self._interrupted
 
-    def _do(self, verb: int, arguments: dict[str, Any]) -> None:
+    def _do(self, verb: int, arguments: Plain) -> None:
         rig = self.rig
         if verb == Verb.HOME:
             rig.home()
@@ -455,7 +457,7 @@ class RigServer:
         answer = getattr(self.rig, name)(*([argument] if rule else []))
         self._loop.run(self._show({"simulation.answer": json.dumps(answer)}))
 
-    def _steps(self, arguments: dict[str, Any]) -> list[Step]:
+    def _steps(self, arguments: Plain) -> list[Step]:
         """Read the steps from the arrays of a command; each step takes at most a day."""
         count = arguments["step.count"]
         columns = [arguments[name] for name in ("step.kind", *STEPS) if name in arguments]
@@ -474,7 +476,7 @@ class RigServer:
             steps.append(hold if kind & HOLD else Move(position_m, speed_m_s))
         return steps
 
-    def _acquire(self, arguments: dict[str, Any]) -> None:
+    def _acquire(self, arguments: Plain) -> None:
         """Run the steps and put their samples into the ring."""
         sampling = Sampling(**{field: arguments[name] for name, field in SAMPLING.items() if name in arguments})
         with closed_after(self.rig.acquire(self._steps(arguments), sampling)) as parts:

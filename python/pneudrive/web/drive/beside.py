@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from pydantic import Field, StrictStr, field_validator
 from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import plain_data
-from pneudrive.platforms import platforms
+from pneudrive.platforms import Platform, platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
 from pneudrive.simulation.run_view import run_view
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Plain
     from pneudrive.ensemble.many import EnsembleStudy
-    from pneudrive.platforms import Platform
+
+    Columns = Mapping[str, Array]
 
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
@@ -168,8 +169,7 @@ class ExtrasRequest(RunRequest):
         arrays = {"band/time_s": study.sample_times(study.outputs[0].rate_hz)}
         ends = {}
         for column, values in zip(shown, many.values, strict=True):
-            ordered = np.sort(values[whole].T, axis=1)
-            low, high = (_quantile(ordered, share) for share in BAND)
+            low, high = np.quantile(values[whole], BAND, axis=0)
             arrays |= {f"band/{column}/low": low, f"band/{column}/high": high}
             ends[column] = [float(low[-1]), float(high[-1])]
         return head | {"failed": MEMBERS - int(whole.sum()), "ends": ends}, arrays
@@ -251,14 +251,6 @@ def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
     return rows, ""
 
 
-def _quantile(ordered: Array, share: float) -> Array:
-    """Return a quantile of each sorted row, with the same bits as `numpy.quantile`, but five times faster."""
-    part, place = math.modf(share * (ordered.shape[1] - 1))
-    below, above = ordered[:, int(place)], ordered[:, min(int(place) + 1, ordered.shape[1] - 1)]
-    step = above - below
-    return below + step * part if part < 0.5 else above - step * (1.0 - part)
-
-
 def _ends(key: object, given: object) -> tuple[str, str]:
     """Read the ends of a spread: two numbers and their unit."""
     if not isinstance(key, str) or not _KEY.fullmatch(key) or not isinstance(given, list) or len(given) != 3:
@@ -276,7 +268,7 @@ def _is_described(path: str) -> bool:
     return is_in_catalogue(path) or path.lower().endswith(DESCRIPTIONS)
 
 
-def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, dict[str, float]]:
+def _differences(run: Columns, other: Columns) -> dict[str, dict[str, float]]:
     """Return the last values of another run, and its largest differences from a run over their common time.
 
     Samples with NaN are left out.
@@ -293,7 +285,7 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _cylinders(described: Described, columns: Mapping[str, Array]) -> Iterator[Plain]:
+def _cylinders(described: Described, columns: Columns) -> Iterator[Plain]:
     """Yield name, stroke and columns of each double-acting cylinder."""
     for name, sizes in chamber_sizes(described.circuit.core_json()).items():
         for place in _PLACES:
@@ -303,7 +295,7 @@ def _cylinders(described: Described, columns: Mapping[str, Array]) -> Iterator[P
                 break
 
 
-def _loops(described: Described, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
+def _loops(described: Described, columns: Columns, pixels: int) -> dict[str, dict[str, Array]]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
     each = chamber_sizes(described.circuit.core_json())
     count = len(columns["time_s"])
@@ -316,62 +308,8 @@ def _loops(described: Described, columns: Mapping[str, Array], pixels: int) -> d
     return out
 
 
-@dataclass(frozen=True)
-class SentPart:
-    """Line of a platform: its part, number of its leg or 0, and its points at rest, m, or how many points move."""
-
-    part: str
-    leg: int
-    points: list[tuple[float, float, float]]
-    moving: int
-
-
-@dataclass(frozen=True)
-class SentLeg:
-    """A leg: its name, the column of its force, and its forces at rest under supply pressure, N."""
-
-    name: str
-    force: str
-    limits: tuple[float | None, float | None]
-
-
-@dataclass(frozen=True)
-class SentPath:
-    """Path of the traced point in another run, or of its reference, m."""
-
-    label: str
-    points: list[tuple[float, float, float]]
-
-
-@dataclass(frozen=True)
-class SentOutput:
-    """An output of a platform: its column, its name in words, and the unit with its size in SI."""
-
-    column: str
-    label: str
-    unit: str
-    size: float
-
-
-@dataclass(frozen=True)
-class SentPlatform:
-    """A platform of a run.
-
-    The array ``platform/NAME`` has the moving points of each sample, m, then the origin and the traced point.
-    """
-
-    name: str
-    traced: str
-    view: SentView
-    parts: list[SentPart]
-    legs: list[SentLeg]
-    reach: list[tuple[float, float, float]]
-    paths: list[SentPath]
-    outputs: list[SentOutput]
-
-
 def platform_motion(
-    described: Described, run: Run, rows: Array, others: Mapping[str, Mapping[str, Array]]
+    described: Described, run: Run, rows: Array, others: Mapping[str, Columns]
 ) -> tuple[list[Plain], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     if not (each := platforms(described)):
@@ -389,24 +327,31 @@ def platform_motion(
         moving, parts = [], []
         for part, leg, points in lines:
             rests = len(points) == 1 < len(rows)
-            parts.append(SentPart(part, leg, points[0].tolist() if rests else [], 0 if rests else points.shape[1]))
+            at_rest, count = (points[0].tolist(), 0) if rests else ([], points.shape[1])
+            parts.append({"part": part, "leg": leg, "points": at_rest, "moving": count})
             moving += [] if rests else [points]
         points = np.concatenate([*moving, path, own.traced(pose)[:, None]], axis=1)
         arrays[f"platform/{own.name}"] = points.astype("f4").ravel()
         arrays |= {f"motion/{name}": values for name, values in outputs.items()}
         limits = own.force_limits.tolist()
         legs = [
-            SentLeg(leg.name, f"{own.name}.leg_{i}_force_n", limit)
+            {"name": leg.name, "force": f"{own.name}.leg_{i}_force_n", "limits": limit}
             for i, (leg, limit) in enumerate(zip(own.legs, limits, strict=True), start=1)
         ]
         paths = [
-            SentPath(label, own.traced(np.column_stack(columns)).tolist())
+            {"label": label, "points": own.traced(np.column_stack(columns)).tolist()}
             for label, columns in _poses_of(poses, others)
         ]
         point = f"tip of the normal of {own.name}" if own.normal_m else f"origin of {own.name}"
-        about = list(map(_output, outputs))
+        about = []
+        for column in outputs:
+            name, si_unit, _ = meaning(column)
+            size, unit = readable(si_unit)
+            label = name.partition(".")[2].replace("_", " ")
+            about.append({"column": column, "label": label, "unit": unit, "size": size})
         view = _run_answer(platform_run_view(own, some), run)
-        sent.append(plain_data(SentPlatform(own.name, point, view, parts, legs, _reach(own), paths, about)))
+        told = {"name": own.name, "traced": point, "view": view, "reach": _reach(own)}
+        sent.append(plain_data(told | {"parts": parts, "legs": legs, "paths": paths, "outputs": about}))
     return sent, arrays
 
 
@@ -427,7 +372,7 @@ def _run_answer(view: View, run: Run) -> SentView:
     return cast("SentView", answer.data())
 
 
-def _poses_of(poses: list[str], others: Mapping[str, Mapping[str, Array]]) -> Iterator[tuple[str, list[Array]]]:
+def _poses_of(poses: list[str], others: Mapping[str, Columns]) -> Iterator[tuple[str, list[Array]]]:
     """Yield label and coordinates of each other run with this platform, and of its reference."""
     for path, columns in others.items():
         rows = np.linspace(0, len(columns["time_s"]) - 1, PATH_SAMPLES).round().astype(int)
@@ -453,9 +398,3 @@ def _reach(own: Platform) -> list[tuple[float, float, float]]:
             _REACHED.clear()
         _REACHED[key] = own.reach().tolist()
     return _REACHED[key]
-
-
-def _output(column: str) -> SentOutput:
-    name, si_unit, _ = meaning(column)
-    size, unit = readable(si_unit)
-    return SentOutput(column, name.partition(".")[2].replace("_", " "), unit, size)

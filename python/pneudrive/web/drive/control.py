@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
@@ -32,8 +32,6 @@ from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_cat
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-
-    from pneudrive.arrays import Keyed
 
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control

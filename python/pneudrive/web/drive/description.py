@@ -15,7 +15,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
 from pneudrive.arrays import Plain
-from pneudrive.describe.all_values import DescribedValue, leaves, values_of
+from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.formulas.written import FILE_PREFIX
@@ -102,7 +102,7 @@ def _absent(described: Described, every: Sequence[DescribedValue]) -> set[str]:
     """Return the keys of defaults that are not valid on their own, such as those of a cushion that is not given."""
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
-    given = {key for key, _ in leaves(described.to_dict())}
+    given = {key for key, _ in toml.leaves(described.to_dict())}
     out |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
     for name, one in getattr(described, "components", {}).items():
         known = one.numbers(described.ambient.pressure_pa)

@@ -10,6 +10,7 @@ from typing import Any
 from pneudrive import numbers
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.figures import plain_data
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
@@ -18,7 +19,7 @@ from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
 from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, maker_type
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
-from pneudrive.web.messages import plain, problems_of
+from pneudrive.web.messages import problems_of
 from pneudrive.web.workspace import Workspace
 
 #: A task to begin with.
@@ -69,7 +70,7 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     ranked = sorted(
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
     )
-    return plain(
+    return plain_data(
         {
             "name": task.name,
             "words": _in_words(task),

@@ -118,14 +118,10 @@ class WatchedCampaigns(dict[Path, WatchedCampaign]):
         super().__init__()
 
 
-def _watched(workspace: Workspace, path: str) -> WatchedCampaign:
-    folder = workspace.folder(path)
-    return workspace.state(WatchedCampaigns).setdefault(folder, WatchedCampaign(folder))
-
-
 def shown_campaign(workspace: Workspace, path: str) -> Plain:
     """Return the state of a campaign."""
-    return _watched(workspace, path).about()
+    folder = workspace.folder(path)
+    return workspace.state(WatchedCampaigns).setdefault(folder, WatchedCampaign(folder)).about()
 
 
 def running_cycle(workspace: Workspace, path: str) -> bytes:

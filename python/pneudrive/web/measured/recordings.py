@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
-from pneudrive.arrays import Interval, Plain
+from pneudrive.arrays import Interval, Keyed, Plain
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
+from pneudrive.figures import plain_data
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, open_channels, pairs
@@ -27,13 +28,11 @@ from pneudrive.signals.recording import Recording, find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
-from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, plain, problems_of
+from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from pneudrive.arrays import Keyed
 
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
@@ -58,7 +57,8 @@ class OpenRecording:
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
         rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
         time_s, values = self.samples.get(columns, rows)
-        row = nearest_sample(time_s, at)
+        after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
+        row = after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
         return float(time_s[row]), {name: float(values[name][row]) for name in columns}
 
     def window(self, span: Interval, pixels: int, columns: Sequence[str]) -> TileWindow:
@@ -278,7 +278,13 @@ def shown_window(workspace: Workspace, given: Keyed) -> bytes:
     arrays = {"time": view.time_s, **view.channels}
     if asked.beside:
         other = recordings.need(str(asked.beside))
-        arrays |= _beside(found, other, span, asked.shift, asked.pixels, columns)
+        both = [pair for pair in pairs(found.file, other.file) if pair.own.column in columns]
+        first, last = span[0] - asked.shift, span[1] - asked.shift
+        arrays["beside/time"] = np.empty(0)
+        if both and first <= other.span[1] and last >= other.span[0]:
+            beside = other.window((first, last), asked.pixels, [pair.other.column for pair in both])
+            arrays["beside/time"] = beside.time_s + asked.shift
+            arrays |= {f"beside/{pair.own.column}": pair.of(beside.channels[pair.other.column]) for pair in both}
     return pack(head, arrays, drawn=True)
 
 
@@ -347,25 +353,6 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
     }
 
 
-def _beside(
-    own: OpenRecording,
-    other: OpenRecording,
-    span: Interval,
-    shift: float,
-    pixels: int,
-    columns: Sequence[str],
-) -> dict[str, Array]:
-    """Return a view of another recording with the columns, units and clock of a recording."""
-    both = [pair for pair in pairs(own.file, other.file) if pair.own.column in columns]
-    low, high = other.span
-    first, last = span[0] - shift, span[1] - shift
-    if not both or last < low or first > high:
-        return {"beside/time": np.empty(0)}
-    found = other.window((first, last), pixels, [pair.other.column for pair in both])
-    values = {f"beside/{pair.own.column}": pair.of(found.channels[pair.other.column]) for pair in both}
-    return {"beside/time": found.time_s + shift, **values}
-
-
 class MeasureRequest(PageRequest):
     """Two times at which the page measures a recording.
 
@@ -414,16 +401,7 @@ def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
         both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
         converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
         measure(request.beside, other, request.shift, converted)
-    return {"rows": plain(rows)}
-
-
-def nearest_sample(time_s: Array, at: float) -> int:
-    """Return the index of the sample nearest to a time among increasing times.
-
-    The earlier one of two equally near samples is returned.
-    """
-    after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
-    return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
+    return {"rows": plain_data(rows)}
 
 
 def motion_of(path: Path, layout: Layout | None) -> Recording | None:
@@ -432,7 +410,7 @@ def motion_of(path: Path, layout: Layout | None) -> Recording | None:
     Return None for other files, whose motion is unknown.
     """
     if layout is not None:
-        return None if layout.kind == "fixed-volume" else load_recording(path, layout, kind=layout.kind)
+        return None if layout.kind == "fixed-volume" else load_recording(path, layout, layout.kind)
     return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
 
 

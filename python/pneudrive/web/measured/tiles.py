@@ -239,72 +239,63 @@ class Pyramid:
         last = max(int(np.searchsorted(starts, span[1], "right")), first + 1)
         rows = (first * BLOCK, min(last * BLOCK, self.count))
         if last - first >= pixels:
-            return self._of_blocks(span, pixels, channels, first, last)
-        seconds, values = samples.get(channels, rows)
-        # One sample beyond each end, so that the line leaves the view.
-        begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
-        end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
-        seconds = seconds[begin:end]
-        values = {name: own[begin:end] for name, own in values.items()}
-        inside = slice(
-            *(int(np.searchsorted(seconds, at, side)) for at, side in zip(span, ("left", "right"), strict=True))
-        )
-        missing = sum(int(np.isnan(own[inside]).sum()) for own in values.values())
-        count = inside.stop - inside.start
-        if len(seconds) <= 2 * pixels:
-            return TileWindow(seconds, values, missing, count, raw=True)
-        edges = _edges(seconds, span, pixels)
-        width = (span[1] - span[0]) / pixels
-        columns = _Pixels(seconds[edges[:-1]], seconds[edges[1:] - 1], width, missing, count)
-        return columns.filled({name: low_high(own, edges) for name, own in values.items()})
-
-    def _of_blocks(
-        self, span: tuple[float, float], pixels: int, channels: Sequence[str], first: int, last: int
-    ) -> TileWindow:
-        time = self.time[first:last]
-        edges = _edges(time[:, 0], span, pixels)
-        places = [self.names.index(name) for name in channels]
-        missing = int(sum(self.missing[place, first:last].sum(dtype=np.int64) for place in places))
-        samples = min(last * BLOCK, self.count) - first * BLOCK
-        found = {}
-        for name, place in zip(channels, places, strict=True):
-            low, _ = low_high(self.low[place, first:last], edges)
-            _, high = low_high(self.high[place, first:last], edges)
-            found[name] = (low, high)
-        width = (span[1] - span[0]) / pixels
-        return _Pixels(time[edges[:-1], 0], time[edges[1:] - 1, 1], width, missing, samples).filled(found)
+            begins, ends = self.time[first:last].T
+            places = {name: self.names.index(name) for name in channels}
+            low, high = ({name: own[at, first:last] for name, at in places.items()} for own in (self.low, self.high))
+            missing = int(sum(self.missing[at, first:last].sum(dtype=np.int64) for at in places.values()))
+            count = rows[1] - rows[0]
+        else:
+            seconds, values = samples.get(channels, rows)
+            # One sample beyond each end, so that the line leaves the view.
+            begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
+            end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
+            begins = ends = seconds[begin:end]
+            low = high = {name: own[begin:end] for name, own in values.items()}
+            inside = slice(
+                *(int(np.searchsorted(begins, at, side)) for at, side in zip(span, ("left", "right"), strict=True))
+            )
+            missing = sum(int(np.isnan(own[inside]).sum()) for own in low.values())
+            count = inside.stop - inside.start
+            if len(begins) <= 2 * pixels:
+                return TileWindow(begins, low, missing, count, raw=True)
+        edges = _edges(begins, span, pixels)
+        starts = edges[:-1]
+        found = {name: (np.fmin.reduceat(low[name], starts), np.fmax.reduceat(high[name], starts)) for name in channels}
+        time_s, drawn = _with_gaps(begins[starts], ends[edges[1:] - 1], (span[1] - span[0]) / pixels, found)
+        return TileWindow(time_s, drawn, missing, count, raw=False)
 
 
-class _Pixels(NamedTuple):
-    """Pixel columns: first and last time of each, and the width of a pixel, s."""
+def _with_gaps(
+    begins: Array, ends: Array, width: float, found: dict[str, tuple[Array, Array]]
+) -> tuple[Array, dict[str, Array]]:
+    """Return times and channels of pixel columns, each with its lowest and its highest value side by side.
 
-    begins: Array
-    ends: Array
-    width: float
-    missing: int
-    samples: int
+    Pauses of the clock have NaN. A pixel column with samples before and after a pause is drawn on both sides.
 
-    def filled(self, found: dict[str, tuple[Array, Array]]) -> TileWindow:
-        """Return the view: lowest and highest value of each column side by side, with NaN at pauses of the clock.
-
-        A pixel column with samples before and after a pause is drawn on both sides.
-        """
-        nothing = np.float32(np.nan)
-        across = np.flatnonzero(self.ends - self.begins > PAUSE * self.width)
-        before = np.flatnonzero(self.begins[1:] - self.ends[:-1] > PAUSE * self.width) + 1
-        # Places in the line where values are inserted: a gap, and for a pause inside a column the column again.
-        at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
-        middles = self.begins + 0.5 * np.minimum(self.ends - self.begins, self.width)
-        again = np.column_stack([middles[across], self.ends[across], self.ends[across]]).ravel()
-        time = np.column_stack([self.begins, middles]).ravel()
-        time = np.insert(time, at, np.concatenate([self.ends[before - 1], again]))
-        channels = {}
-        for name, pair in found.items():
-            line, own = np.column_stack(pair).ravel(), [one[across] for one in pair]
-            gaps = np.full(len(across), nothing)
-            put = np.concatenate([np.full(len(before), nothing), np.column_stack([gaps, *own]).ravel()])
-            channels[name] = np.insert(line, at, put)
-        return TileWindow(time, channels, self.missing, self.samples, raw=False)
+    Parameters
+    ----------
+    begins, ends : ndarray
+        First and last time of each column, s.
+    width : float
+        Width of a pixel, s.
+    found : dict
+        Lowest and highest values of each channel.
+    """
+    nothing = np.float32(np.nan)
+    across = np.flatnonzero(ends - begins > PAUSE * width)
+    before = np.flatnonzero(begins[1:] - ends[:-1] > PAUSE * width) + 1
+    # Places in the line where values are inserted: a gap, and for a pause inside a column the column again.
+    at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
+    middles = begins + 0.5 * np.minimum(ends - begins, width)
+    again = np.column_stack([middles[across], ends[across], ends[across]]).ravel()
+    time = np.insert(np.column_stack([begins, middles]).ravel(), at, np.concatenate([ends[before - 1], again]))
+    channels = {}
+    for name, pair in found.items():
+        line, own = np.column_stack(pair).ravel(), [one[across] for one in pair]
+        gaps = np.full(len(across), nothing)
+        put = np.concatenate([np.full(len(before), nothing), np.column_stack([gaps, *own]).ravel()])
+        channels[name] = np.insert(line, at, put)
+    return time, channels
 
 
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
@@ -36,14 +36,12 @@ from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import SAME, Edge, Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, plain, python, shell, wrong_request
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, python, shell, wrong_request
 from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-
-    from pneudrive.arrays import Keyed
 
 
 FIT = "fit.toml"  # of a map with one assembly
@@ -67,7 +65,7 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
     for record in content["record"]:
         record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
-    return plain(
+    return plain_data(
         {
             **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
             "diagnosis": content["diagnosis"],
