@@ -60,6 +60,13 @@ def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: S
     assert size(TASK | {"margin": "80 %"}, **DRAWS).best is None
 
 
+def test_tuning_runs_fewer_cases_with_the_result_of_all(found: SizingResult, monkeypatch: pytest.MonkeyPatch):
+    strokes, *_ = nominal_strokes(found, SizingTask(**TASK))
+    few = tune(strokes)
+    monkeypatch.setattr("pneudrive.sizing.tune._next_runs", lambda table, is_run, openings: ~is_run)
+    assert tune(strokes) == few
+
+
 def test_a_task_made_from_a_known_drive_finds_it_or_a_cheaper_one(found: SizingResult):
     known = found.ranked[-1]
     limits = {"time": f"{1.01 * known.time_out} s", "return_time": f"{1.01 * known.time_back} s"}

@@ -113,17 +113,20 @@ class TubedCylinder:
 
     def candidates(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
         """Return the choices of parts with the pair."""
-        wide = self._flow(max(map(_exhaust, self.valves)), math.inf)
+        valves = sorted(self.valves, key=lambda one: (-_exhaust(one), -one.numbers["conductance"], one.name))
+        wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube, NO_FLOW_CONTROL))
         limits = task.outward_s, task.back_s
         made, widest = [], None
         for control in sorted(self.flow_controls, key=lambda one: -one.numbers.get("needle_conductance", 0.0)):
             first = None
-            for valve in sorted(self.valves, key=lambda one: (-_exhaust(one), -one.numbers["conductance"], one.name)):
+            for valve in valves:
                 choice = DriveChoice(self.cylinder, valve, self.tube, control)
-                needle = control.numbers["needle_conductance"] if choice.is_throttled else math.inf
-                slower = wide / self._flow(_exhaust(valve), needle)
+                opened = self._opened(choice)
+                slower = wide / opened
                 margins = [1.0 - slower * time / limit for time, limit in zip(self.times, limits, strict=True)]
-                lead = first or widest if choice.is_throttled else None
+                lead = first or widest
+                if not choice.is_throttled:  # a needle imitates a narrower valve
+                    lead = widest if widest is not None and self._opened(widest.choice) >= opened else None
                 made.append(SizingCandidate(DriveStrokes(choice, task, threads), self, min(margins), lead))
                 first = first or made[-1]
             widest = widest or first
@@ -140,9 +143,10 @@ class TubedCylinder:
         widest.rough, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time), margin), self.late
         return [widest]
 
-    def _flow(self, valve: float, needle: float) -> float:
-        """Return the conductance of the exhaust path, whose parts are in series."""
-        return sum(size**-2.0 for size in (valve, self.tube_flow, needle)) ** -0.5
+    def _opened(self, choice: DriveChoice) -> float:
+        """Return the conductance of the exhaust path with open needles; its parts are in series."""
+        needle = choice.flow_control.numbers["needle_conductance"] if choice.is_throttled else math.inf
+        return sum(size**-2.0 for size in (_exhaust(choice.valve), self.tube_flow, needle)) ** -0.5
 
 
 def _exhaust(valve: PartChoice) -> float:
@@ -161,6 +165,7 @@ class SizingCandidate:
         Margin of the stroke time, estimated from the conductances in series.
     lead : SizingCandidate or None
         The same choice with the widest valve and flow control, which is run first: the needle limits the flow anyway.
+        A choice without flow controls has such a lead if its valve is narrower than the lead with open needles.
     rough, tuned : Tuned or None
         Rough settings, and refined ones.
     drives : dict
@@ -220,10 +225,21 @@ class SizingCandidate:
         if (drive := self.drive) is not None:
             spread = drive.draws**-0.5 - final**-0.5
             return drive.air * (1.0 - SPREAD_AIR * spread), drive.margin + SPREAD_SLACK * spread
+        if self.is_slow:
+            return self.pair.least_air, self.rough.least if self.rough else NEVER
         for stage, result in (("tuned", self.tuned), ("rough", self.rough)):
             if result is not None:
                 return result.air * (1.0 - AIR_SLACK[stage]), result.least + MARGIN_SLACK[stage]
-        return self.pair.least_air, 1.0 if self.lead is None else self.lead.reach(final) + VALVE_SLACK
+        if self.lead is None:
+            return self.pair.least_air, 1.0
+        return self.pair.least_air, self.lead.reach(final) + (0.0 if self.lead.is_slow else VALVE_SLACK)
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a stroke with fully open needles is too slow even in the fast case; so it is with narrower parts."""
+        if self.rough is None and self.tuned is None:
+            return self.lead is not None and self.lead.is_slow
+        return self.rough is not None and not self.rough.times
 
     @property
     def waits_for_lead(self) -> bool:

@@ -20,7 +20,7 @@ from pneudrive.sizing.strokes import DRAWN, DriveStrokes, Setting, StrokeResults
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Bools
     from pneudrive.sizing.choices import DriveChoice
     from pneudrive.sizing.task import SizingTask
 
@@ -37,8 +37,14 @@ FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0
 MORE, WORST = 24, 5
 #: Rounds of this refinement, which ends where the settings stay, or with this margin of the worst case.
 ROUNDS, SETTLED = 3, 0.1
+#: Cases of pairs that run together when few pairs are left: the lanes of two processors.
+AT_ONCE = 16
+#: Limits whose least margin is so far above that of the worst one do not decide about a pair first.
+DECIDES = 0.3
+#: Margin of the time by which numerical errors may make a smaller opening faster.
+TIME_SLACK = 0.03
 #: With a nominal margin below this, nothing is refined, and the other stroke is not looked at.
-SMALL = -0.05
+SMALL = -0.15
 #: With a margin of the worst case below this, rough settings are not refined further.
 FAR = -0.15
 #: Shares of each range in the slow and in the fast case (assumed: several numbers at once there are as rare as 1 %).
@@ -64,7 +70,8 @@ class Tuned(NamedTuple):
     air : float
         Mass drawn from the supply in both strokes of the nominal case, kg.
     times : tuple of float
-        Times of the strokes in the nominal case, s.
+        Times of the strokes in the nominal case, s. Empty if a stroke with fully open needles is too slow even in the
+        fast case.
     """
 
     setting: Setting
@@ -152,7 +159,8 @@ def _rough(strokes: DriveStrokes) -> Search:
         rows, grid = cases(task, outward), product(*_grid(strokes, outward))
         best = yield from _best(strokes, outward, setting, grid, rows[:1])
         if best.nominal >= SMALL:
-            best = yield from _best(strokes, outward, setting, _near(strokes, outward, best.setting, FINER[0]), rows)
+            setting = best.setting
+            best = yield from _best(strokes, outward, setting, _near(strokes, outward, setting, FINER[0]), rows)
         every, setting = [*every, best], best.setting
         if best.nominal < SMALL:
             break
@@ -220,19 +228,67 @@ def _best(
     pairs: Iterable[tuple[float, ...]],
     rows: Array,
 ) -> Search:
-    """Run the cases of each pair of needle and cushion; return the one whose worst case has the largest margin."""
+    """Return the pair of needle and cushion whose worst case has the largest margin.
+
+    Pairs that cannot be the best are not run in all cases. The result is that of running all pairs in all cases.
+    """
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
-    settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in pairs]
-    draws, shares = np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0)
-    found = yield StrokeRuns(strokes, outward, draws, shares)
-    named = _margins(strokes.task, strokes.choice, outward, found)
-    table = np.array([margins for _, _, _, margins in named]).reshape(len(named), len(settings), len(rows))
-    best = max(range(len(settings)), key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
+    openings = np.array(list(pairs))
+    settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in openings.tolist()]
+    shares, shape = np.array(settings), (len(settings), len(rows))
+    known = StrokeResults(*np.full((len(StrokeResults._fields), len(settings) * len(rows)), np.nan))
+    is_run, named, table = np.zeros(shape, bool), [], np.array([])
+    todo = np.array([one == setting for one in settings])[:, None] | is_run
+    if len(rows) == 1:
+        todo = (openings[:, 1] == openings[:, 1].max())[:, None]
+    while todo.any():
+        one, row = np.nonzero(todo)
+        found = yield StrokeRuns(strokes, outward, rows[row], shares[one])
+        for column, values in zip(known, found, strict=True):
+            column[todo.ravel()] = values
+        is_run |= todo
+        named = _margins(strokes.task, strokes.choice, outward, known)
+        table = np.where(is_run, [margins.reshape(shape) for *_, margins in named], np.inf)
+        todo = _next_runs(table, is_run, openings)
+    whole = np.flatnonzero(is_run.all(axis=1)).tolist()
+    best = max(whole, key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
     at, worst = best * len(rows), int(table[:, best, 0].argmin())
     name, limit, values, _ = named[worst]
     margins = float(table[worst, best, 0]), float(table[:, best].min())
     short = (name, limit, float(values[at]))
-    return Tuned(settings[best], margins[0], short, margins[1], float(found.air[at]), (float(found.time[at]),))
+    return Tuned(settings[best], margins[0], short, margins[1], float(known.air[at]), (float(known.time[at]),))
+
+
+def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
+    """Return the cases of the pairs that may be the best, shape (pairs, cases); none if the best pair is known.
+
+    The bound of a pair is its least margin in the cases that have run. In the nominal case, the time margin with a
+    cushion and a needle that are wider is a bound as well. A half-closed cushion gives no such bound: a needle that
+    slows the piston down before the cushion may shorten the stroke.
+
+    Parameters
+    ----------
+    table : ndarray, shape (limits, pairs, cases)
+        Margins, the time first; infinite for cases that have not run.
+    is_run : ndarray, shape (pairs, cases)
+    openings : ndarray, shape (pairs, 2)
+    """
+    bounds, is_whole = table.min(axis=(0, 2)), is_run.all(axis=1)
+    if is_run.shape[1] == 1:
+        needle, cushion = openings.T
+        is_wider = (needle[:, None] <= needle) & (cushion == cushion.max())
+        bounds = np.minimum(bounds, np.where(is_wider, table[0, :, 0], np.inf).min(axis=1) + TIME_SLACK)
+    least = bounds[is_whole].max()
+    left = ~is_run & (~is_whole & (bounds >= least))[:, None]
+    if is_run.any(axis=1).sum() == 1:  # the others run the cases first that decide about this one
+        of_first = table[:, is_whole][:, 0]
+        deciding = of_first[of_first.min(axis=1) <= least + DECIDES].argmin(axis=1)
+        left[:, np.setdiff1d(np.arange(is_run.shape[1]), deciding)] = False
+        return left
+    order = np.argsort(-bounds, kind="stable")
+    number = np.empty(left.shape, int)
+    number[order] = left[order].cumsum().reshape(left.shape)
+    return left & (number <= AT_ONCE)
 
 
 def _margins(
