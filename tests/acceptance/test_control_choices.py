@@ -160,6 +160,11 @@ def test_the_screen_has_the_numbers_of_the_file(capsys):
     assert all(gain.key in said for gain in pn.control.tune(pn.Circuit.load(SWITCHING)).numbers)
 
 
+def test_tune_tells_the_cost_of_an_ideal_valve(capsys):
+    assert run(["control", "tune", "catalogue:reference", "--law", "super-twisting"]) == 0
+    assert "spool_frequency 75 Hz" in capsys.readouterr().out
+
+
 def test_what_has_no_several_valves_says_so(tmp_path):
     file = tmp_path / "controller.toml"
     file.write_text('schema = 1\nlaw = "inversion"\n[valves]\nstiffness = "2 N/mm"\n')

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 import struct
 import subprocess
 import zipfile
 
+import numpy as np
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
@@ -77,25 +79,45 @@ def test_source_code_gives_the_bits_of_the_core_and_compiles_freestanding(tmp_pa
     assert seen == {0.0, 1.0, 2.0, 4.0}
 
 
-def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
-    """The reference is an input: a move, sampled now and at the time at which a command acts."""
-    tuning = pn.control.tune(AXIS, "inversion", setup="ideal")
+def _along_a_move(law):
+    """Return a tuning, the commands of a run, and the inputs of the code: also the reference when a command acts."""
+    tuning = pn.control.tune(AXIS, law, setup="ideal")
     move = pn.control.reference("220 mm; 0.05 s: 280 mm in 0.3 s")
-    run = pn.control.run(AXIS, "inversion", reference=move, setup="ideal", duration="0.5 s")
-    path = _written(tmp_path, "inversion", "2.0", "ideal")
-    tool, put, get = _begun(path, "2.0")
-    ahead = tuning.plant.lag_s
-    commands = []
-    for k in range(run.sizes["time"]):
-        t = k * 1e-3
-        measured = [float(run[name][k]) for name in ("position", "pressure_a", "pressure_b")]
-        now, then = (move.at([at])[0].tolist() for at in (t, t + ahead))
-        put([*measured, *now, *then, float(t + ahead < 0.05 or t >= 0.35), 1.0])
-        tool.doStep(t, 1e-3)
-        commands.append(get()[0])
+    run = pn.control.run(AXIS, law, reference=move, setup="ideal", duration="0.5 s")
+    t = run["time"].values
+    then = t + tuning.plant.lag_s
+    measured = [run[name].values for name in ("position", "pressure_a", "pressure_b")]
+    stands = (then < 0.05) | (t >= 0.35)
+    given = np.column_stack([*measured, move.at(t), move.at(then), stands, np.ones(t.size)])
+    return tuning, run["command"].values, given
+
+
+def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
+    _, commands, given = _along_a_move("inversion")
+    tool, put, get = _begun(_written(tmp_path, "inversion", "2.0", "ideal"), "2.0")
+    found = []
+    for k, row in enumerate(given.tolist()):
+        put(row)
+        tool.doStep(k * 1e-3, 1e-3)
+        found.append(get()[0])
     # Time steps of a run are differences of times, which round.
-    assert commands == pytest.approx(run["command"].values.tolist(), abs=1e-10)
+    assert found == pytest.approx(commands.tolist(), abs=1e-10)
     assert get()[-1] == 0.0
+
+
+@pytest.mark.parametrize("law", LAWS[2:])
+def test_code_in_single_precision_commands_what_the_simulated_controller_does(tmp_path, law):
+    """Single samples at the bound of the dead band differ by more than the others."""
+    tuning, commands, given = _along_a_move(law)
+    pn.control.export(tuning, "c", tmp_path, setup="ideal", name="own", precision="single")
+    strict = [*STRICT[3:], "-Wdouble-promotion", "-Werror", "-shared", "-fPIC", "-o", "own.so", "own.c", "-lm"]
+    subprocess.run(["gcc", "-std=c99", *strict], cwd=tmp_path, check=True)
+    code, memory = ctypes.CDLL(str(tmp_path / "own.so")), (ctypes.c_float * 4000)()
+    found = np.zeros((len(given), 5), np.float32)
+    for row, answer in zip(given.astype(np.float32), found, strict=True):
+        code.own_step(code.own_tuned, memory, row.ctypes, answer.ctypes)
+    middle, most, worst = np.quantile(np.abs(found[:, 0] - commands), (0.5, 0.99, 1.0))
+    assert (0 < middle < 5e-4, most < 5e-3, worst < 0.1) == (True, True, True)
 
 
 def test_a_controller_in_c_has_its_reference_as_an_input(tmp_path):

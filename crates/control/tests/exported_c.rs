@@ -42,20 +42,29 @@ fn elementary_functions_in_c_have_the_bits_of_the_core() {
         let (x, y) = (random([0.0, 20.0]), random([-5.0, 5.0]));
         check(format!("pneudrive_pow({}, {})", number(x), number(y)), Real::pow(x, y));
     }
+    for k in 0..600 {
+        let (x, y) = (random([-9.0, 9.0]), random([-9.0, 9.0]));
+        // A sum that nearly cancels, one far below the product, one far above it, and tiny numbers.
+        let (scale, z) = [(1.0, -x * y), (1.0, 1e-17 * x), (1.0, 1e16 * x), (1e-160, 1e-310)][k % 4];
+        let (x, y) = (scale * x, scale * y);
+        check(format!("pneudrive_fma({}, {}, {})", number(x), number(y), number(z)), x.mul_add(y, z));
+    }
     code += "    return wrong > 255 ? 255 : wrong;\n}\n";
     let folder = std::env::temp_dir().join(format!("pneudrive-c-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     std::fs::write(folder.join("pneudrive_math.h"), HEADER).expect("a header");
     std::fs::write(folder.join("main.c"), code).expect("a program");
     let program = folder.join("main");
-    let compiled = Command::new("cc")
-        .args(["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-o"])
-        .args([&program, &folder.join("main.c")])
-        .arg("-lm")
-        .status()
-        .expect("a C compiler");
-    assert!(compiled.success());
-    let wrong = Command::new(&program).status().expect("it runs");
+    for fma in ["-UPNEUDRIVE_SOFTWARE_FMA", "-DPNEUDRIVE_SOFTWARE_FMA"] {
+        let compiled = Command::new("cc")
+            .args(["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O1", fma, "-o"])
+            .args([&program, &folder.join("main.c")])
+            .arg("-lm")
+            .status()
+            .expect("a C compiler");
+        assert!(compiled.success());
+        let wrong = Command::new(&program).status().expect("it runs");
+        assert_eq!(wrong.code(), Some(0), "so many values differ with {fma}");
+    }
     std::fs::remove_dir_all(&folder).expect("it was made here");
-    assert_eq!(wrong.code(), Some(0), "so many values differ");
 }

@@ -3,7 +3,7 @@
 use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
-use control::export::{RESULTS, STATUS, program};
+use control::export::{Language, RESULTS, STATUS, program};
 use control::{AnyLaw, Demand, EventKind, GAINS, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
@@ -81,7 +81,7 @@ type ExportedVariable = (&'static str, String, String, String, f64);
 /// Name and text of a source file.
 type SourceFile = (String, String);
 
-/// Returns source files of a controller in a language, `"c"` or `"st"`: names and texts. Then the variables of the code, in the
+/// Returns source files of a controller in a language, `"c"`, `"c-single"` or `"st"`: names and texts. Then the variables of the code, in the
 /// order of inputs, parameters, outputs. The file headers contain `about`. `name` replaces the usual name.
 #[pyfunction]
 pub fn control_export(
@@ -96,7 +96,10 @@ pub fn control_export(
     let mut program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
     program.name = name.unwrap_or(program.name);
     let files = match language {
-        "c" => [&program.c(about)[..], &[("conformance.txt".into(), program.conformance())]].concat(),
+        "c" | "c-single" => {
+            let language = if language == "c" { Language::C } else { Language::Single };
+            [&program.c(language, about)[..], &[("conformance.txt".into(), program.conformance())]].concat()
+        }
         "st" => vec![(format!("{}.st", program.name), program.st(about))],
         _ => return Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
     };

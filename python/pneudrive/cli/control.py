@@ -273,6 +273,7 @@ def export(
     drive: str | None = None,
     setup: str = "real",
     name: str | None = None,
+    precision: Literal["double", "single"] = "double",
 ) -> None:
     r"""Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
 
@@ -293,6 +294,8 @@ def export(
 
     name : NAME
         Name of the source files and begin of the names in them; several axes in one program need different names.
+    precision
+        Precision of C: double has the bits of the simulation; single is for processors with a unit for float only.
 
     Examples
     --------
@@ -303,11 +306,13 @@ def export(
     uses = {
         "fmi": (("fmu",), "Remove it, or write --to fmu."),
         "name": (("c", "st"), "Remove it."),
+        "precision": (("c",), "Remove it, or write --to c."),
     }
     check_used(context, to, uses)
     file = controller if controller.endswith(".toml") else None
     described = tuning.believed_by(file) if drive is None else load.load_described(drive)
     model = None if drive is None else described  # it goes before the drive that the file names
     found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
-    written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi, name=name)
+    told = {"version": fmi, "name": name, "precision": precision}
+    written = source_code.export(found, to, out, setup=setup, along=reference, **told)
     show_paths(*written)

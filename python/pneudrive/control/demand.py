@@ -312,8 +312,8 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
     Returns
     -------
     View or None
-        The margin is found by bisection of runs along R3. Numbers that are zero take the highest values of the spread
-        `standard`. None without a spool.
+        The margin is found by bisection of runs along R3. Numbers that are zero take the unfavourable end of their
+        range in the spread `standard`. None without a spool.
     """
     ranges = read_mismatch("standard")[0].ranges
     law, valve = tuning.law, tuning.plant.valves[0]
@@ -328,11 +328,12 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
         low_s, high_s = (low_s, middle_s) if fault else (middle_s, high_s)
     text = f"{law} tolerates {1e3 * low_s:.2g} ms more dead time than described along {ALONG}."
     findings = [Finding(text) if low_s >= ENOUGH_LAG_S else Finding(text, "open", SLOWER)]
-    highest = {key: ranges[name][1] for name, key in OF_VALVE.items() if numbers[key] == 0.0}
-    if highest:
-        texts = {key: f"{value:g}" for key, value in highest.items()}
-        if "delay" in texts:
-            texts["delay"] += " s"
+    texts = {key: f"{ranges[name][1]:g}" for name, key in OF_VALVE.items() if numbers[key] == 0.0}
+    if "delay" in texts:
+        texts["delay"] += " s"
+    if texts.pop("frequency", None):  # a slow spool costs most
+        texts["spool_frequency"] = f"{ranges['spool_frequency_hz'][0]:g} Hz"
+    if texts:
         errors = [f"{1e3 * _trial(drive, tuning, setup, each)[0]:.3g} mm" for each in ({}, texts)]
         listed = ", ".join(map(" ".join, texts.items()))
         cost = (

@@ -45,6 +45,7 @@ def export(
     along: Reference | str | Path | None = None,
     version: str = "2.0",
     name: str | None = None,
+    precision: Literal["double", "single"] = "double",
 ) -> list[Path]:
     """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
@@ -70,6 +71,9 @@ def export(
     name : str, optional
         Name of the source files, and begin of the names in them, such as ``"left_axis"``; not for FMUs. By default
         ``"pneudrive_<law>"``. Axes in one program need different names.
+    precision : str
+        ``"double"``, which has the bits of the simulation, or ``"single"``: C with ``float``, for processors whose
+        floating-point unit has single precision only, such as Cortex-M4F.
 
     Returns
     -------
@@ -101,6 +105,9 @@ def export(
             rule="a name of source code consists of letters, digits and underscores, and begins with a letter",
             remedy='Write "left_axis".',
         )
+    if precision != "double" and (to, precision) != ("c", "single"):
+        rule = 'C has the precision "double" or "single", other languages "double"'
+        raise CommandError(f'{to} cannot have the precision "{precision}"', rule=rule, remedy="Leave it out.")
     is_nmpc = to == "fmu" and tuning.law == "nmpc"
     if is_nmpc and along is None:
         remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
@@ -119,7 +126,7 @@ def export(
             check_reach(to_follow, *reach)
             plan = law_plan(tuning, to_follow, read)
         return [write_fmu(plan, target, version).path]
-    files, _ = _written(tuning, read, to, name)
+    files, _ = _written(tuning, read, "c-single" if precision == "single" else to, name)
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +136,7 @@ def export(
 
 
 def _written(
-    tuning: Tuning, setup: Setup, to: Literal["c", "st"], name: str | None = None
+    tuning: Tuning, setup: Setup, to: Literal["c", "c-single", "st"], name: str | None = None
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str, str, str, float]]]:
     """Return the files of a controller, and the variables of its code."""
     belief = tuning.belief

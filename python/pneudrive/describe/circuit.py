@@ -195,11 +195,13 @@ class Circuit(Described):
         ----------
         changes : dict
             Dotted keys of the circuit file, each with a quantity, a list or a table:
-            ``{"components.left.bore": "40 mm"}``.
+            ``{"components.left.bore": "40 mm"}``, or ``"left.bore"`` as in results.
         """
         tables = self.to_dict()
         for key, value in changes.items():
             *path, last = key.split(".")
+            if path and path[0] in self.components and path[0] not in tables:
+                path = ["components", *path]
             one = self.components.get(path[1]) if len(path) == 2 and path[0] == "components" else None
             if one is not None:
                 last = one.renamed.get(last, last)

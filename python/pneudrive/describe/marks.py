@@ -542,14 +542,15 @@ class Signal(NamedTuple):
 
         Examples
         --------
-        >>> Signal(0.0, 10.0, "V").opening("7.5 V")
-        0.5
+        >>> Signal(0.0, 10.0, "V").opening("7.5 V"), Signal(4e-3, 20e-3, "A").opening("20 mA")
+        (0.5, 1.0)
         """
         with naming("command"):
             value = units.parse(text, self.si_unit)
         if not self.low <= value <= self.high:
             raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
-        return (2.0 * value - self.low - self.high) / (self.high - self.low)
+        opening = (2.0 * value - self.low - self.high) / (self.high - self.low)
+        return min(max(opening, -1.0), 1.0)  # rounding
 
 
 class Positions(NamedTuple):

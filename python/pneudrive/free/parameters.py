@@ -22,6 +22,7 @@ from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantit
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
@@ -228,7 +229,9 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
     for name in names:
         if name not in known:
             kind = described.file_kind
-            raise CommandError.of("free.unknown", name=name, kind=kind, nearest=nearest(name, known))
+            part, _, key = name.rpartition(".")
+            meant = f"{part}.conductance" if key in FLOW_KEYS else name  # the number of any stated size
+            raise CommandError.of("free.unknown", name=name, kind=kind, nearest=nearest(meant, known))
         if known[name].discrete:
             raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):

@@ -220,7 +220,9 @@ def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
         "curve": "these values do not determine a Stribeck curve: coulomb represents {}",
         "line": "these pressures determine only a straight line: linear represents {} in pressure",
     }
-    return kept, [words[what].format(", ".join(names)) for what, names in plainer.items() if names]
+    shown = {row.name for row in kept} | {str(row.pressure) for row in kept}  # determined in another form
+    told = {what: ", ".join(name for name in names if name not in shown) for what, names in plainer.items()}
+    return kept, [words[what].format(names) for what, names in told.items() if names]
 
 
 def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:

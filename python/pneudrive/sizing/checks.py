@@ -16,6 +16,7 @@ from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
+from pneudrive.simulation.run_limits import HIGHEST_PA
 from pneudrive.sizing.choices import WITHOUT, DriveChoice, PartChoice
 from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
 from pneudrive.views import Finding
@@ -306,6 +307,10 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
     limit, origin = energy_limit(task, choice)
     absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(drive.energy)} J or more"
     found.append(_check("energy at the end", drive.energy, limit, "J", origin, absorber))
+    if peak_limit(task, choice) is None and drive.peak_pressure > HIGHEST_PA:
+        stated = f"peak_pressure, from the data sheet of the cylinder: {1e-5 * drive.peak_pressure:.0f} bar abs or more"
+        rule = "assumed: the model is valid up to this pressure"
+        found.append(_check("peak pressure", 1e-5 * drive.peak_pressure, 1e-5 * HIGHEST_PA, "bar abs", rule, stated))
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
         energy = 2.0 * task.cycles_per_hour * drive.energy
         rule = "maker's sheet of the absorber"

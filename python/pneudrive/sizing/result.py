@@ -106,7 +106,7 @@ class NearestMiss:
     ----------
     parts : dict
     limit : str
-        Missed limit.
+        Missed limits.
     gives : str
         Change that would make the task feasible, in words.
     possible : tuple of str
@@ -193,6 +193,8 @@ class SizingResult(Viewed):
     @property
     def state(self) -> str:
         """Whether the task is feasible and the best drive ready, in words."""
+        if self.interrupted and not self.feasible:
+            return "not decided: the search was interrupted"
         if not self.feasible or self.ready:
             return f"feasible = {str(self.feasible).lower()}, ready = {str(self.ready).lower()}"
         return f"feasible = true, but ready = false (open checks: {len(self.open_checks)})"
@@ -393,7 +395,10 @@ def nearest_miss(
         gives = _gives(drive.binding, limit, value, unit, "1 % of the samples exceed")
         if drive.margin >= 0.0:
             gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
-        return NearestMiss(drive.parts, drive.binding, gives)
+        missed = [name for name in drive.worst if drive.margins[name] < 0.0]
+        if len(missed) > 1:
+            gives = f"Of {drive.missed} (exceeded by 1 % of the samples), each limit has to be relaxed to its value."
+        return NearestMiss(drive.parts, ", ".join(missed) or drive.binding, gives)
     if short:
         choice, tuned = max(short, key=lambda pair: (pair[1].nominal >= 0.0, pair[1].least))
         name, limit, value = tuned.short

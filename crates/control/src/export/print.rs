@@ -8,6 +8,8 @@ use super::{ExportVariable, LawGraph, LawProgram, MOVE, Node, RESULTS, along_a_m
 pub enum Language {
     /// The language C99.
     C,
+    /// C99 in single precision, with the elementary functions of the C library.
+    Single,
     /// Structured text of IEC 61131-3.
     St,
 }
@@ -46,15 +48,21 @@ impl Language {
             let point = if mantissa.contains('.') { "" } else { ".0" };
             text = format!("{mantissa}{point}E{exponent}");
         }
+        if self == Language::Single {
+            text = format!("{:?}f", (x as f32).clamp(f32::MIN, f32::MAX));
+        }
         if text.starts_with('-') { format!("({text})") } else { text }
     }
 
     fn call(self, function: &str, x: &str) -> String {
         let x = bare(x);
-        match self {
-            Language::C if function == "sqrt" => format!("sqrt({x})"),
-            Language::C => format!("pneudrive_{function}({x})"),
-            Language::St => format!("{}({x})", function.to_uppercase()),
+        match (self, function) {
+            (Language::C, "sqrt") => format!("sqrt({x})"),
+            (Language::C, _) => format!("pneudrive_{function}({x})"),
+            (Language::Single, "abs") => format!("fabsf({x})"),
+            (Language::Single, "ln") => format!("logf({x})"),
+            (Language::Single, _) => format!("{function}f({x})"),
+            (Language::St, _) => format!("{}({x})", function.to_uppercase()),
         }
     }
 
@@ -70,17 +78,17 @@ impl Language {
             (_, Node::Subtract(a, b)) => pair(a, "-", b),
             (_, Node::Multiply(a, b)) => pair(a, "*", b),
             (_, Node::Divide(a, b)) => pair(a, "/", b),
-            (Language::C, Node::Power(a, b)) => format!("pneudrive_pow({}, {})", of(a), of(b)),
             (Language::St, Node::Power(a, b)) => format!("EXPT({}, {})", of(a), of(b)),
-            (Language::C, Node::Fused(a, b, c)) => format!("fma({}, {}, {})", of(a), of(b), of(c)),
+            (Language::C, Node::Power(a, b)) => format!("pneudrive_pow({}, {})", of(a), of(b)),
+            (Language::Single, Node::Power(a, b)) => format!("powf({}, {})", of(a), of(b)),
             // The core rounds once here. Structured text has no function for it.
             (Language::St, Node::Fused(a, b, c)) => format!("({} * {} + {})", of(a), of(b), of(c)),
-            (Language::C, Node::Select(a, b, c, d)) => {
-                format!("({} < {} ? {} : {})", of(a), of(b), of(c), of(d))
-            }
+            (Language::C, Node::Fused(a, b, c)) => format!("pneudrive_fma({}, {}, {})", of(a), of(b), of(c)),
+            (Language::Single, Node::Fused(a, b, c)) => format!("fmaf({}, {}, {})", of(a), of(b), of(c)),
             (Language::St, Node::Select(a, b, c, d)) => {
                 format!("SEL({} < {}, {}, {})", of(a), of(b), of(d), of(c))
             }
+            (_, Node::Select(a, b, c, d)) => format!("({} < {} ? {} : {})", of(a), of(b), of(c), of(d)),
             (Language::St, Node::Tangent(a)) => format!("(1.0 - 2.0 / (EXP(2.0 * {}) + 1.0))", of(a)),
             (_, Node::Tangent(a)) => self.call("tanh", of(a)),
             (_, Node::Size(a)) => self.call("abs", of(a)),
@@ -95,19 +103,28 @@ impl Language {
         }
     }
 
+    /// Returns the type of a number.
+    fn real(self) -> &'static str {
+        match self {
+            Language::C => "double",
+            Language::Single => "float",
+            Language::St => "LREAL",
+        }
+    }
+
     fn local(self, place: usize) -> String {
         match self {
-            Language::C => format!("t{place}"),
             Language::St => format!("t[{place}]"),
+            _ => format!("t{place}"),
         }
     }
 
     fn assign(self, local: &str, expression: &str, is_new: bool) -> String {
         let expression = bare(expression);
         match self {
-            Language::C if is_new => format!("    const double {local} = {expression};\n"),
-            Language::C => format!("    {local} = {expression};\n"),
             Language::St => format!("{local} := {expression};\n"),
+            _ if is_new => format!("    const {} {local} = {expression};\n", self.real()),
+            _ => format!("    {local} = {expression};\n"),
         }
     }
 
@@ -116,8 +133,8 @@ impl Language {
         let unit = if unit == "1" { "-" } else { unit };
         let start = start.map(|value| format!(" := {}", bare(&self.constant(value)))).unwrap_or_default();
         match self {
-            Language::C => format!("    double {name};  /* {unit}: {meaning} */\n"),
             Language::St => format!("    {name} : LREAL{start};  (* {unit}: {meaning} *)\n"),
+            _ => format!("    {} {name};  /* {unit}: {meaning} */\n", self.real()),
         }
     }
 }
@@ -152,9 +169,9 @@ impl LawProgram {
     /// Names of inputs, parameters and stored numbers of a piece, in their order.
     fn names(&self, language: Language, is_checked: bool, remembers: (&str, usize)) -> Vec<String> {
         let [input, parameter] = match (language, is_checked) {
-            (Language::C, _) => ["in->", "parameters->"],
             (Language::St, false) => ["", ""],
             (Language::St, true) => ["checked_", ""],
+            _ => ["in->", "parameters->"],
         };
         let inputs = self.inputs.iter().map(|own| format!("{input}{}", own.name));
         let parameters = self.parameters.iter().map(|own| format!("{parameter}{}", own.0.name));
@@ -165,8 +182,8 @@ impl LawProgram {
     fn pieces(&self, language: Language) -> [Piece; 4] {
         let [kept, seen] = self.memory;
         let [result, checked, to] = match language {
-            Language::C => ["out->", "checked->", "checked->in."],
             Language::St => ["", "", "checked_"],
+            _ => ["out->", "checked->", "checked->in."],
         };
         let flags = [format!("{checked}opens"), format!("{checked}begins"), format!("{result}status")];
         let inputs = self.inputs.iter().map(|own| format!("{to}{}", own.name));
@@ -197,13 +214,14 @@ impl LawProgram {
         let status = STATUS.iter().map(|(value, meaning)| format!("status {value}: {meaning}"));
         let lines = lines.into_iter().chain(status).chain(about.lines().map(String::from));
         let comment = |line: String| match language {
-            Language::C => format!(" * {line}\n"),
             Language::St => format!("(* {line} *)\n"),
+            _ => format!(" * {line}\n"),
         };
         let given = |own: &ExportVariable, start| language.variable(&own.name, own.unit, &own.meaning, start);
         vec![
             ("NAME", name.to_uppercase()),
             ("name", name.clone()),
+            ("real", language.real().into()),
             ("about", lines.map(comment).collect()),
             ("inputs", self.inputs.iter().map(|own| given(own, None)).collect()),
             ("parameters", self.parameters.iter().map(|(own, value)| given(own, Some(*value))).collect()),
@@ -217,13 +235,17 @@ impl LawProgram {
         ]
     }
 
-    /// C99 files, name and text each: header, source, and elementary functions. They allocate nothing, open no file, and
-    /// need two functions of a C library, `fma` and `sqrt`, which IEEE 754 rounds correctly.
-    pub fn c(&self, about: &str) -> [(String, String); 3] {
-        let (name, mut gaps) = (&self.name, self.gaps(Language::C, about));
-        let values: Vec<String> = self.parameters.iter().map(|own| Language::C.constant(own.1)).collect();
+    /// C99 files, name and text each: header, source, and elementary functions. They allocate nothing and open no file. In double
+    /// precision, they need two functions of a C library, `fma` and `sqrt`, which IEEE 754 rounds correctly.
+    ///
+    /// # Panics
+    ///
+    /// The language is structured text.
+    pub fn c(&self, language: Language, about: &str) -> [(String, String); 3] {
+        let (name, mut gaps) = (&self.name, self.gaps(language, about));
+        let values: Vec<String> = self.parameters.iter().map(|own| language.constant(own.1)).collect();
         for (piece, (text, _)) in
-            ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(Language::C))
+            ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(language))
         {
             let unused = ["in", "parameters"].into_iter().filter(|own| !text.contains(&format!("{own}->")));
             let unused: String = unused.map(|own| format!("    (void){own};\n")).collect();
@@ -231,13 +253,18 @@ impl LawProgram {
         }
         gaps.extend([
             ("values", values.join(", ")),
-            ("rests", RESULTS.iter().map(|own| format!("        out->{} = 0.0;\n", own.0)).collect()),
-            ("move", a_move(Language::C, numbered("wanted", 4).collect()).0),
+            ("rests", RESULTS.iter().map(|own| format!("        out->{} = 0;\n", own.0)).collect()),
+            ("move", a_move(language, numbered("wanted", 4).collect()).0),
         ]);
+        let functions = match language {
+            Language::C => include_str!("elementary.h"),
+            Language::Single => "#include <math.h>\n",
+            Language::St => unreachable!("a language of C"),
+        };
         [
             (format!("{name}.h"), filled(include_str!("step.h"), &gaps)),
             (format!("{name}.c"), filled(include_str!("step.c"), &gaps)),
-            ("pneudrive_math.h".into(), include_str!("elementary.h").into()),
+            ("pneudrive_math.h".into(), functions.into()),
         ]
     }
 

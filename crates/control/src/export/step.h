@@ -8,7 +8,7 @@ typedef struct {
 @inputs@} @name@_input;
 
 typedef struct {
-@outputs@    double status;  /* -: see above */
+@outputs@    @real@ status;  /* -: see above */
 } @name@_output;
 
 typedef struct {
@@ -16,8 +16,8 @@ typedef struct {
 
 /* State: all zero before the first sample. */
 typedef struct {
-    double guard[@checks@];
-    double kept[@kept@];
+    @real@ guard[@checks@];
+    @real@ kept[@kept@];
 } @name@_memory;
 
 /* Parameters that follow from the description of the drive. */
@@ -26,6 +26,6 @@ extern const @name@_parameters @name@_tuned;
 void @name@_step(const @name@_parameters *parameters, @name@_memory *memory, const @name@_input *in, @name@_output *out);
 
 /* A reference: position, velocity, acceleration and jerk of a move at a time. It rests before and after. */
-void @name@_move(double start, double target, double begin_time, double duration, double at_time, double wanted[4]);
+void @name@_move(@real@ start, @real@ target, @real@ begin_time, @real@ duration, @real@ at_time, @real@ wanted[4]);
 
 #endif
