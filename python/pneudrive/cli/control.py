@@ -295,7 +295,7 @@ def export(
     name : NAME
         Name of the source files and begin of the names in them; several axes in one program need different names.
     precision
-        Precision of C: double has the bits of the simulation; single is for processors with a unit for float only.
+        Precision of C. single is for processors whose floating-point unit has single precision only.
 
     Examples
     --------
