@@ -17,6 +17,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveWarning, warn
 from pneudrive.report.page import Items, Report, section
 from pneudrive.report.sizing import sizing_sheet
+from pneudrive.sizing import checks
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.task import SizingTask
@@ -114,12 +115,14 @@ def test_a_lift_that_nothing_holds_is_not_ready_and_falls_when_it_runs(tmp_path,
     assert pn.load("lift").answer == stored.answer
 
 
-def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts():
-    """The rule is assumed, so the check stays open until the task has the energy of a data sheet."""
+def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts(monkeypatch):
+    """The rule is assumed, so the check stays open until the task has the energy of a data sheet. So is the peak's."""
+    monkeypatch.setattr(checks, "HIGHEST_PA", 5e5)
     found = size(SLOPE | {"held_by": "machine"}, **DRAWS)
     bore = found.circuit().components["cylinder"].bore_m
     limit = 4e3 * math.pi / 4.0 * bore**2
-    (energy,) = found.open_checks
+    energy, peak = found.open_checks
+    assert (peak.name, peak.value > peak.limit) == ("peak pressure", True)
     assert energy.limit == pytest.approx(limit)
     assert energy.value < limit
     assert energy.rule.startswith("assumed: 4 mJ")
@@ -127,6 +130,7 @@ def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts():
     assert run.attrs["impacts"][0]["time_s"] - 0.1 < 0.6
     assert run.attrs["impacts"][0]["energy_j"] < limit
     assert not any("harder than" in line for line in run.attrs["warnings"])
+    monkeypatch.undo()
     hard = size(SLOPE | {"held_by": "machine", "impact_energy": "60 J"}, **DRAWS)
     assert hard.best.energy > limit  # the task's own limit counts
     assert hard.ready

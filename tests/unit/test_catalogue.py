@@ -210,7 +210,7 @@ def test_a_component_uses_a_part_and_own_keys_override(shelf, tmp_path, capsys):
     again = pn.Circuit.load(circuit.to_toml())
     assert again.core_json() == circuit.core_json()
     assert (again.sources(), again.assumed()) == (circuit.sources(), circuit.assumed())
-    assert circuit.replace({"components.left.bore": "21 mm"}).sources()[-1].startswith("left.friction.coulomb")
+    assert circuit.replace({"left.bore": "21 mm"}).sources()[-1].startswith("left.friction.coulomb")
 
 
 def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
