@@ -231,7 +231,8 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
             kind = described.file_kind
             part, _, key = name.rpartition(".")
             meant = f"{part}.conductance" if key in FLOW_KEYS else name  # the number of any stated size
-            raise CommandError.of("free.unknown", name=name, kind=kind, nearest=nearest(meant, known))
+            offered = nearest(meant, (name for name, number in known.items() if not number.discrete))
+            raise CommandError.of("free.unknown", name=name, kind=kind, nearest=offered)
         if known[name].discrete:
             raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):
