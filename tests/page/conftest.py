@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -153,3 +153,9 @@ def open_tab(browser: object) -> Iterator[object]:
     yield opened
     for context in contexts.values():
         context.close()
+
+
+@pytest.fixture
+def tab(server: Server, open_tab: Callable[[str], Tab]) -> Tab:
+    """Open the first screen of the server."""
+    return open_tab(server.address)

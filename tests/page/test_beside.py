@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 import pneudrive as pn
-from page.conftest import DRIVE, Server
+from page.conftest import DRIVE, Server, Tab
 from page.test_journeys import Open, at_end, drag, settled, violations
 from pneudrive.simulation.trajectory import save_columns
 
@@ -99,9 +99,8 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     assert pn.Drive.load("axis.toml").load.mass_kg == 0.0  # nothing was written
 
 
-def test_what_a_long_run_shows_at_a_time_is_of_that_time(server: Server, open_tab: Open) -> None:
+def test_what_a_long_run_shows_at_a_time_is_of_that_time(server: Server, tab: Tab) -> None:
     """Its curves are lowest and highest values of pixels; numbers beside a time are not."""
-    tab = open_tab(server.address)
     page = tab.page
     page.click("text=axis.toml")
     page.wait_for_selector("[data-end=position_m]")

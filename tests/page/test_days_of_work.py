@@ -6,7 +6,7 @@ import json
 
 from playwright.sync_api import expect
 
-from page.conftest import DRIVE, Server
+from page.conftest import DRIVE, Server, Tab
 from page.test_journeys import Open
 from page.test_nothing_lost import EDITOR, go, type_at_end
 from pneudrive.sizing.folder import SizingFolder
@@ -15,8 +15,7 @@ from web.test_lineage import PROTOCOL
 from web.test_sizing import TASK
 
 
-def test_the_sliders_are_those_of_the_law_that_is_chosen(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_the_sliders_are_those_of_the_law_that_is_chosen(tab: Tab) -> None:
     page = tab.page
     held: list = []
 
@@ -49,8 +48,7 @@ def test_the_sliders_are_those_of_the_law_that_is_chosen(server: Server, open_ta
     tab.check()
 
 
-def test_a_drive_that_deviates_is_not_said_to_be_as_described(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_drive_that_deviates_is_not_said_to_be_as_described(tab: Tab) -> None:
     page = tab.page
     go(page, "control")
     page.wait_for_selector("text=The drive my axis, as described.")
@@ -67,8 +65,7 @@ def test_a_drive_that_deviates_is_not_said_to_be_as_described(server: Server, op
     tab.check()
 
 
-def test_a_page_that_is_loaded_again_has_its_jobs(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_page_that_is_loaded_again_has_its_jobs(tab: Tab) -> None:
     page = tab.page
     job = {"number": 1, "command": "", "kind": "control", "out": "results/laws", "state": "running", "tail": ""}
     page.route("**/api/jobs*", lambda route: route.fulfill(json={"jobs": [{**job, "progress": None}]}))
@@ -80,8 +77,7 @@ def test_a_page_that_is_loaded_again_has_its_jobs(server: Server, open_tab: Open
     tab.check()
 
 
-def test_what_a_job_wrote_is_in_the_lists(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_what_a_job_wrote_is_in_the_lists(server: Server, tab: Tab) -> None:
     page = tab.page
     job = {"number": 1, "command": "", "kind": "design", "out": "next.toml", "tail": "", "progress": None}
     state = ["running"]
@@ -95,8 +91,7 @@ def test_what_a_job_wrote_is_in_the_lists(server: Server, open_tab: Open) -> Non
     tab.check()
 
 
-def test_a_resume_that_is_refused_says_so_as_long_as_it_is(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_resume_that_is_refused_says_so_as_long_as_it_is(tab: Tab) -> None:
     page = tab.page
     told = {"title": "Assumed", "state": "good"} | {
         key: [] for key in ("leading", "findings", "head", "table", "rows", "curves", "tables", "figures", "notes")
@@ -160,8 +155,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.wait_for_selector("h2:text-is('Does my model hold?')")
 
 
-def test_who_saves_by_keyboard_stays_where_they_are(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_who_saves_by_keyboard_stays_where_they_are(server: Server, tab: Tab) -> None:
     page = tab.page
     go(page, "drive", "axis.toml")
     page.wait_for_selector(EDITOR)
@@ -175,8 +169,7 @@ def test_who_saves_by_keyboard_stays_where_they_are(server: Server, open_tab: Op
     tab.check()
 
 
-def test_a_name_that_is_refused_is_forgotten_with_the_next(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_name_that_is_refused_is_forgotten_with_the_next(tab: Tab) -> None:
     page = tab.page
     page.goto(f"{tab.origin}/#/drive/catalogue:reference")  # as people write it
     name = page.locator("input[placeholder='axis.toml']")

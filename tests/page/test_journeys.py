@@ -93,8 +93,7 @@ def test_first_minute(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     tab.check()
 
 
-def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_drive_by_text_and_by_form(server: Server, tab: Tab) -> None:
     page = tab.page
     page.click("text=axis.toml")
     page.click(".verbs >> text=Drive")
@@ -395,8 +394,7 @@ def reach(page: object, selector: str) -> None:
     raise AssertionError(f"Tab does not reach {selector}")
 
 
-def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_everything_by_keyboard(tab: Tab) -> None:
     page = tab.page
     reach(page, "a:text-is('axis.toml')")
     page.keyboard.press("Enter")

@@ -65,8 +65,7 @@ def undone(tab: Tab, keys: str) -> None:
     settled(tab)
 
 
-def test_sliders_choices_and_values_are_undone(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_sliders_choices_and_values_are_undone(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 from playwright.sync_api import expect
 
-from page.conftest import DRIVE, ROOT, Server
+from page.conftest import DRIVE, ROOT, Server, Tab
 from page.test_journeys import Open, at_end, settled
 from waiting import until
 from web.test_sizing import TASK
@@ -32,8 +32,7 @@ def go(page: object, view: str, path: str = "") -> None:
     page.evaluate("([view, path]) => void (location.hash = `#/${view}/${encodeURIComponent(path)}`)", [view, path])
 
 
-def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_comma_is_refused_in_words_and_no_digit_is_taken(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -73,8 +72,7 @@ def test_a_comma_is_refused_in_words_and_no_digit_is_taken(server: Server, open_
     tab.check()
 
 
-def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_values_that_give_no_run_are_not_the_ones_of_the_curves(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -88,8 +86,7 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, 
     tab.check()
 
 
-def test_frozen_curves_have_names_and_lines_of_their_own(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_frozen_curves_have_names_and_lines_of_their_own(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -234,8 +231,7 @@ def test_a_tab_for_which_the_server_has_no_room_says_so(own_server: Server, open
     tabs[-1].page.wait_for_selector("[data-connection=open]", state="attached")
 
 
-def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -249,8 +245,7 @@ def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(server: Server, op
     tab.check()
 
 
-def test_what_is_not_copied_is_not_said_to_be(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_what_is_not_copied_is_not_said_to_be(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -353,8 +348,7 @@ def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open)
     page.wait_for_selector("summary:has-text('for the other, every')")
 
 
-def test_curves_follow_the_scheme_of_the_system(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_curves_follow_the_scheme_of_the_system(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")

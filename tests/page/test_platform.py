@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import expect
 
 import pneudrive as pn
-from page.conftest import Server
+from page.conftest import Server, Tab
 from page.test_journeys import Open, violations
 from page.test_nothing_lost import go
 from pneudrive.simulation.trajectory import columns as columns_of
@@ -221,8 +221,7 @@ def test_a_circuit_is_edited_in_the_drawing_and_in_the_text(server: Server, open
     tab.check()
 
 
-def test_a_drive_is_opened_as_a_circuit(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_drive_is_opened_as_a_circuit(tab: Tab) -> None:
     page = tab.page
     go(page, "drive", "axis.toml")
     page.click("button:text-is('Edit the circuit')")
@@ -235,8 +234,7 @@ def test_a_drive_is_opened_as_a_circuit(server: Server, open_tab: Open) -> None:
     tab.check()
 
 
-def test_a_run_moves_the_drawing(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_a_run_moves_the_drawing(server: Server, tab: Tab) -> None:
     page = tab.page
     go(page, "drive", "axis.toml")
     page.click("button:text-is('Run in the drawing')")

@@ -13,7 +13,7 @@ import xarray as xr
 from playwright.sync_api import expect
 
 import pneudrive as pn
-from page.conftest import Server
+from page.conftest import Server, Tab
 from page.results import MEASURED, RECORDING
 from page.test_journeys import Open, settled, violations
 from page.test_nothing_lost import go
@@ -133,8 +133,7 @@ def test_two_seals_are_apart_and_each_point_has_a_marker(server: Server, open_ta
     tab.check()
 
 
-def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_plots_are_zoomed_together_and_saved(server: Server, tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
@@ -188,8 +187,7 @@ def test_a_recording_of_another_rig_gets_its_own_layout(server: Server, open_tab
     assert (server.folder / "layout.toml").read_text() == text
 
 
-def test_no_view_is_empty(server: Server, open_tab: Open) -> None:
-    tab = open_tab(server.address)
+def test_no_view_is_empty(tab: Tab) -> None:
     page = tab.page
     for view in (
         "drive",
