@@ -42,7 +42,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
     flows = [values for name, values in columns.items() if _CHAMBER_FLOW.fullmatch(name)]
     density = ANR_DENSITY_KG_M3 if described is None else described.gas.anr_density_kg_m3
     litres = sum(_gained(time, flow) for flow in flows) / density / LITRE
-    air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into the chambers, l ANR", litres)
+    air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", litres)
     peaks = list(_peaks(columns))
     begun = {number: _begun(provenance, impact) for number, impact in enumerate(impacts)}
     of_stroke = {at: impacts[number] for number, at in reversed(begun.items()) if at is not None}
