@@ -447,8 +447,8 @@ export function PlatformAt(props: {
           {children}
           <p class="note">
             Line: path of the {platform.traced}
-            {platform.reach.length > 2 && "; shade: outline of its workspace"}. Bars: force along each leg. A bar ranges
-            from the largest pull to the largest push of the leg at rest, with the supply pressure.
+            {platform.reach.length > 2 && "; shade: outline of its workspace"}. Bars: force along each leg, between its
+            largest pull and push at rest.
           </p>
         </div>
         <aside>
