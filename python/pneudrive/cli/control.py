@@ -293,9 +293,9 @@ def export(
         Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it.
 
     name : NAME
-        Name of the source files and begin of the names in them; several axes in one program need different names.
+        Name of the source files, and begin of the names in them. Axes in one program need different names.
     precision
-        Precision of C. single is for processors whose floating-point unit has single precision only.
+        Precision of the C code. Use single for a processor that computes only float in hardware.
 
     Examples
     --------

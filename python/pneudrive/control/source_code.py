@@ -10,6 +10,7 @@ from pneudrive import __version__, _core
 from pneudrive.control.references import check_reach, named_or_read
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.errors import CommandError, nearest
+from pneudrive.files.writing import make_result_folder
 from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import write_whole
@@ -128,10 +129,7 @@ def export(
         return [write_fmu(plan, target, version).path]
     files, _ = _written(tuning, read, "c-single" if precision == "single" else to, name)
     folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CommandError(f"the folder {folder} cannot be made", value=error.strerror) from None
+    make_result_folder(folder)
     return [write_whole(folder / name, text, "ascii") for name, text in files]
 
 

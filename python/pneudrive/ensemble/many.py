@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -25,6 +24,7 @@ from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts,
 from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.seal import damage
+from pneudrive.files.writing import make_result_folder
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
@@ -384,11 +384,7 @@ class ChunkStore:
         if begun is None:
             chunks = study.chunks(members)
             about["chunk_members"] = chunks[0].last
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                why = os.strerror(error.errno) if error.errno else str(error)
-                raise CommandError(f"the folder {folder} cannot be made: {why}") from None
+            make_result_folder(folder)
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
             differ = _different(begun.get("about", {}), about["about"])
@@ -559,14 +555,17 @@ def simulate_many(
     n : int, optional
         Number of members, if `vary` has distributions.
     outputs : sequence of str or Output, optional
-        Outputs of each run: ``"final(position)"``, ``"max(velocity)"``, ``"min(pressure_b)"``, ``"mean(...)"``,
-        ``"integral(mass_flow_a)"``, ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"``,
-        ``"stroke_time"``, ``"samples(position, 100 Hz)"``. A name may be in front, as in
-        ``"top = max(velocity)"``. Objects of `pneudrive.ensemble` are accepted, too, among them
-        `pneudrive.ensemble.own`. The default is the state at the end and the stroke time.
+        Outputs of each run. Default: the state at the end and the stroke time. An output is one of
+
+        - a number: ``"final(position)"``, or ``max``, ``min``, ``mean`` or ``integral`` of a variable;
+        - a time: ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"`` or ``"stroke_time"``;
+        - a series: ``"samples(position, 100 Hz)"``;
+        - an object of `pneudrive.ensemble`.
+
+        A name may be in front: ``"top = max(velocity)"``.
     initial : Initial, dict or str, or a list of them, optional
-        Start state of all members, or one for each, with the same keys. Missing values follow from the stroke and
-        the ambient air of the member.
+        Start state of all members, or one for each, with the same keys. A member's stroke and ambient air give the
+        missing values.
     rtol : float
         Relative tolerance of the solver.
     seed : int, optional
@@ -574,14 +573,14 @@ def simulate_many(
     executor : Executor, optional
         Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder into which finished chunks are written as Parquet. An interrupted study is resumed from it. Finished
-        chunks do not run again.
+        Folder of the finished chunks, as Parquet. An interrupted study continues from there, and
+        no finished chunk runs again.
     chunk : int, optional
-        Number of members that run, and are written, together.
+        Number of members that run together.
     errors : str
         ``"keep"``: a failed member has NaN, a status and a reason. ``"raise"``: a failed member ends the study.
     max_members_in_memory : int
-        A study with more members needs `out`, and the returned data set does not contain them.
+        With more members, `out` is needed, and the returned data set does not contain them.
     threads : int, optional
         Default: all processors, or one for each chunk with an executor.
     progress, cancel : optional

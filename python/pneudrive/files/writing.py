@@ -40,6 +40,21 @@ def open_to_append(path: Path) -> TextIO:
         raise CommandError(f"{path} is a link", rule=_RULE, remedy=_REMEDY) from None
 
 
+def make_result_folder(path: Path) -> None:
+    """Create a folder that a user names, and its parents, unless they exist.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be created.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        remedy = "Name another folder."
+        raise CommandError(f"the folder {path} cannot be created", value=error.strerror, remedy=remedy) from None
+
+
 def make_subfolder(path: Path) -> None:
     """Create a folder of a result, unless it exists.
 
@@ -48,11 +63,7 @@ def make_subfolder(path: Path) -> None:
     CommandError
         The folder is a link, or cannot be created.
     """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        remedy = "Name another folder."
-        raise CommandError(f"the folder {path} cannot be created", value=error.strerror, remedy=remedy) from None
+    make_result_folder(path)
     if path.is_symlink():
         raise CommandError(f"the folder {path} is a link", rule=_RULE, remedy=_REMEDY)
 

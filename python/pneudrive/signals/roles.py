@@ -38,7 +38,7 @@ ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with t
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has no ``index``. ``gauge`` is None where neither gauge nor absolute is marked.
+    A time from a sample rate has no ``index``. ``gauge`` is None for an unmarked pressure.
     ``keys`` are further keys of the column in the layout.
     """
 
@@ -534,7 +534,8 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
         other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
         for at in range(len(columns)):  # the clock of a column is the nearest one to its left
             nearest = max((one.index for one in clocks if one.index < at), default=best.column.index)
-            times.clocks |= {at: nearest} if nearest in other else {}
+            if nearest in other:
+                times.clocks[at] = nearest
     rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
     times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
     taken.add(best.column.index)

@@ -448,10 +448,15 @@ class SizedDrive:
         return f"needles: {shares} of fully open" if shares else "needles fully open"
 
     @property
+    def missed_limits(self) -> list[str]:
+        """Names of the limits that it misses."""
+        return [name for name in self.worst if self.margins[name] < 0.0]
+
+    @property
     def missed(self) -> str:
         """Limits that it misses, and the amounts, in words."""
-        missed = (name for name in self.worst if self.margins[name] < 0.0)
-        limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in missed)
+        names = self.missed_limits
+        limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in names)
         said = "; ".join(f"{name} {value}, limit {limit}" for name, value, limit in limits)
         return said or f"{self.met} of {self.draws} samples keep all limits together"
 

@@ -13,7 +13,7 @@ from pneudrive import __version__
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_text
-from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
+from pneudrive.files.writing import NO_FOLLOW, make_result_folder, open_to_append, take
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import SizedDrive
 from pneudrive.sizing.strokes import Setting
@@ -69,10 +69,7 @@ class SizingFolder:
             self._begin(path, about)
 
     def _begin(self, path: Path, about: dict[str, Any]) -> None:
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CommandError(f"the folder {self.folder} cannot be made: {error.strerror}") from None
+        make_result_folder(self.folder)
         self._lock()
         write_whole(path, json.dumps(about, indent=1))
 

@@ -193,8 +193,8 @@ class SizingResult(Viewed):
     @property
     def state(self) -> str:
         """Whether the task is feasible and the best drive ready, in words."""
-        if self.interrupted and not self.feasible:
-            return "not decided: the search was interrupted"
+        if not self.feasible and not self.complete:
+            return "not decided: the search ended before all choices were looked at"
         if not self.feasible or self.ready:
             return f"feasible = {str(self.feasible).lower()}, ready = {str(self.ready).lower()}"
         return f"feasible = true, but ready = false (open checks: {len(self.open_checks)})"
@@ -244,7 +244,7 @@ class SizingResult(Viewed):
                 f"out and back, {three(drive.air * ANR_LITRES_PER_KG)} l ANR a cycle of {three(cycle_s(task))} s, "
                 f"margin {three(100.0 * drive.margin)} %."
             )
-        return "Nothing in the catalogue meets the task."
+        return f"Nothing {'in the catalogue' if self.complete else 'that was looked at'} meets the task."
 
     @property
     def findings(self) -> list[Finding]:
@@ -395,10 +395,9 @@ def nearest_miss(
         gives = _gives(drive.binding, limit, value, unit, "1 % of the samples exceed")
         if drive.margin >= 0.0:
             gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
-        missed = [name for name in drive.worst if drive.margins[name] < 0.0]
-        if len(missed) > 1:
+        if len(drive.missed_limits) > 1:
             gives = f"Of {drive.missed} (exceeded by 1 % of the samples), each limit has to be relaxed to its value."
-        return NearestMiss(drive.parts, ", ".join(missed) or drive.binding, gives)
+        return NearestMiss(drive.parts, ", ".join(drive.missed_limits) or drive.binding, gives)
     if short:
         choice, tuned = max(short, key=lambda pair: (pair[1].nominal >= 0.0, pair[1].least))
         name, limit, value = tuned.short

@@ -273,8 +273,12 @@ class DriveStrokes:
 
     def drawn_assumed(self) -> dict[str, str]:
         """Return the values that are sampled because they are assumed, each with its component."""
-        named = {"friction": "friction", "dead volume": "dead_volume"}
-        named |= {"mass of the piston": "moving_mass", "cushion": "cushion"}
+        named = {
+            "friction": "friction",
+            "dead volume": "dead_volume",
+            "mass of the piston": "moving_mass",
+            "cushion": "cushion",
+        }
         assumed = " ".join(("", *self.choice.cylinder.assumed))
         found = {name: "cylinder" for name, key in named.items() if f" {key}" in assumed}
         sizes = {"valve": "valve conductance", "tube": "tube conductance", "flow_control": "needle"}

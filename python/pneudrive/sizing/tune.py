@@ -39,9 +39,9 @@ MORE, WORST = 24, 5
 ROUNDS, SETTLED = 3, 0.1
 #: Cases of pairs that run together when few pairs are left: the lanes of two processors.
 AT_ONCE = 16
-#: Limits whose least margin is so far above that of the worst one do not decide about a pair first.
+#: Limits whose least margin is so far above that of the worst one do not decide about a pair first (assumed).
 DECIDES = 0.3
-#: Margin of the time by which numerical errors may make a smaller opening faster.
+#: Margin of the time by which a smaller opening may be faster: errors of the solver, and bounces (assumed).
 TIME_SLACK = 0.03
 #: With a nominal margin below this, nothing is refined, and the other stroke is not looked at.
 SMALL = -0.15
@@ -230,7 +230,8 @@ def _best(
 ) -> Search:
     """Return the pair of needle and cushion whose worst case has the largest margin.
 
-    Pairs that cannot be the best are not run in all cases. The result is that of running all pairs in all cases.
+    Pairs that cannot be the best are not run in all cases. The result is that of running all pairs in all cases, as
+    long as no smaller opening is faster by more than `TIME_SLACK`.
     """
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     openings = np.array(list(pairs))
