@@ -32,19 +32,17 @@ def test_a_circuit_file_is_simulated(tmp_path, capsys):
 
 
 def test_commands_need_the_name_of_a_valve(capsys):
-    duration = ["--duration", "0.1 s"]
-    assert run(["simulate", EXAMPLE, "--command", "0 s: 1", *duration]) == 2
-    assert "names no component of: valve_l, valve_r" in capsys.readouterr().err
-    assert run(["simulate", EXAMPLE, "--command", "valv_l: 0 s: 1", *duration]) == 2
-    assert "Did you mean 'valve_l'?" in capsys.readouterr().err
-    assert run(["simulate", EXAMPLE, "--command", "valve_l: 0 s: 2", *duration]) == 2
-    assert "valve_l: command = 2 at 0 s" in capsys.readouterr().err
-    assert run(["simulate", EXAMPLE, "--command", "valve_l: 1", "--command", "valve_l: 0", *duration]) == 2
-    assert "two commands are given for valve_l" in capsys.readouterr().err
-    assert run(["simulate", "catalogue:reference", *duration]) == 2
-    assert "the command of the valve is missing" in capsys.readouterr().err
-    assert run(["simulate", "catalogue:reference", "--command", "1", "--command", "0", *duration]) == 2
-    assert "a drive has one valve" in capsys.readouterr().err
+    for drive, commands, said in (
+        (EXAMPLE, ["0 s: 1"], "names no component of: valve_l, valve_r"),
+        (EXAMPLE, ["valv_l: 0 s: 1"], "Did you mean 'valve_l'?"),
+        (EXAMPLE, ["valve_l: 0 s: 2"], "valve_l: command = 2 at 0 s"),
+        (EXAMPLE, ["valve_l: 1", "valve_l: 0"], "two commands are given for valve_l"),
+        ("catalogue:reference", [], "the command of the valve is missing"),
+        ("catalogue:reference", ["1", "0"], "a drive has one valve"),
+    ):
+        options = [option for command in commands for option in ("--command", command)]
+        assert run(["simulate", drive, "--duration", "0.1 s", *options]) == 2
+        assert said in capsys.readouterr().err
 
 
 def test_components_are_listed(capsys):
@@ -57,6 +55,7 @@ def test_components_are_listed(capsys):
         assert entry["doc"] in shown
         assert all(f"\n  {parameter['key']} " in shown for parameter in entry["parameters"])
         assert all(f"{{{source}," in shown for source in entry["sources"])
+        assert ("deg, not less than -90 deg and not more than 90 deg" in shown) is ("  incline " in shown)
     assert run(["components", "flow-controls"]) == 2
     assert "Did you mean 'flow-control'?" in capsys.readouterr().err
 

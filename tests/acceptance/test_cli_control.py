@@ -20,7 +20,7 @@ import pneudrive as pn
 from pneudrive.cli.commands import examples_of
 from pneudrive.cli.control import export
 from pneudrive.cli.main import run
-from pneudrive.control.scores import score_of
+from pneudrive.control.scores import score_of, view_of_score
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.simulation.trajectory import columns
 
@@ -78,6 +78,8 @@ def test_a_score_is_what_its_name_says():
     found = score_of(time, named, motion)
     assert found.max_error_m == pytest.approx(9e-4)
     assert found.overshoot_m == pytest.approx(9e-4)
+    sine = {"score": found.to_dict(), "motion": {"kind": "sine", "frequency_hz": 0.125}}
+    assert "largest error (last 8 s)" in str(view_of_score(sine))
     assert found.settling_100_um_s == pytest.approx(0.5, abs=2e-3)
     assert found.settling_1000_um_s == 0.0
     assert found.rest_error_m == pytest.approx(5e-5)
@@ -90,16 +92,8 @@ WRONG = {
     "beyond the stroke": (["--reference", "250 mm; 1 s: 510 mm in 1 s"], "510 mm", "within the stroke"),
     "too fast": (["--reference", "100 mm; 1 s: 400 mm in 0.1 s"], "faster than the drive", "Stretch"),
     "no time of a move": (["--reference", "100 mm; 1 s: 400 mm"], "is not a move", "TIME: POSITION in DURATION"),
-    "overlapping moves": (
-        ["--reference", "100 mm; 1 s: 200 mm in 1 s; 1.5 s: 100 mm in 1 s"],
-        "begins at 1.5 s",
-        "2 s",
-    ),
-    "two laws": (
-        ["--reference", STEP, "--law", "inversion", "--controller", "pid"],
-        "--law inversion and --controller pid",
-        "Keep one",
-    ),
+    "overlapping": (["--reference", "100 mm; 1 s: 200 mm in 1 s; 1.5 s: 100 mm in 1 s"], "begins at 1.5 s", "2 s"),
+    "two laws": (["--reference", STEP, "--law", "fuzzy", "--controller", "pid"], "--controller pid", "Keep one"),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
     "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R6"),
     "record of no number": (["--reference", "nan.csv"], "sample 3 is not valid", "position_m = nan"),

@@ -278,11 +278,12 @@ def test_source_code_is_for_the_drive_that_is_named(tmp_path):
 
 
 def test_what_cannot_be_exported_is_said(tmp_path, capsys):
-    export = ["control", "export", "--to", "c", "--out", str(tmp_path)]
-    assert run([*export, "nmpc", "--drive", str(AXIS)]) == 2
-    assert "nmpc cannot be exported" in capsys.readouterr().err
-    assert run([*export, "pid", "--drive", str(AXIS), "--fmi", "3.0"]) == 2
-    assert "--fmi has no effect with --to c" in capsys.readouterr().err
-    assert run([*export, "pid"]) == 2
-    assert "--drive" in capsys.readouterr().err
-    assert run(["control", "export", "pid", "--drive", str(AXIS), "--to", "ada", "--out", str(tmp_path)]) == 2
+    for law, to, told, said in (
+        ("nmpc", "c", ["--drive", str(AXIS)], "nmpc cannot be exported"),
+        ("pid", "c", ["--drive", str(AXIS), "--fmi", "3.0"], "--fmi has no effect with --to c"),
+        ("pid", "c", [], "--drive"),
+        ("pid", "ada", ["--drive", str(AXIS)], "ada"),
+        ("pid", "st", ["--drive", str(AXIS), "--name", "if"], "structured text reserves this word"),
+    ):
+        assert run(["control", "export", law, "--to", to, "--out", str(tmp_path), *told]) == 2
+        assert said in capsys.readouterr().err

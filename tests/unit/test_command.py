@@ -65,7 +65,7 @@ def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
     ("content", "what", "line"),
     [
         (b"", "is empty", None),
-        (b"t,u\n0,1\n", "the first line is 't,u'", 1),
+        (b"time_s;command\n0,0;0,5\n", r"(?s)the first line is 'time_s;command'.*by commas", 1),
         (b"time_s,command\n", "holds no entries", None),
         (b"time_s,command\n0,1\n1\n", "1 values instead of 2", 3),
         (b"time_s,command\n0,1\n1,\n", "command '' is not a number", 3),

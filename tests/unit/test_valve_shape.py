@@ -70,6 +70,8 @@ def test_the_overlap_is_identified_and_applied(plain, recorded):
     assert fit.apply(plain).valve.overlap == pytest.approx(0.03, abs=5e-4)
     with pytest.raises(FitError, match=r"valve\.overlop is not a number of this drive"):
         pn.identify(plain, recorded, ["valve.overlop"])
+    with pytest.raises(FitError, match=r"(?s)a drive file does not have valve\.delay.*command: delay = free"):
+        pn.identify(plain, recorded, ["valve.delay"])
 
 
 # --- The size of a valve in four ways: against printed pairs of a catalogue, which no formula here was fitted to.

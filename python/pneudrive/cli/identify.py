@@ -24,7 +24,7 @@ with used_later(__name__):
     from pneudrive.campaign.planning import next_points, protocol
     from pneudrive.campaign.planning import plan as plans
     from pneudrive.campaign.running import live
-    from pneudrive.describe.files import toml
+    from pneudrive.describe.files import load, toml
     from pneudrive.files import inputs
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction.campaign import characteristics
@@ -325,7 +325,8 @@ def identify(
             "robust": robust,
             "layout": layout,
         }
-        result = pn.identify(pn.Drive.load(drive), recordings, names, progress=_show_step, **known)
+        described: Any = load.load_described(drive)
+        result = pn.identify(described, recordings, names, progress=_show_step, **known)
         show_fit(result, out, report, profile=profile)
 
 

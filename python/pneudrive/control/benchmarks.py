@@ -155,12 +155,12 @@ class ControlComparison(Viewed):
 
         None if the measure does not apply to the reference, or each run failed.
         """
-        each = [None if run.score is None else getattr(run.score, measure) for run in self.of(law, along)]
-        failed = sum(run.score is None for run in self.of(law, along))
-        known = [float(value) for value in each if value is not None]
-        if not known or len(known) + failed < len(each):
+        runs = self.of(law, along)
+        scores = [run.score for run in runs if run.score is not None]
+        known = [float(value) for score in scores if (value := getattr(score, measure)) is not None]
+        if not known or len(known) < len(scores):
             return None
-        found = sorted([*known, *[math.inf] * failed])
+        found = sorted([*known, *[math.inf] * (len(runs) - len(scores))])
         place = share * (len(found) - 1)
         low, high = found[math.floor(place)], found[math.ceil(place)]
         return low if low == high else low + (place - math.floor(place)) * (high - low)

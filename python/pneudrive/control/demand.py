@@ -91,14 +91,17 @@ class Feasibility(Viewed):
 
     @property
     def is_feasible(self) -> bool:
-        """Whether the unslowed reference stays within the stroke and uses at most 85 % of each limit."""
-        return self.factor == 1.0
+        """Whether the unslowed reference stays within the stroke and uses at most 85 % of each limit.
+
+        False if the model leaves out components, because the limits may then be lower.
+        """
+        return self.factor == 1.0 and not self.left_out
 
     def view(self) -> View:
         """Return positions, the fraction of each limit, and whether the drive can follow."""
-        reach, own = self.reference.reach(), self.demand
+        reach, own, whose = self.reference.reach(), self.demand, "model" if self.left_out else "drive"
         low, high = (1e-5 * p for p in (own.lowest_pressure_pa, own.highest_pressure_pa))
-        speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the drive's"
+        speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the {whose}'s"
         force = f"{_percent(own.force_share)} of the supply's; pressures {low:.3g} .. {high:.3g} bar abs"
         valve = f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"
         if own.valve_exceeded_s:
@@ -108,8 +111,9 @@ class Feasibility(Viewed):
             ("valve", own.valve_share, valve),
             ("force", own.force_share, force),
         )
+        passed: State = "open" if self.left_out else "good"
         leading = [
-            LeadingValue(ShownValue(name, name, VALUE, text), state="good" if share <= SHARE else "bad")
+            LeadingValue(ShownValue(name, name, VALUE, text), state="bad" if share > SHARE else passed)
             for name, share, text in shares
         ]
         positions = f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"
@@ -119,7 +123,7 @@ class Feasibility(Viewed):
         if self.left_out:
             texts["left out"] = ", ".join(self.left_out)
         rows = [ShownValue(name, name, VALUE, text) for name, text in texts.items()]
-        state: State = "good" if self.is_feasible else "bad"
+        state = passed if self.factor == 1.0 else "bad"
         return View(
             self.reference.text,
             (*rows, *(value.value for value in leading)),
@@ -131,8 +135,11 @@ class Feasibility(Viewed):
     def _verdict(self) -> str:
         limit = f"{100.0 * SHARE:.0f} % of each limit"
         if self.is_feasible:
-            unknown = f"but the model leaves out {', '.join(self.left_out)}: "
-            return f"yes{', ' + unknown if self.left_out else ': '}it takes at most {limit}"
+            return f"yes: it takes at most {limit}"
+        if self.left_out:
+            limit += f" of a model without {', '.join(self.left_out)}"
+        if self.factor == 1.0:
+            return f"not decided: it takes at most {limit}; pneudrive control run shows the error with them"
         beyond = beyond_stroke(self.reference, self.stroke_m)
         if beyond is not None:
             return f"no: {beyond[0]}; {beyond[1]}"
@@ -208,7 +215,10 @@ ALONG, MOST, MASSES = "R3", 0.1, (1.0, 0.5)
 BASELINES = ("pid", "fuzzy")
 #: Longest additional dead time that is tried, the number of bisections, and what a controller should bear (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
-SLOWER = "Measure the dead time of the valve with its electronics, or identify it from a recording: pneudrive identify."
+#: Ways to the numbers of a valve.
+FIND_DELAY = """pneudrive identify DRIVE RECORDING --sensor "command: delay = free" finds it in a recording."""
+SLOWER = f"Measure the dead time of the valve with its electronics. {FIND_DELAY}"
+FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leakage finds two of them in a recording."
 CYCLE = "limit-cycle"
 
 
@@ -255,7 +265,10 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
         if fault:
             return Suitability(law, False, worst, f"{of} it {fault}")
     reason = f"errors up to {1e3 * worst:.3g} mm"
-    if law == "nmpc":
+    valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
+    if valves != ["valve/proportional-5/3"]:
+        reason += "; cannot be exported for these valves"
+    elif law == "nmpc":
         reason += "; exported as an FMU only"
     if law in BASELINES:
         reason = f"a baseline: {reason}"
@@ -339,6 +352,5 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
         cost = (
             f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} instead of zero."
         )
-        remedy = "Take them from the data sheet, or identify them from a recording: pneudrive identify."
-        findings.append(Finding(cost, "open", remedy))
+        findings.append(Finding(cost, "open", f"Take them from the data sheet. {FIND_SHAPE}"))
     return View(f"Valve slower than described, or not ideal, {law}, simulated", findings=tuple(findings))

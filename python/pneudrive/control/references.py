@@ -33,6 +33,7 @@ FORMS = (
 )
 RECORDS = (".csv", ".parquet")
 PROGRAM = re.compile(r"\.(gcode|nc|ngc)(:\w*)?$")
+CSV_FORM = "Separate the columns of a CSV file by commas, and write decimal points."
 
 
 _Time = Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST_S))]
@@ -246,7 +247,8 @@ def _of_record(path: Path) -> motion.Reference:
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
         shown = f"columns: {', '.join(there)}"
-        raise CommandError(f"the record {path} lacks a column", value=shown, rule="time_s in s, position_m in m")
+        rule = "time_s in s, position_m in m"
+        raise CommandError(f"the record {path} lacks a column", value=shown, rule=rule, remedy=CSV_FORM)
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)

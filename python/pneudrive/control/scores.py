@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.describe.tables.parts import anr_density_kg_m3
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.estimate.estimates import rms
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
@@ -109,24 +109,7 @@ class Score(Viewed):
 
 
 #: Measure -> its title in tables, factor to the unit of tables, that unit.
-SHOWN: dict[str, tuple[str, float, str]] = {
-    "rmse_m": ("RMSE", 1e6, "um"),
-    "max_error_m": ("largest error", 1e6, "um"),
-    "first_max_error_m": ("largest error, first 4 s", 1e6, "um"),
-    "settling_100_um_s": ("settling to 0.1 mm", 1e3, "ms"),
-    "settling_1000_um_s": ("settling to 1 mm", 1e3, "ms"),
-    "rest_error_m": ("error at rest", 1e6, "um"),
-    "hunting_m": ("hunting", 1e6, "um"),
-    "overshoot_m": ("overshoot", 1e6, "um"),
-    "valve_travel_per_s": ("valve travel", 1.0, "1/s"),
-    "saturated_share": ("saturated", 100.0, "%"),
-    "air_anr_m3_s": ("air", 1e3, "l/s ANR"),
-    "exergy_w": ("exergy", 1.0, "W"),
-    "peak_pressure_rate_pa_s": ("pressure rate", 1e-5, "bar/s"),
-    "step_median_s": ("step, median", 1e6, "us"),
-    "step_999_s": ("step, 99.9 %", 1e6, "us"),
-    "step_undisturbed_s": ("step, worst, least of its repeats", 1e6, "us"),
-}
+SHOWN: dict[str, tuple[str, float, str]] = package_table(__file__, "measures.toml")
 
 #: Measures that are told of a spread.
 SPREAD_SHOWN = ("max_error_m", "settling_100_um_s", "rest_error_m", "hunting_m")
@@ -160,11 +143,13 @@ def view_of_score(about: Keyed) -> View:
     """Return the view of score and events of a run under control, from its provenance, without figures."""
     score = Score(**about["score"])
     texts = {name: written(name, getattr(score, name)) for name in SHOWN}
-    values = {name: ShownValue(name, SHOWN[name][0], VALUE, text) for name, text in texts.items() if text}
+    motion = about.get("motion", {})
+    window = f" (last {_last_s(motion):g} s)" if motion.get("kind") == "sine" else ""
+    titles = {name: SHOWN[name][0] + window * (name in ("rmse_m", "max_error_m")) for name in SHOWN}
+    values = {name: ShownValue(name, titles[name], VALUE, text) for name, text in texts.items() if text}
     findings = [Finding(f"Lost: an error exceeded {1e3 * LOST_M:g} mm.", "bad")] if score.lost else []
     if "law_failure" in about:
         findings.append(Finding(f"{about['law_failure']} Another controller took over.", "bad"))
-    is_sine = about.get("motion", {}).get("kind") == "sine"
     return View(
         run_title(about) if "law" in about else "Score, simulated",
         tuple(values.values()),
@@ -174,7 +159,6 @@ def view_of_score(about: Keyed) -> View:
             for name in LEADING
             if name in values
         ),
-        notes=(f"RMSE and largest error are of the last {LAST_S:g} s, or of the last period.",) * is_sine,
         findings=tuple(findings),
         tables=tuple(event_table(about.get("events") or ())),
     )
@@ -243,8 +227,7 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
     """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` is from `air_of`."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x
-    last_s = max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
-    scored = error[time >= time[-1] - last_s]
+    scored = error[time >= time[-1] - _last_s(motion)]
     first = error[time <= FIRST_S]
     step = float(time[1] - time[0]) if len(time) > 1 else 0.0
     span = max(float(time[-1]), step)
@@ -271,6 +254,11 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
         step_undisturbed_s=float(of["least_step_time"].max()),
         lost=bool(np.abs(error).max() > LOST_M),
     )
+
+
+def _last_s(motion: Keyed) -> float:
+    """Return the time at the end of a run in which RMSE and largest error are scored, s."""
+    return max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
 
 
 def air_of(

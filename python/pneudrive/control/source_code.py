@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pneudrive import __version__, _core
 from pneudrive.control.references import check_reach, named_or_read
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, nearest, package_table
 from pneudrive.files.writing import make_result_folder
 from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
@@ -25,6 +25,8 @@ LANGUAGES = {
     "st": "structured text, a function block",
     "fmu": "a Functional Mock-up Unit for co-simulation",
 }
+#: Words that cannot be names in structured text.
+RESERVED = frozenset(package_table(__file__, "structured_text.toml")["reserved"].split())
 #: Outputs of an FMU of `nmpc`: name, unit, meaning.
 _OUTPUTS = (
     ("command", "1", "command to the valve, -1 .. 1, of the last sample"),
@@ -100,12 +102,14 @@ def export(
     read, _ = read_setup(setup)
     if name is not None and to == "fmu":
         raise CommandError("the files of an FMU cannot have another name", remedy="Leave the name out.")
-    if name is not None and not (name.isidentifier() and name.isascii()):
-        raise CommandError(
-            f'the controller cannot have the name "{name}"',
-            rule="a name of source code consists of letters, digits and underscores, and begins with a letter",
-            remedy='Write "left_axis".',
-        )
+    if name is not None:
+        rule = "a name of source code consists of letters, digits and underscores, and begins with a letter"
+        is_name = name.isidentifier() and name.isascii()
+        if is_name and to == "st" and name.upper() in RESERVED:
+            is_name, rule = False, "structured text reserves this word"
+        if not is_name:
+            what = f'the controller cannot have the name "{name}"'
+            raise CommandError(what, rule=rule, remedy='Write "left_axis".')
     if precision != "double" and (to, precision) != ("c", "single"):
         rule = 'C has the precision "double" or "single", other languages "double"'
         raise CommandError(f'{to} cannot have the precision "{precision}"', rule=rule, remedy="Leave it out.")

@@ -691,7 +691,8 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
             f"The law does not model {', '.join(plant.left_out)}, except the volume of tubes at the chambers: it "
             "assumes a valve at the cylinder and a constant supply pressure; speed and lag leave these parts out too."
         )
-    said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
+    reach = f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted"
+    said.append(f"{reach}{', but the drive can be slower than this' if plant.left_out else ''}.")
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
     if assumed:
         said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")

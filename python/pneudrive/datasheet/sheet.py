@@ -18,13 +18,13 @@ from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
-from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError
+from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.views import Finding, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     import xarray as xr
@@ -189,31 +189,6 @@ class Datasheet(Viewed):
         return f"; from rest {times[0]} out, {times[1]} back"
 
 
-#: Name in the table, characteristic, result, and the axis out and back lie along; empty for a single number.
-_NUMBERS = (
-    ("velocity gain", "velocity", "velocity_gain", "direction"),
-    ("dead zone", "velocity", "dead_zone", "direction"),
-    ("blocked force", "force-speed", "blocked_force", "direction"),
-    ("stall force", "force-speed", "stall_force", "direction"),
-    ("minimum pressure, gauge", "minimum-pressure", "minimum_pressure", "direction"),
-    ("breakaway force", "minimum-pressure", "breakaway_force", "direction"),
-    ("stroke time", "square-response", "stroke_time", "direction"),
-    ("dead time", "square-response", "dead_time", "direction"),
-    ("rise time", "square-response", "rise_time", "direction"),
-    ("mean speed", "square-response", "mean_speed", "direction"),
-    ("end speed", "square-response", "end_speed", "direction"),
-    ("end energy", "square-response", "end_energy", "direction"),
-    ("peak pressure a, abs", "square-response", "peak_pressure_a", "direction"),
-    ("peak pressure b, abs", "square-response", "peak_pressure_b", "direction"),
-    ("air per full cycle", "air", "full", ""),
-    ("air per fast cycle", "air", "cycle", ""),
-    ("mean flow in a fast cycle", "air", "mean_flow", ""),
-    ("exergy per full cycle", "exergy", "drawn", ""),
-    ("exergy that leaves with the exhaust", "exergy", "exhausted", ""),
-    ("largest loss factor", "stiffness", "largest_loss_factor", ""),
-    ("resonance, small command", "bode", "resonance", ""),
-    ("leakage, relative fall of pressure", "leakage", "decay_rate", "chamber"),
-)
 _PATHS = ("conductance", "critical_ratio")
 #: Speed at which the friction of a piston at rest is read, m/s: below every Stribeck velocity (assumed).
 AT_REST_M_S = 1e-5
@@ -275,11 +250,13 @@ def energy_limit_j(bore_m: float) -> float:
 
 def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
     out = []
-    for title, name, result, along in _NUMBERS:
-        if name in results and result in results[name]:
-            found, standard = results[name], characteristics()[name].standard
-            out_back = [shown(found, result, {along: k} if along else {}) for k in ((0, 1) if along else (0,))]
-            out.append(SheetNumber(title, out_back[0], out_back[1] if along else "", standard))
+    for name, headlines in package_table(__file__, "headlines.toml").items():
+        for title, result in headlines.items():
+            if name in results and result in results[name]:
+                found, standard = results[name], characteristics()[name].standard
+                places = (dict(zip(found[result].dims, at, strict=True)) for at in np.ndindex(found[result].shape))
+                first, *others = (shown(found, result, place) for place in places)
+                out.append(SheetNumber(title, first, others[0] if others else "", standard))
     out += _of_maps(results)
     if "flow" in results:
         found, standard = results["flow"], characteristics()["flow"].standard
@@ -319,7 +296,7 @@ def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
     return out
 
 
-def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
+def shown(found: xr.Dataset, name: str, at: Mapping[Any, int]) -> str:
     """Return one number of a result with its unit and interval."""
     value = float(found[name].isel(at))
     value = 0.0 if abs(value) < 1e-9 else value

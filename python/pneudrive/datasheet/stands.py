@@ -154,8 +154,8 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
     """Leakage of shut chambers.
 
-    Pressure decay of a chamber that was filled and shut, with the piston at its end and the other chamber at ambient
-    pressure. The gas starts at ambient temperature.
+    Pressure decay of a chamber that was filled and shut with its line, with the piston at its end and the other chamber
+    at ambient pressure. The gas starts at ambient temperature.
 
     Settings
     --------
@@ -182,9 +182,12 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     times = np.linspace(0.0, duration, 61)
     curves, plant = [], plant.with_held_valves
     for side in plant.sides:
-        level = [filled if node == f"{plant.piston}.{side}" else ambient for node in plant.nodes]
+        levels = {one: filled if one == side else ambient for one in plant.sides}
+        given = {f"{plant.piston}.{one}": f"{level!r} Pa abs" for one, level in levels.items()}
+        start = plant.circuit.core_initial(given)  # lines start at the pressure of their chamber
         at = plant.stroke_m if side == "a" else 0.0  # pressed against its end
-        session = plant.session(0.0, at, 0.0, np.array([(p, kelvin) for p in level]))
+        gas = np.array([(start[f"{node}.pressure_pa"], kelvin) for node in plant.nodes])
+        session = plant.session(0.0, at, 0.0, gas)
         found = [session.read(f"{plant.piston}.{side}.pressure_pa")]
         for t in times[1:]:
             session.advance(float(t))

@@ -331,6 +331,9 @@ def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
         keys = flow_keys(entry, key)
         mark = _mark(parameter)
         unit = (mark.written or "") if isinstance(mark, Quantity) else "bar abs, bar gauge"
+        if isinstance(mark, Quantity) and mark.si_unit:
+            for limit in filter(None, vars(mark.bounds).values()):
+                rule = rule.replace(f"{limit:.17g}", f"{UnitFloat(limit, mark.si_unit, mark.written):g}")
         takes = ", ".join(filter(None, (unit, "" if rule == "finite" else rule)))
         follows = parameter["follows"] and f"follows {parameter['follows']}"
         needed = f"needed in {parameter['within']}" if parameter["within"] else _unless(parameter) or "needed"

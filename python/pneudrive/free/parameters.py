@@ -225,8 +225,11 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
     CommandError
         A name is unknown or repeated, or runs have no derivative by this number.
     """
-    known = numbers_of(described)
+    elsewhere = _of_circuits(described)
+    known = {name: number for name, number in numbers_of(described).items() if name not in elsewhere}
     for name in names:
+        if name in elsewhere:
+            raise CommandError.of("free.of-circuits", name=name)
         if name not in known:
             kind = described.file_kind
             part, _, key = name.rpartition(".")
@@ -238,6 +241,15 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
     if len(set(names)) < len(names):
         raise CommandError("a parameter is given twice", value=", ".join(names))
     return [known[name] for name in names]
+
+
+def _of_circuits(described: Drive | Circuit) -> set[str]:
+    """Return the numbers of a drive's valve that only a circuit file has: those of its lag."""
+    if described.system.names is None:
+        return set()
+    valve = cast("Drive", described).valve
+    keys = {row["key"] for row in component_kinds()[f"valve/{valve.kind}"]["parameters"]}
+    return {f"valve.{key}" for key in keys.difference(valve.keys())}
 
 
 def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:

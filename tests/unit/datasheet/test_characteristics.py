@@ -109,6 +109,12 @@ def test_gas_in_tubes_is_part_of_the_air_spring():
     assert found.frequency_by_mass.sel(mass=2.0) == pytest.approx(float(middle), rel=1e-9)
 
 
+def test_lines_of_a_shut_chamber_start_at_its_pressure():
+    """Only the cooling of the gas is left of the fall of a drive without leak."""
+    drive = DRIVE.replace({"tubing": {side: {"length": "2 m", "diameter": "4 mm"} for side in "ab"}})
+    assert pn.drive_characteristic(drive, "leakage").fall.max() < 1e3
+
+
 def test_a_mode_is_no_mass_of_gas_that_stays_the_same():
     """Two zeros of a matrix, which rounding makes a pair of 1e-12 rad/s, beside a mode of 20 rad/s."""
     matrix = np.zeros((4, 4))

@@ -86,11 +86,12 @@ def test_a_constant_preview_leaves_the_bits_of_an_axis():
     [
         ({"heave": "sine 110 mm 0.5 Hz around 450 mm"}, r"leg_1 a position of .* mm at t = .* s.*mm outside"),
         ({"heave": "sine 30 mm 14 Hz around 450 mm"}, r"leg_\d a (velocity|force) of .* at t = .* s.*outside"),
+        ("R1", r'"R1" is not a reference of a platform.*a TOML file'),
         ({"heave": "440 mm; 0.1 s: 460 mm in 24 ms"}, r"leg_\d a force of .* N at t = .* s.* N outside"),
     ],
 )
 def test_a_path_that_a_leg_cannot_follow_is_rejected(tripod, path, words):
-    with pytest.raises(CommandError) as error:
+    with pytest.raises(pn.PneudriveError) as error:
         pn.control.run_pose(tripod, reference=path)
     assert re.search(words, str(error.value), re.DOTALL), str(error.value)
 

@@ -158,7 +158,11 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         return given
     tables: Plain
     if isinstance(given, (str, Path)):
-        tables, text = toml.read(str(given), start='For instance heave = "sine 30 mm 0.5 Hz around 470 mm".')
+        remedy = 'For instance heave = "sine 30 mm 0.5 Hz around 470 mm".'
+        if Path(given).suffix.lower() != ".toml":
+            rule = "a TOML file with a line for each coordinate"
+            raise DescriptionError(f'"{given}" is not a reference of a platform', rule=rule, remedy=remedy)
+        tables, text = toml.read(str(given), start=remedy)
         name = str(given)
     else:
         tables = dict(given)

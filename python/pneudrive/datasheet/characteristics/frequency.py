@@ -62,8 +62,9 @@ def _bode(
 ) -> Found:
     """Frequency response.
 
-    Response of velocity, position and pressures to a small command about an operating point. The default is mid
-    stroke, pressures of slow steady motion, a valve that begins to open (u > 0), and viscous friction.
+    Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
+    of the valve. The default is mid stroke, pressures of slow steady motion, a valve that begins to open (u > 0), and
+    viscous friction.
 
     Settings
     --------
