@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,11 +68,24 @@ def recorded() -> dict[str, np.ndarray]:
     """Simulate a drive that the search does not know, with noise."""
     start = "position = 0.2 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
     run = pn.simulate(with_tubes(2.0), "0 s: 0.3, 0.2 s: -0.3", "0.4 s", initial=start, sample_rate="500 Hz")
-    noise = np.random.default_rng(7)
-    out = {"time_s": run.time.to_numpy(), "command": run["command"].to_numpy()}
-    for name, sd in (("position_m", 2e-5), ("pressure_a_pa", 300.0), ("pressure_b_pa", 300.0)):
+    return noisy(run, 7, 2e-5, 300.0)
+
+
+def noisy(run, seed, position_m, pressure_pa):
+    noise, out = np.random.default_rng(seed), {"time_s": run.time.to_numpy(), "command": run["command"].to_numpy()}
+    for name, sd in (("position_m", position_m), ("pressure_a_pa", pressure_pa), ("pressure_b_pa", pressure_pa)):
         out[name] = run[meaning(name)[0]].to_numpy() + sd * noise.standard_normal(run.sizes["time"])
     return out
+
+
+def test_starts_that_would_move_too_far_move_less():
+    """The whole move of the gas in the tubes raises the misfit at the truth, half of it lowers it."""
+    truth = pn.Drive.load(Path(__file__).parents[1] / "data" / "drive_with_tubes.toml")
+    steps = "0 s: 0.369, 0.219 s: -0.285, 0.444 s: 0.594, 0.72 s: -0.437, 0.936 s: 0.44, 1.111 s: -0.126"
+    run = pn.simulate(truth, f"{steps}, 1.431 s: 0.104, 1.776 s: -0.514", "2 s", initial="position = 100 mm")
+    guess = truth.replace({"valve.conductance": "1.8 dm3/(s bar)", "friction.coulomb": "20 N"})
+    fit = pn.identify(guess, noisy(run, 100, 5e-6, 500.0), ["valve.conductance", "friction.coulomb"])
+    assert fit.intervals["friction.coulomb"] == pytest.approx((28.0, 28.0), abs=0.01)
 
 
 def test_a_tube_and_the_drive_behind_it_are_found(recorded):

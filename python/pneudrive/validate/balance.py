@@ -423,7 +423,7 @@ class Scene:
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
         Open fraction of the full conductance of each edge of the valve.
-    explained : tuple of ndarray or None
+    explained : tuple of ndarray, or of 0.0
         Part of the residuals that is explained by causes which a description cannot contain.
     """
 
@@ -432,7 +432,7 @@ class Scene:
     position: Array
     pressures: tuple[Array, Array]
     opened: Array
-    explained: Values | None = None
+    explained: tuple[Array | float, ...] = (0.0, 0.0, 0.0)
 
     @classmethod
     def of(cls, drive: Drive, signals: Signals) -> Scene:
@@ -442,10 +442,7 @@ class Scene:
 
     def less(self, values: Values) -> Scene:
         """Return the scene with a further explained part of the residuals."""
-        if self.explained is None:
-            return replace(self, explained=values)
-        (a, b, c), (x, y, z) = self.explained, values
-        return replace(self, explained=(a + x, b + y, c + z))
+        return replace(self, explained=tuple(a + b for a, b in zip(self.explained, values, strict=True)))
 
     @cached_property
     def terms(self) -> Terms:
@@ -484,8 +481,6 @@ class Scene:
             np.convolve(p, k1, "valid") - np.convolve(rate, k0, "valid")
             for p, rate in zip(self.pressures, terms[2:4], strict=True)
         )
-        if self.explained is None:
-            return force, a, b
         x, y, z = self.explained
         return force - x, a - y, b - z
 

@@ -73,7 +73,7 @@ class Culprit:
     laws : tuple of float or None
         For a leak, lowest and highest amount over the flow laws that the recordings do not distinguish.
     moved : tuple of str
-        Identified values that were fitted together with the cause, in words.
+        Identified values that clearly moved as they were fitted together with the cause, in words.
     """
 
     cause: Cause
@@ -357,8 +357,7 @@ class _Regression:
         """Refine the amounts of causes by Gauss-Newton; a cause that makes the description invalid explains nothing."""
         every = start.causes
         amounts = start.amounts
-        best = replace(start, amounts=0.0 * start.amounts, share=0.0)
-        best = replace(best, after=self.left)
+        best = replace(start, amounts=0.0 * start.amounts, after=self.left, share=0.0)
         low, high = np.array([cause.bounds for cause in every]).T
         for _ in range(NEWTON_STEPS + (not amounts.any())):
             here, columns = self.residual(every, amounts), []
@@ -411,7 +410,7 @@ class _Regression:
     def culprit(self, fit: _Fit, others: Sequence[_Fit] = ()) -> Culprit:
         """Return a cause with its uncertainty and its rivals."""
         rivals = (o for o in others[:REFINED] if o.cause.key != fit.cause.key and self.is_rival(o, fit))
-        moved = zip(fit.causes[:-1], fit.amounts.tolist(), strict=False) if self.drive.provenance else ()
+        moved = [self.companion(fit, k) for k in range(len(fit.causes) - 1)] if self.drive.provenance else []
         return Culprit(
             fit.cause,
             fit.amount,
@@ -419,7 +418,7 @@ class _Regression:
             fit.share,
             tuple((o.cause.key, o.share) for o in rivals),
             self.over_flow_laws(fit),
-            tuple(_in_words(cause, amount) for cause, amount in moved),
+            tuple(_in_words(o.cause, o.amount) for o in moved if abs(o.amount) >= LEAST_T * self.stderr(o)),
         )
 
     def over_flow_laws(self, fit: _Fit) -> Interval | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,8 +29,7 @@ def test_the_true_model_passes_and_a_wrong_one_does_not():
     assert right.verdicts[0].value > 99.0
     assert right.verdicts[1].value < 0.005
     wrong = validate(drive(valve__conductance="1.5 dm3/(s bar)"), records)
-    assert wrong.verdicts[0].met is False
-    assert wrong.verdicts[1].met is False
+    assert [v.met for v in wrong.verdicts[:2]] == [False, False]
     # put back to measured states, errors have less time to grow
     channel = wrong.records[0].channels["position_m"]
     assert channel.restarted.rms < channel.free.rms
@@ -48,8 +48,7 @@ def test_breakaway_is_compared_at_stops():
     assert len(same) >= 2
     assert max(abs(b.error) for b in same) < 0.05
     more = validate(drive(friction__breakaway="60 N"), own)
-    errors = [b.error for b in more.records[0].breakaways]
-    assert min(errors) > 0.1  # the wrong model holds on for longer
+    assert min(b.error for b in more.records[0].breakaways) > 0.1  # the wrong model holds on for longer
     assert more.verdicts[2].met is False
 
 
@@ -60,8 +59,7 @@ def test_a_run_reset_to_its_own_states_is_the_same_run():
     whole = run_model(truth, signals)
     own = replace(signals, **{name: whole[name] for name in ("position_m", "pressure_a_pa", "pressure_b_pa")})
     parts = run_model(truth, own, np.array([0, 300, 700]))
-    assert not whole.failures
-    assert not parts.failures
+    assert whole.failures == parts.failures == ()
     for name, bound in (("position_m", 1e-4), ("pressure_a_pa", 300.0), ("friction_force_n", 3.0)):
         assert np.abs(parts[name] - whole[name]).max() < bound, name
 
@@ -124,15 +122,15 @@ def test_foreign_records_are_read_through_a_layout(tmp_path):
 def test_records_that_cannot_be_used_say_why(tmp_path):
     truth = drive()
     good = record(truth, 0, duration_s=0.2).columns
-    with pytest.raises(RecordingError, match="lacks command, pressure_b_pa"):
-        validate(truth, {k: v for k, v in good.items() if k not in ("command", "pressure_b_pa")})
-    with pytest.raises(RecordingError, match="command = 5"):
-        validate(truth, {**good, "command": 5.0 * np.ones_like(good["time_s"])})
-    with pytest.raises(RecordingError, match="time_s does not rise"):
-        validate(truth, {**good, "time_s": good["time_s"][::-1]})
     (tmp_path / "run.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(RecordingError, match="not a recording of a drive"):
-        validate(truth, tmp_path / "run.csv")
+    for unusable, message in (
+        ({k: good[k] for k in good if k not in ("command", "pressure_b_pa")}, "lacks command, pressure_b_pa"),
+        ({**good, "command": 5.0 * np.ones_like(good["time_s"])}, "command = 5"),
+        ({**good, "time_s": good["time_s"][::-1]}, "time_s does not rise"),
+        (tmp_path / "run.csv", "not a recording of a drive"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            validate(truth, unusable)
     layout = tmp_path / "own.toml"
     layout.write_text(LAYOUT.replace('position = { column = "x", unit = "mm", positive = "-x" }\n', ""))
     with pytest.raises(LayoutError, match="does not name the column of the position"):
@@ -163,24 +161,18 @@ def test_a_zero_of_a_transducer_is_named_and_not_what_it_looks_like(seed, sign):
 
 def test_zeros_that_a_fit_found_are_taken_off(tmp_path, capsys):
     truth = drive()
-    fit = pn.identify(
-        truth.replace({"friction.coulomb": "25 N"}),
-        [shown(0), shown(2)],
-        ["friction.coulomb"],
-        sensors={"pressure_a": {"offset": "free"}},
-    )
-    assert fit.sensors_of("run 0")["pressure_a"]["offset"] == pytest.approx(ZERO_PA, abs=50.0)
-    assert fit.sensors_of("a new one")["pressure_a"]["offset"] == pytest.approx(ZERO_PA, abs=50.0)
+    start, zeros = truth.replace({"friction.coulomb": "25 N"}), {"pressure_a": {"offset": "free"}}
+    fit = pn.identify(start, [shown(0), shown(2)], ["friction.coulomb"], sensors=zeros)
+    for name in ("run 0", "a new one"):
+        assert fit.sensors_of(name)["pressure_a"]["offset"] == pytest.approx(ZERO_PA, abs=50.0)
     with_zeros = validate(fit, shown(0))
     assert with_zeros.diagnosis().is_clean
     assert any(re.search(r"pressure_a offset 0\.0(20|199|201)", note) for note in with_zeros.notes)
     assert not validate(fit.apply(), shown(0)).diagnosis().is_clean
     assert validate(truth, shown(0), sensors={"pressure_a": {"offset": "0.02 bar"}}).diagnosis().is_clean
     with pytest.raises(FitError, match="fits no numbers"):
-        validate(truth, shown(0), sensors={"pressure_a": {"offset": "free"}})
+        validate(truth, shown(0), sensors=zeros)
     fit.to_toml(tmp_path / "fit.toml")
-    import polars as pl
-
     pl.DataFrame(shown(0).columns).write_parquet(tmp_path / "run 0.parquet")
     assert run(["validate", str(tmp_path / "fit.toml"), str(tmp_path / "run 0.parquet"), "--out", str(tmp_path)]) == 0
     assert "pressure_a offset 0.0" in capsys.readouterr().out
@@ -195,16 +187,12 @@ def test_a_command_that_acts_late_is_taken_off():
 
 
 def test_what_a_drive_file_cannot_say_is_said():
-    made = record(drive(), 6, duration_s=4.0)
     leak = Case("x", frozenset(), {}, lambda c: {**c, "command": np.clip(c["command"] + 0.02, -1.0, 1.0)})
     (text,) = (c.text for c in leak.diagnosed(3, 2e-6, 300.0).culprits[:1])
     assert "A drive file cannot describe it yet" in text
-    assert made.name
 
 
 def test_progress_is_told_and_the_call_can_be_cancelled():
-    import threading
-
     said = []
     validate(drive(), shown(0), progress=lambda done, total, task: said.append((done, total, task)))
     assert {"recordings simulated"} < {task for _, _, task in said}

@@ -46,6 +46,8 @@ EXACT_SHARE = 0.1
 #: Share of the cost: the first phase ends at a smaller gain.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
+#: Shares of a step of coordinates and starts, if no shorter step of the coordinates lowers the merit function.
+SHARES = (0.5, 0.25, 0.1)
 #: Damping: 1 is a prior about the present value of a logarithm with a standard deviation of 1.
 DAMPING_LEAST = 1e-3
 #: Number of moves of only the carried states before the first phase gives up.
@@ -340,17 +342,19 @@ def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = F
 
 
 def _shortened(
-    problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
-) -> tuple[Iterate, Misfit, float] | None:
+    problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False,
+    share: float = 1.0,
+) -> tuple[Iterate, Misfit, float] | None:  # fmt: skip
     """Shorten the step until it lowers the merit function, by runs without derivatives.
 
-    Return point, misfit and the longest step that follows; None if no step lowers it.
+    Only the coordinates move less; a share also shortens the move of the starts. Return point, misfit and the longest
+    step that follows; None if no step lowers it.
     """
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
     while longest >= SHORTEST:
         step = bounded_step(information, gradient, longest)
-        trial = problem.possible(_moved(point, at, step))
+        trial = problem.possible(_moved(point, at, step, share))
         try:
             shots = problem.run(trial, derivatives=False)
         except FitError:  # the core rejects such a drive
@@ -401,6 +405,9 @@ def join_segments(
         if short or (exact and at.standing.gap < SOLVER_GAP):
             return point, at, True
         found = _shortened(problem, point, at, longest, believed)
+        if found is None and at.standing.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
+            shares = (_shortened(problem, point, at, LONGEST, believed, share=share) for share in SHARES)
+            found = next(filter(None, shares), None)
         if found is None:
             return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
         point, _, longest = found
@@ -411,12 +418,12 @@ def join_segments(
     return point, at, False
 
 
-def _moved(point: Iterate, at: Joined, step: Array) -> Iterate:
+def _moved(point: Iterate, at: Joined, step: Array, share: float) -> Iterate:
     states, size = [], step.size
     for state, block, (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
         right = block.gradient[size:] - block.information[size:, :size] @ step
-        states.append(state + by_unknown @ np.r_[step, start_solution(block, right)] + closing)
-    return replace(point, eta=point.eta + step, states=states)
+        states.append(state + share * (by_unknown @ np.r_[step, start_solution(block, right)] + closing))
+    return replace(point, eta=point.eta + share * step, states=states)
 
 
 #: Largest lag for the correlation of residuals, as a share of a recording.
