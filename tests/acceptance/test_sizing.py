@@ -170,21 +170,6 @@ def test_what_is_pruned_fails_at_the_favourable_end_of_every_spread(change: dict
         assert max(one.min() for one in times) > 1.0, (choice.name, lacks)
 
 
-def test_the_supply_that_a_miss_asks_for_is_just_enough_for_its_force():
-    task = TASK | {"mass": "200 kg", "incline": "90 deg", "time": "60 s"}
-    miss = size(task, **DRAWS).miss
-    assert miss is not None
-    gauge = float(miss.gives.partition("or the supply to rise to ")[2].partition(" bar gauge")[0])
-
-    def lacks(bar: float) -> str:
-        raised = SizingTask(**task | {"supply": {"pressure": f"{bar} bar gauge"}})
-        choice = next(one for one in combined(choices(raised)) if one.cylinder.name == miss.parts["cylinder"])
-        found = SafeBounds(raised, choices(raised)["tube"])._force(choice)
-        return "" if found is None else found.limit
-
-    assert (lacks(gauge - 0.1), lacks(gauge)) == ("force", "")
-
-
 def test_an_impossible_task_is_refused_with_the_nearest_possible_value_of_each_quantity():
     """A value a little on the possible side of the one that is named leaves a choice; one on the other side none."""
     task = TASK | {"mass": "200 kg", "incline": "90 deg", "time": "60 s"}
@@ -199,6 +184,12 @@ def test_an_impossible_task_is_refused_with_the_nearest_possible_value_of_each_q
         changed = SizingTask(**task | {"mass": f"{factor * mass} kg"})
         bounds = SafeBounds(changed, choices(changed)["tube"])
         assert any(bounds.lacks(one) is None for one in combined(choices(changed))) == is_left
+    gauge = float(found.miss.gives.partition("or the supply to rise to ")[2].partition(" bar gauge")[0])
+    for bar, is_short in ((gauge - 0.1, True), (gauge, False)):
+        parts = choices(raised := SizingTask(**task | {"supply": {"pressure": f"{bar} bar gauge"}}))
+        part = next(one for one in parts["cylinder"] if one.name == found.miss.parts["cylinder"])
+        short = SafeBounds(raised, parts["tube"]).cylinder(part)
+        assert (short is not None and short.limit == "force") == is_short
 
 
 def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, SizedDrive, rank_of
+from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, Shortage, SizedDrive, rank_of
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
-from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeResults, StrokeRuns
+from pneudrive.sizing.strokes import DriveStrokes, StrokeResults, StrokeRuns
 from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
 
 if TYPE_CHECKING:
@@ -52,12 +52,14 @@ class TubedCylinder:
         Air that fills both sides, kg.
     tube_flow : float
         Conductance of the tube, m3/(s Pa).
+    open_checks : int
+        Least number of open checks of its choices.
     air : float or None
         Air of a nominal cycle with the widest valve, kg; None before the probe.
     times : tuple of float
         Times of the nominal strokes, out and back, s.
-    late : str
-        Reason why no choice with the pair does the task; empty as long as one may.
+    late : Shortage or None
+        Reason why no choice with the pair does the task; None as long as one may.
     """
 
     cylinder: PartChoice
@@ -66,14 +68,20 @@ class TubedCylinder:
     flow_controls: list[PartChoice]
     fill: float
     tube_flow: float
+    open_checks: int = 0
     air: float | None = None
     times: tuple[float, float] = (math.inf, math.inf)
-    late: str = ""
+    late: Shortage | None = None
 
     @property
     def least_air(self) -> float:
         """Least air of a cycle over all choices with the pair, kg."""
         return LEAST_AIR * self.fill if self.air is None else (1.0 - AIR_SLACK["probed"]) * self.air
+
+    @property
+    def rank(self) -> Rank:
+        """Best possible beginning of the ranking key of its choices."""
+        return rank_of(self.open_checks, self.least_air, 1.0)
 
     @property
     def count(self) -> int:
@@ -106,10 +114,11 @@ class TubedCylinder:
         out, back = found
         self.air = float(out.air[0] + back.air[0])
         self.times = float(out.time[0]), float(back.time[0])
-        for way, result, limit in (("out", out, task.outward_s), ("back", back, task.back_s)):
-            if result.time[1] > limit:
-                least = f"{result.time[1]:.3g} s" if np.isfinite(result.time[1]) else "no arrival"
-                self.late = f"time {way}: {least} with the widest valve in the fast case, {limit:.3g} s allowed"
+        for way, (_, time), limit in (("out", out.time, task.outward_s), ("back", back.time, task.back_s)):
+            if time > limit:
+                least = f"{time:.4g} s" if time < math.inf else "no arrival"
+                reason = f"time {way}: {least} with the widest valve in the fast case, {limit:.4g} s allowed"
+                self.late = Shortage("time", limit / time, reason)
 
     def candidates(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
         """Return the choices of parts with the pair."""
@@ -131,17 +140,6 @@ class TubedCylinder:
                 first = first or made[-1]
             widest = widest or first
         return made
-
-    def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
-        """Return a choice with its missed limits, for the message on the nearest miss, if all choices are too slow."""
-        times = zip(("out", "back"), self.times, (task.outward_s, task.back_s), strict=True)
-        way, time, limit = max(times, key=lambda one: one[1] / one[2])
-        if time <= limit:
-            return []
-        widest = max(self.candidates(task, threads), key=lambda one: (one.choice.swiftness[1:], one.choice.name))
-        margin = 1.0 - time / limit if np.isfinite(time) else NEVER
-        widest.rough, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time), margin), self.late
-        return [widest]
 
     def _opened(self, choice: DriveChoice) -> float:
         """Return the conductance of the exhaust path with open needles; its parts are in series."""
@@ -195,6 +193,16 @@ class SizingCandidate:
         return self.strokes.choice
 
     @property
+    def cylinder(self) -> str:
+        """Name of its cylinder."""
+        return self.choice.cylinder.name
+
+    @property
+    def open_checks(self) -> int:
+        """Number of its open checks; before its spreads are simulated, the least number."""
+        return self.pair.open_checks if self.drive is None else self.drive.open_checks
+
+    @property
     def drive(self) -> SizedDrive | None:
         """Simulated drive with the most samples."""
         return self.drives[max(self.drives)] if self.drives else None
@@ -212,7 +220,7 @@ class SizingCandidate:
 
     def bound(self, final: int) -> Rank:
         """Return the best possible ranking key after `final` samples."""
-        return rank_of(*self.outlook(final), self.choice.sizes, self.choice.name)
+        return rank_of(self.open_checks, *self.outlook(final), self.choice.sizes, self.choice.name)
 
     def reach(self, final: int) -> float:
         """Return the largest possible margin after `final` samples."""
@@ -273,11 +281,9 @@ class SizingCandidate:
         margin = self.known
         if margin is None:
             of_lead = ENOUGH if self.lead is None or self.lead.known is None else self.lead.known
-            margin = min(
-                self.guess, of_lead, of_cylinder.get(self.choice.cylinder.name, ENOUGH) + MARGIN_SLACK["tuned"]
-            )
+            margin = min(self.guess, of_lead, of_cylinder.get(self.cylinder, ENOUGH) + MARGIN_SLACK["tuned"])
             margin -= RESERVE + (not self.choice.is_throttled)
-        return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
+        return margin < 0.0, rank_of(self.open_checks, air, margin, self.choice.sizes, self.choice.name)
 
     def take_settings(self, stage: Literal["rough", "tuned"], found: Tuned) -> None:
         """Store rough or tuned settings."""
@@ -308,7 +314,7 @@ class SizingCandidate:
 
 
 #: Key of the ranking: see `SizedDrive.rank`.
-Rank = tuple[int, float, tuple[float, ...], str]
+Rank = tuple[Any, ...]
 
 
 class Dropped(NamedTuple):

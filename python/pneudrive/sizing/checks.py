@@ -7,7 +7,7 @@ needed value, the check reports this.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,6 @@ from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.simulation.run_limits import HIGHEST_PA
 from pneudrive.sizing.choices import WITHOUT, DriveChoice, PartChoice
 from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
 from pneudrive.views import Finding
@@ -205,6 +204,8 @@ BUCKLING_SAFETY = 5.0
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
+#: Highest peak of the pressure in a cylinder without a data sheet of it, above ambient (assumed: 1.5 times as much).
+USUAL_PEAK_PA = 1.5e6
 #: Remedy of a value that no data sheet of the catalogue states.
 CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 
@@ -300,19 +301,25 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[Machin
         yield _check("buckling of the rod", push, buckles, "N", rule)
 
 
-def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> list[MachineCheck]:
-    """Return the checks of a sized drive: failed ones first, then undecided ones, then passed ones."""
-    cylinder = choice.cylinder
+def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> list[MachineCheck]:
+    """Return the checks of a choice of parts: failed ones first, then undecided ones, then passed ones.
+
+    Before its simulation (`drive`), no check of energy and pressure fails.
+    """
+    cylinder, most_energy, peak = choice.cylinder, 0.0, 0.0
+    if drive is not None:
+        most_energy, peak = drive.energy, drive.peak_pressure
     found = list(mechanical_checks(cylinder, task))
     limit, origin = energy_limit(task, choice)
-    absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(drive.energy)} J or more"
-    found.append(_check("energy at the end", drive.energy, limit, "J", origin, absorber))
-    if peak_limit(task, choice) is None and drive.peak_pressure > HIGHEST_PA:
-        stated = f"peak_pressure, from the data sheet of the cylinder: {1e-5 * drive.peak_pressure:.0f} bar abs or more"
-        rule = "assumed: the model is valid up to this pressure"
-        found.append(_check("peak pressure", 1e-5 * drive.peak_pressure, 1e-5 * HIGHEST_PA, "bar abs", rule, stated))
+    absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(most_energy)} J or more"
+    found.append(_check("energy at the end", most_energy, limit, "J", origin, absorber))
+    most = USUAL_PEAK_PA + task.ambient.pressure_pa
+    if peak_limit(task, choice) is None and peak > most:
+        stated = f"peak_pressure, from the data sheet of the cylinder: {1e-5 * peak:.0f} bar abs or more"
+        rule = "assumed: usual cylinders take 1.5 times the 10 bar gauge of their supply"
+        found.append(_check("peak pressure", 1e-5 * peak, 1e-5 * most, "bar abs", rule, stated))
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
-        energy = 2.0 * task.cycles_per_hour * drive.energy
+        energy = 2.0 * task.cycles_per_hour * most_energy
         rule = "maker's sheet of the absorber"
         found.append(_check("energy per hour", energy, hourly, "J", rule, "fewer cycles_per_hour"))
     if task.cycles is not None:
@@ -321,18 +328,24 @@ def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> 
         rule = "B10 of cylinder and valve, ISO 19973"
         remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
-    if math.sin(task.incline_rad):
+    if task.static_force_n:
         found.append(_hanging_load(choice, task))
     for key, size, end, rule in unusual_sizes(task, USUAL | {"mass": USUAL["moving_mass"]}):
         found.append(MachineCheck(key, size.si, end, size.si_unit, None, rule, (f"{key} of the task in a usual size",)))
     return sorted(found, key=lambda one: (one.is_kept is not False, one.is_kept is not None))
 
 
+def count_open(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> int:
+    """Return the number of open `machine_checks`."""
+    return sum(check.is_open for check in machine_checks(choice, task, drive))
+
+
 def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
-    """Return the check that load and piston are held when the pressure fails."""
+    """Return the check that load and piston are held when the pressure fails: against weight and external force."""
     numbers = choice.cylinder.numbers
-    mass = task.mass_kg * (1.0 + task.spread.mass) + numbers["moving_mass"]
-    hangs = mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(task.incline_rad))
+    along = STANDARD_GRAVITY_M_S2 * math.sin(task.incline_rad)
+    nominal = task.static_force_n + numbers["moving_mass"] * along
+    hangs = abs(nominal) + task.spread.mass * task.mass_kg * abs(along)
     name = "load that hangs at pressure loss"
     rule = "after ISO 4414: a loss of supply must cause no hazard"
     if task.held_by == "machine":
@@ -345,7 +358,7 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
         rule += "" if is_known else ", and this friction is assumed"
     remedies = (
         f'a clamp: held_by = "clamp", clamp_force = "{math.ceil(hangs)} N" or more',
-        'held_by = "machine", if a lock or brake of the machine holds the load',
+        'held_by = "machine", if a lock or brake of the machine holds the load, or the force ends with the pressure',
     )
     return MachineCheck(name, hangs, holds, "N", hangs <= holds if is_known else None, rule, remedies)
 
@@ -366,10 +379,10 @@ def read(value: float, unit: str) -> str:
 SAME_AIR = 1.02
 
 
-def rank_of(air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: ANN401 - what decides between equals
-    """Return the ranking key: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
+def rank_of(open_checks: int, air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: ANN401 - sizes, name
+    """Return the ranking key: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
     step = round(math.log(air) / math.log(SAME_AIR)) if 0.0 < air < math.inf else 10**9
-    return step, -round(margin, 2), *rest
+    return open_checks, step, -round(margin, 2), *rest
 
 
 @dataclass(frozen=True)
@@ -404,6 +417,8 @@ class SizedDrive:
         Figure -> values that 99 % and that 1 % of the samples exceed: each limit by its name, and time_out, time_back,
         end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
         folders of earlier versions.
+    open_checks : int
+        Number of checks that forbid to order it (`machine_checks`). 0 in folders of earlier versions.
     """
 
     parts: Mapping[str, str]
@@ -423,6 +438,7 @@ class SizedDrive:
     explains: float
     sizes: Sequence[float]
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    open_checks: int = 0
 
     @property
     def load_ratio(self) -> float | None:
@@ -482,8 +498,8 @@ class SizedDrive:
 
     @property
     def rank(self) -> tuple[Any, ...]:
-        """Key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
-        return rank_of(self.air, self.margin, tuple(self.sizes), self.name)
+        """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
+        return rank_of(self.open_checks, self.air, self.margin, tuple(self.sizes), self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -575,8 +591,9 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         explains=shares[first] if first else 0.0,
         sizes=choice.sizes,
         intervals=intervals,
+        open_checks=0,
     )
-    return DrawResults(drive, found, air)
+    return DrawResults(replace(drive, open_checks=count_open(choice, task, drive)), found, air)
 
 
 def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:

@@ -139,18 +139,6 @@ class DriveChoice:
         return self.cylinder.numbers["bore"], self.valve.numbers["conductance"], needle, self.tube.numbers["diameter"]
 
     @property
-    def swiftness(self) -> tuple[float, float, float, float]:
-        """Sizes of its flow paths, and the negative opening time of its valve.
-
-        With the same cylinder and tubes, larger values are faster.
-        """
-        valve = self.valve.numbers
-        late = max(valve.get(key, 0.0) for key in ("time_on", "time_off", "delay"))
-        size = valve["conductance"]
-        needle = self.flow_control.numbers["needle_conductance"] if self.is_throttled else math.inf
-        return needle, valve.get("exhaust_conductance", size), size, -late
-
-    @property
     def valve_paths(self) -> dict[str, dict[str, float]]:
         """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers, SI."""
         valve = self.valve.numbers

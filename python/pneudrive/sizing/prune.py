@@ -15,7 +15,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.tube_study import VACUUM, steady_flow
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
-from pneudrive.sizing.checks import Shortage, mechanical_checks
+from pneudrive.sizing.checks import Shortage, count_open, mechanical_checks
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
@@ -172,15 +172,13 @@ def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]]
     A smaller change cannot suffice. With spreads, a larger value may be needed.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
-    back = {} if task.return_time_s is None else {"return_time_s": task.return_time_s}
+    back = task.return_time_s
+
+    def later(f: float) -> dict[str, Any]:
+        return {"time_s": task.outward_s * f, "speed_m_s": None, "return_time_s": None if back is None else back * f}
+
     quantities: list[tuple[str, str, Callable[[float], dict[str, Any]], float, float]] = [
-        (
-            "time",
-            "s",
-            lambda f: {"time_s": task.outward_s * f, "speed_m_s": None} | {k: v * f for k, v in back.items()},
-            task.outward_s,
-            FARTHEST,
-        ),
+        ("time", "s", later, task.outward_s, FARTHEST),
         ("mass", "kg", lambda f: {"mass_kg": task.mass_kg * f}, task.mass_kg, 1.0 / FARTHEST),
         ("supply pressure", "bar gauge", lambda f: {"supply": _supply(task, gauge * f)}, 1e-5 * gauge, FARTHEST),
     ]
@@ -297,7 +295,7 @@ class Pruning:
         for cylinder in kept["cylinder"]:
             for tube in kept["tube"]:
                 self._pair(cylinder, tube, kept["valve"], kept["flow_control"], bounds)
-        self.pairs.sort(key=lambda one: (one.fill, one.cylinder.name, one.tube.name))
+        self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 
     def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
         every = {slot: parts.get(slot, "*") for slot in SLOTS}
@@ -323,4 +321,6 @@ class Pruning:
                     self._drop(names | {slot: one.name}, others, shortage)
         if wide and open_:
             fill = air_estimate_kg(cylinder, tube, self.task)
-            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))
+            each = (DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL) for valve in wide)
+            left = min(count_open(choice, self.task) for choice in each)
+            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))

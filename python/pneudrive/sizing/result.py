@@ -47,7 +47,7 @@ TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
 RANKING = ("time out s", "back s", "end m/s", "energy J", "peak bar abs", "air l ANR")
 RANKING += ("met", "at least", "margin", "binds")
 #: Word in the name of a limit -> unit.
-_UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa"}
+_UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa", "force": "N"}
 
 
 # --- A sized drive in words and values.
@@ -229,7 +229,7 @@ class SizingResult(Viewed):
             figures.append(f"{three(best.air_litres_anr)} l ANR a cycle of {three(cycle_s(task))} s")
             if task.end_speed_m_s is not None:
                 figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
-            is_assumed = any(check.rule.startswith("assumed") for check in self.checks)
+            is_assumed = any(check.rule.startswith("assumed") for check in self.checks if "energy" in check.name)
             limit = f"{three(best.worst['energy out'][1])} J{' (assumed limit)' if is_assumed else ''}"
             figures += [f"impact {three(best.energy)} of {limit}", f"margin {three(100.0 * best.margin)} %"]
             first = f"; measure the {best.measure} first" if best.measure else ""
@@ -403,12 +403,9 @@ def nearest_miss(
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
         if tuned.nominal >= 0.0:
-            gives = (
-                f"The nominal case keeps each limit ({name} {value:.3g} of {limit:.3g} {unit}). Over the spreads, a "
-                f"limit is missed by {-100.0 * tuned.least:.2g} %: relax the limits by as much, or narrow [spread] and "
-                "supply.spread, or change supply pressure, tubes or catalogue."
-            )
-            return NearestMiss(choice.parts, "a limit over the spreads", gives)
+            gives = _gives(name, limit, value, unit, "the nominal case keeps it, the worst case of the spreads gives")
+            gives += " Narrower [spread] and supply.spread help as well."
+            return NearestMiss(choice.parts, f"{name}, over the spreads", gives)
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
     bound = max(pruned, key=lambda dropped: dropped.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
@@ -418,7 +415,7 @@ def nearest_miss(
         gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
         gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
     elif bound.share > 0.0:
-        gives += f" The required value would have to fall to {100.0 * bound.share:.0f} %."
+        gives += f" This is {100.0 * bound.share:.0f} % of what the task needs."
     return NearestMiss(bound.parts, bound.limit, gives)
 
 

@@ -7,6 +7,7 @@ parts, so an interrupted search resumes with the missing choices.
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, rank_of, simulated
+from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingResult, nearest_miss, savings
@@ -95,7 +96,7 @@ def size(
         See `pneudrive.progress.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
         returns its results so far (`complete` is false).
     provisional : callable, optional
-        Called with the provisional ranking as soon as it is known.
+        Called with the provisional ranking as soon as a choice is ranked, and when another one leads.
 
     Returns
     -------
@@ -179,9 +180,7 @@ class Search:
         """Run the search."""
         interrupted, complete = False, False
         try:
-            self._first_ranking()
-            if self.provisional:
-                self._tell(self._made(False, False), tell)
+            self._first_ranking(tell)
             complete = self._converge()
             self._save_air()
         except (KeyboardInterrupt, Cancelled):
@@ -193,11 +192,16 @@ class Search:
             made.save(self.folder.folder)
         return made
 
-    def _tell(self, made: SizingResult, tell: Callable[[SizingResult], None] | None) -> None:
-        if tell is not None:
-            tell(made)
-        if self.folder is not None:
-            self.folder.tell(made.answer)
+    def _rank(self, best: Iterable[SizingCandidate], tell: Callable[[SizingResult], None] | None) -> None:
+        """Rank the best choices of cylinders, and tell the first one if it is another one than before."""
+        before = self.provisional[:1]
+        self.provisional = tuple(one.provisional() for one in sorted(best, key=self._promise))
+        if self.provisional[:1] != before:
+            made = self._made(False, False)
+            if tell is not None:
+                tell(made)
+            if self.folder is not None:
+                self.folder.tell(made.answer)
 
     def _made(self, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
@@ -224,7 +228,7 @@ class Search:
             provisional=self.provisional,
             dropped=(*self.dropped, *lost),
             savings=tuple(self.savings),
-            checks=tuple(machine_checks(ranked[0], self._candidate(ranked[0]).choice, self.task)) if ranked else (),
+            checks=tuple(machine_checks(self._candidate(ranked[0]).choice, self.task, ranked[0])) if ranked else (),
             interrupted=interrupted,
             notes=self._notes(complete, interrupted),
             asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
@@ -249,15 +253,14 @@ class Search:
             pair.take(self.task, list(islice(found, len(runs))))
             if pair.late:
                 parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
-                self.dropped.append(Dropped(parts, pair.count, "time", pair.late))
-                self.candidates += pair.nearest(self.task, self.threads)
+                self.dropped.append(Dropped(parts, pair.count, "time", pair.late.said, pair.late.share))
             else:
                 self.candidates += pair.candidates(self.task, self.threads)
         gone = set(map(id, pairs))
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
-    def _first_ranking(self) -> None:
-        """Rank cylinders by nominal runs."""
+    def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
+        """Rank cylinders by nominal runs; the ranking so far is told after each batch."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
             waiting.setdefault(pair.cylinder.name, []).append(pair)
@@ -266,13 +269,13 @@ class Search:
             self.watch.look()
             names = list(waiting)[:BATCH]
             self._probe([pair for name in names for pair in waiting.pop(name)])
-            own = {name: [one for one in self.candidates if one.choice.cylinder.name == name] for name in names}
+            own = {name: [one for one in self.candidates if one.cylinder == name] for name in names}
             for _ in range(ROUNDS):
                 self._advance_rough([one for every in own.values() for one in self._next_of(every)])
             for name, every in own.items():
                 if left := [one for one in every if one.rough and not one.lost]:
                     best[name] = min(left, key=self._promise)
-        self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
+            self._rank(best.values(), tell)
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
         """Return the most promising choices of a cylinder with one of the tubes that were not yet run with it."""
@@ -290,7 +293,7 @@ class Search:
         """Store the best margin of each cylinder."""
         for one in every:
             if (known := one.known) is not None:
-                name = one.choice.cylinder.name
+                name = one.cylinder
                 self.of_cylinder[name] = max(known, self.of_cylinder.get(name, known))
 
     def _best(self) -> SizedDrive | None:
@@ -300,7 +303,7 @@ class Search:
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return the pairs and candidates that may still rank above the best drive."""
         best = self._best()
-        pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
+        pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]
         for one in self.candidates:
             if not one.lost:
                 one.look_at_reach(self.final)
@@ -338,34 +341,24 @@ class Search:
 
         Return False if there is nothing to advance.
         """
-        tried: dict[str, int] = {}
-        met = set()
-        for one in self.candidates:
-            if one.drive is not None:
-                name = one.choice.cylinder.name
-                tried[name] = tried.get(name, 0) + 1
-                if not one.lost and one.draws >= self.draws[-2]:
-                    met.add(name)
+        tried = Counter(one.cylinder for one in self.candidates if one.drive is not None)
+        met = {one.cylinder for one in self.candidates if not one.lost and one.draws >= self.draws[-2]}
         waiting = [one for one in self.candidates if not one.lost and one.draws < self.draws[-2]]
         waiting.sort(key=self._promise)
-        others = [
-            one
-            for one in waiting
-            if one.choice.cylinder.name not in met and tried.get(one.choice.cylinder.name, 0) < TRIED
-        ]
+        others = [one for one in waiting if one.cylinder not in met and tried[one.cylinder] < TRIED]
         if not others and len(met) < LISTED and self.unseen:
             name = self.unseen[0].cylinder.name
             self._probe([pair for pair in self.unseen if pair.cylinder.name == name])
             return True
         chosen = others if len(met) < LISTED else []
-        if not chosen and sum(tried.values()) < self.least:
+        if not chosen and tried.total() < self.least:
             chosen = waiting
         if self.tuned >= self.most:
             chosen = [one for one in chosen if one.tuned is not None]
         if not chosen:
             return False
         seen: set[str] = set()
-        batch = [one for one in chosen if not (one.choice.cylinder.name in seen or seen.add(one.choice.cylinder.name))]
+        batch = [one for one in chosen if not (one.cylinder in seen or seen.add(one.cylinder))]
         self._advance(batch[:TOGETHER] if chosen is others else chosen[:1], is_leading=False)
         return True
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -166,8 +167,12 @@ class DriveStrokes:
 
         Choices with equal keys run in one ensemble.
         """
+        return outward, *self._structure
+
+    @cached_property
+    def _structure(self) -> tuple[Any, ...]:
         parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
-        return (self.task.template_key, outward, *(part.form for part in parts))
+        return self.task.template_key, *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, dict[str, float]]:
         """Return the circuit of a stroke in the core's form, and its start. This choice differs only in numbers."""
@@ -197,7 +202,7 @@ class DriveStrokes:
         key = "time_on" if outward or valve.kind != "valve/switching-5/2" else "time_off"
         return valve.numbers[key] * factors[f"valve.{key}"] * (1.0 + 0.25 * valve.numbers["travel_share"])
 
-    @property
+    @cached_property
     def _numbers(self) -> dict[str, float]:
         """Numbers of all components by their paths in the core's form, SI."""
         choice = self.choice
@@ -216,23 +221,21 @@ class DriveStrokes:
         supply, begun = (whole, reduced) if outward else (reduced, whole)
         cold, hot = task.spread.temperature_k
         temperature = cold + (hot - cold) * draws[:, DRAWN.index("temperature")]
-        values: dict[str, Any] = dict(self._numbers)
-        for path, factor in self._factors(draws).items():
-            if path in values:
-                values[path] = values[path] * factor
+        numbers = self._numbers | {"supply.pressure": 1.0, "ambient.temperature_k": 1.0}
         needles = ("flow_control_{}.needle_conductance", "cylinder.cushion_{}_needle_conductance")
         opened = [needle.format(end) for end in "ba" for needle in needles]  # in the order of `Setting`
-        for path, share in zip(opened, settings.T, strict=True):
-            if path in values:
-                values[path] = values[path] * share
-        values |= {"supply.pressure": supply, "ambient.temperature_k": temperature}
+        factors = [*self._factors(draws).items(), *zip(opened, settings.T, strict=True)]
+        factors += [("supply.pressure", supply), ("ambient.temperature_k", temperature)]
+        paths, values = list(numbers), np.tile(list(numbers.values()), (rows, 1))
+        for path, factor in factors:
+            if path in numbers:
+                values[:, paths.index(path)] *= factor
         starts: dict[str, float | Array] = {}
         for name, value in self.template(outward)[1].items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
             own = begun if is_full else temperature if name.endswith("temperature_k") else value
             starts[name] = np.broadcast_to(np.asarray(own, dtype=np.float64), rows)
-        columns = [np.broadcast_to(np.asarray(value, dtype=np.float64), rows) for value in values.values()]
-        return CoreMembers(list(values), np.column_stack(columns), starts)
+        return CoreMembers(paths, values, starts)
 
     def _factors(self, draws: Array) -> dict[str, Array]:
         """Return the factor of each number in the core's form."""

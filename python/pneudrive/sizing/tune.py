@@ -64,7 +64,8 @@ class Tuned(NamedTuple):
     nominal : float
         Least margin of the nominal case over both strokes; below 0 if no setting does the task.
     short : tuple
-        Name of the limit with the least margin, the limit, and the value, SI.
+        Name of the limit with the least margin, the limit, and the value, SI: in the nominal case if that misses the
+        task, otherwise in all cases.
     least : float
         Least margin of all cases.
     air : float
@@ -189,9 +190,10 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
 
 def _joined(every: Sequence[Tuned]) -> Tuned:
     """Return the settings of both strokes as one result."""
-    worse = min(every, key=lambda one: one.nominal)
+    nominal, least = min(one.nominal for one in every), min(one.least for one in every)
+    worse = min(every, key=lambda one: one.nominal if nominal < 0.0 else one.least)
     air, times = sum(one.air for one in every), tuple(one.times[0] for one in every)
-    return Tuned(every[-1].setting, worse.nominal, worse.short, min(one.least for one in every), air, times)
+    return Tuned(every[-1].setting, nominal, worse.short, least, air, times)
 
 
 def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
@@ -253,11 +255,15 @@ def _best(
         todo = _next_runs(table, is_run, openings)
     whole = np.flatnonzero(is_run.all(axis=1)).tolist()
     best = max(whole, key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
-    at, worst = best * len(rows), int(table[:, best, 0].argmin())
+    if outward and (held := strokes.task.holding_force_n):  # no setting changes it
+        named.append(("holding force", held, known.force, known.force / held - 1.0))
+    of_best, at = np.array([margins.reshape(shape)[best] for *_, margins in named]), best * len(rows)
+    nominal, least = float(of_best[:, 0].min()), float(of_best.min())
+    shown = of_best[:, :1] if nominal < 0.0 else of_best
+    worst, case = np.unravel_index(shown.argmin(), shown.shape)
     name, limit, values, _ = named[worst]
-    margins = float(table[worst, best, 0]), float(table[:, best].min())
-    short = (name, limit, float(values[at]))
-    return Tuned(settings[best], margins[0], short, margins[1], float(known.air[at]), (float(known.time[at]),))
+    short = (name, limit, float(values[at + case]))
+    return Tuned(settings[best], nominal, short, least, float(known.air[at]), (float(known.time[at]),))
 
 
 def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
