@@ -270,7 +270,13 @@ def _law_pair(
     names = axes[0], "friction", axes[1], "N"
     first, second = (_curve(label, x, law.friction_n, names, (law.lower_n, law.upper_n)) for law in laws)
     low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, *at)]).T
-    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0)
+    zero_n = sum(2.0 * fit.systematic["coulomb"] for fit in (before, after) if _is_one_sided(fit))
+    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0 + zero_n)
+
+
+def _is_one_sided(fit: FrictionFit) -> bool:
+    """Return whether a fit is of one direction. The zero of the force sensor is then part of its friction."""
+    return fit.provenance["direction"] != "both"
 
 
 def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
@@ -388,6 +394,8 @@ class ResultComparison(Shown):
     same : int
         Number of equal values.
     curves : tuple of CurvePair
+    note : str
+        Sentence on an error that both results may contain.
     """
 
     kind: str
@@ -395,6 +403,7 @@ class ResultComparison(Shown):
     values: tuple[ValuePair, ...]
     same: int
     curves: tuple[CurvePair, ...]
+    note: str = ""
 
     @property
     def sentence(self) -> str:
@@ -412,7 +421,7 @@ class ResultComparison(Shown):
             "" if self.kind != "friction fit" else next(filter(None, (p.sentence(self.names) for p in self.curves)), "")
         )
         alone = sum("" in (value.before, value.after) for value in self.values)
-        return f"{gap}{' and '.join(parts)} differ{f', {alone} of them in one result only' if alone else ''}{first}."
+        return f"{gap}{' and '.join(parts)} differ{f', {alone} of them in one result only' if alone else ''}{first}.{self.note}"
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
@@ -501,9 +510,10 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     else:
         by_label = {curve.key: curve for curve in _curves(results[1])}
         curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
-    return ResultComparison(
-        kinds[0], names, different, len(pairs) - len(different), tuple(pair for pair in curves if len(pair.x))
-    )
+    is_one_sided = kinds[0] == "friction fit" and any(map(_is_one_sided, results))
+    note = " The differences contain the zero of the force sensor, and so do their intervals." if is_one_sided else ""
+    curves = [pair for pair in curves if len(pair.x)]
+    return ResultComparison(kinds[0], names, different, len(pairs) - len(different), tuple(curves), note)
 
 
 def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result

@@ -335,7 +335,10 @@ class Fit(Viewed):
         return out
 
     def expanded_uncertainty(self, name: str) -> float:
-        """Return U = 2 sqrt(statistical^2 + systematic^2) of one free value (k = 2).
+        """Return U = sqrt(statistical^2 + (2 systematic)^2) of one free value (k = 2).
+
+        The statistical part is twice the standard error, and at least the larger half of the 95 % interval, which also
+        contains the uncertainty of the shape of a curve.
 
         Raises
         ------
@@ -346,7 +349,10 @@ class Fit(Viewed):
             raise FitError.of("identify.not_free", name=name, free=", ".join(self.free))
         if name not in self.intervals:
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
-        return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
+        low, high = self.intervals[name]
+        value = self.free_values()[name]
+        statistical = max(2.0 * self.standard_errors[name], high - value, value - low)
+        return float(np.hypot(statistical, 2.0 * self.systematic.get(name, 0.0)))
 
     def profile(self, names: Sequence[str] | None = None) -> dict[str, Interval]:
         """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.

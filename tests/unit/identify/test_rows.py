@@ -8,6 +8,7 @@ import pytest
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import distinct_levels, moderate
 from pneudrive.identify import fit_directions, fit_friction
+from pneudrive.results import compare_results
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 
@@ -69,6 +70,24 @@ def test_directions_share_the_offset_between_them(make_map, friction_of):
     both = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.05, offset=2.0))
     assert fits[1].parameters["coulomb"] - both.parameters["coulomb"] == pytest.approx(2.0, abs=1e-3)
     assert fits[-1].parameters["coulomb"] - both.parameters["coulomb"] == pytest.approx(-2.0, abs=1e-3)
+    compared = compare_results(fits[1], fits[-1])  # the zero of the force explains the whole difference
+    assert "no difference in friction" in compared.sentence
+    assert "zero of the force" in compared.sentence
+    for fit in fits.values():
+        assert fit.expanded_uncertainty("coulomb") == pytest.approx(4.0, rel=1e-3)
+        assert any("zero of the force" in note for note in fit.notes)
+
+
+def test_u_contains_the_shape_of_the_curve(make_map, friction_of):
+    """The values have an exponential curve and the law a Gaussian one: the interval covers both."""
+    speed = np.geomspace(1e-3, 0.4, 12)
+    noise = 0.3 * np.random.default_rng(3).standard_normal(speed.size)
+    friction = friction_of(speed, stribeck_exponent=1.0)
+    fit = fit_friction(make_map(speed, friction + noise, 0.3))
+    for name, (low, high) in fit.intervals.items():
+        assert fit.expanded_uncertainty(name) >= max(high - fit.values[name], fit.values[name] - low)
+    assert abs(fit.values["breakaway"] - 40.0) > 2.0 * fit.standard_errors["breakaway"]
+    assert abs(fit.values["breakaway"] - 40.0) < fit.expanded_uncertainty("breakaway")
 
 
 def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of):

@@ -26,7 +26,7 @@ from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction.friction_map import FILE
 from pneudrive.identify.base import SIMULATED
-from pneudrive.identify.identified import number_table
+from pneudrive.identify.identified import number_table, sentence
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -556,10 +556,16 @@ def observations(
     if np.abs(value).max() < NO_FRICTION_N:
         raise FitError("friction is zero in every row of the map", rule="a fit needs measured friction")
     stderr, more = _standard_errors(column, pairs, value, speed)
+    shared_n = np.nan_to_num(mean["u_systematic_n"])
+    if direction is not None:
+        zero_n = np.nan_to_num(np.abs(value - column["friction_n"][pairs[:, 0]]))
+        known = zero_n.max() > NO_FRICTION_N
+        more.append(sentence("notes", "zero_known" if known else "zero", half=zero_n.max()))
+        shared_n = np.hypot(shared_n, zero_n)
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
     a, b = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
     group = number[pairs[:, 0]].astype(np.int64)
-    return Observations(speed, value, stderr, a, b, np.nan_to_num(mean["u_systematic_n"]), group), notes + more
+    return Observations(speed, value, stderr, a, b, shared_n, group), notes + more
 
 
 _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
