@@ -44,7 +44,7 @@ from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
-from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult
+from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, in_words
 from pneudrive.sizing.task import SizingTask
 from pneudrive.units import in_unit, readable
 from pneudrive.units.table import TABLE
@@ -360,6 +360,12 @@ class CurvePair(NamedTuple):
             ends = "" if math.isnan(half) else f"{(value - half) / size:+.3g} .. {(value + half) / size:+.3g}"
             yield self.first.label, f"{self.x[at] / x_size:.3g} {x_unit}", f"{value / size:+.3g} {unit}", ends
 
+    @property
+    def differs(self) -> bool:
+        """Whether the curves differ, beyond the band of the difference if it is known."""
+        half = 0.0 if self.half_band is None else np.nan_to_num(self.half_band)
+        return bool((np.abs(self.difference) > half).any())
+
     def sentence(self, names: tuple[str, str]) -> str:
         """Return which curve is larger, and by how much, where the band of the difference excludes zero."""
         if self.half_band is None or not np.isfinite(self.half_band).all():
@@ -408,11 +414,11 @@ class ResultComparison(Shown):
     @property
     def sentence(self) -> str:
         """Number of values and curves that differ, and the value that differs most."""
-        count, moved = self.same + len(self.values), sum(bool(pair.difference.any()) for pair in self.curves)
+        count, moved = self.same + len(self.values), sum(pair.differs for pair in self.curves)
         if not count and not self.curves:
             return f"These two results of the kind {self.kind} have nothing in common to compare."
         if not self.values and not moved:
-            return "No value differs."
+            return f"No {'curve differs beyond its 95 % interval' if self.curve_rows() else 'value differs'}."
         parts = [f"{len(self.values)} of {count} values"] if count else []
         parts += [f"{moved} of {len(self.curves)} curves"] if self.curves else []
         most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
@@ -421,7 +427,8 @@ class ResultComparison(Shown):
             "" if self.kind != "friction fit" else next(filter(None, (p.sentence(self.names) for p in self.curves)), "")
         )
         alone = sum("" in (value.before, value.after) for value in self.values)
-        return f"{gap}{' and '.join(parts)} differ{f', {alone} of them in one result only' if alone else ''}{first}.{self.note}"
+        single = f", {alone} of them in one result only" if alone else ""
+        return f"{gap}{' and '.join(parts)} differ{single}{first}.{self.note}"
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
@@ -533,6 +540,9 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
     sides = {row.key: _side(row) for row in rows}
     if isinstance(result, SizingResult):  # a table of the view names the parts
         sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder[:WRITTEN], 1)}
+        words = {"verdict": result.state, "open checks": ", ".join(check.name for check in result.open_checks)}
+        words |= {"nearest miss": f"{in_words(result.miss.parts)}: {result.miss.limit}"} if result.miss else {}
+        sides |= {key: ComparedValue(text) for key, text in words.items()}
     return sides
 
 
@@ -552,7 +562,7 @@ def _side(row: ShownValue) -> ComparedValue:
 def _number(text: str) -> float | None:
     """Return a quantity in SI, such as ``25 mm``; None for words."""
     found = _NUMBER.fullmatch(text)
-    if found is None:
+    if found is None or " of " in text:
         return None
     unit = (found[2] or "").removesuffix(" abs").removesuffix(" gauge").removesuffix(" ANR")
     _, factor, offset = TABLE.get(unit, (unit, 1.0, 0.0))

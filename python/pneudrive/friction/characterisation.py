@@ -18,7 +18,7 @@ from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import rows_to_dataset
+from pneudrive.friction.friction_map import SAME_PA, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
@@ -91,17 +91,28 @@ NEAR = 0.1  # speeds within this ratio are compared
 
 
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
-    """Return the recordings of one assembly, each with several speeds, that differ in friction."""
-    notes = []
+    """Return the two recordings of one assembly that differ most in friction, and the number of other such pairs.
+
+    Recordings are compared at several speeds. Among three or more, those at other pressures differ by the effect of
+    pressure.
+    """
+    found = []
     for first, second in combinations(results, 2):
-        if first.levels[0].seal != second.levels[0].seal:
+        one, other = first.levels[0], second.levels[0]
+        if one.seal != other.seal or (len(results) > 2 and not _has_equal_pressures(one, other)):
             continue
-        found = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
-        off, values = max(found, key=lambda one: one[0], default=(0.0, {}))
-        if off > 1.0:
-            names = {"first": first.recording.name, "second": second.recording.name}
-            notes.append(sentence("note.differ", **names, **values))
-    return notes
+        names = {"first": first.recording.name, "second": second.recording.name}
+        each = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
+        off, values = max(each, key=lambda difference: difference[0], default=(0.0, {}))
+        found += [(off, {**names, **values})] if off > 1.0 else []
+    if not found:
+        return []
+    more = f" The same holds for {len(found) - 1} other pair(s)." if len(found) > 1 else ""
+    return [sentence("note.differ", **max(found, key=lambda pair: pair[0])[1], more=more)]
+
+
+def _has_equal_pressures(one: Level, other: Level) -> bool:
+    return all(abs(one.gauge_pa[side] - other.gauge_pa[side]) < SAME_PA for side in "ab")
 
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:

@@ -33,6 +33,8 @@ SAME_SPEED = 0.02  # controlled speeds closer than this are one level
 SHOWN_SPEEDS = 5
 CONFOUNDED = 0.7  # correlation of speed and pressure above which their effects are confounded
 SPEED_OF_REPEAT = 0.25  # largest difference of speed between repeats without controlled speed
+NET = "net"  # name of both areas together
+CONTRADICTION = 1e-3  # p-value of groups of residuals below which the line does not hold
 SAME_PRESSURE = 0.1  # recordings within this share of their pressure are repeats
 
 
@@ -97,9 +99,12 @@ class ClosureFit(Shown):
     """Effective areas and force zero of one group of recordings (one seal, one geometry).
 
     ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
-    layout. ``force_zero_n`` is the reading of the sensor without friction and pressure. ``pressure_pa``,
+    layout. If both pressures changed together, the only entry is ``net``: the force of both chambers divided by the
+    pressure that changed most. ``force_zero_n`` is the reading of the sensor without friction and pressure.
+    ``pressure_pa``,
     ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and the residuals
-    of the line. ``statement`` is a sentence.
+    of the line. ``statement`` is a sentence. Without a spare recording, or if the residuals contradict the line, the
+    intervals are unbounded.
     """
 
     group: str
@@ -113,12 +118,17 @@ class ClosureFit(Shown):
     degrees_of_freedom: int
     statement: str
 
+    @property
+    def has_interval(self) -> bool:
+        """Whether the points determine the force zero."""
+        return bool(np.isfinite(self.force_zero_n.low))
+
 
 def fit_closures(points: Sequence[LevelPoint]) -> list[ClosureFit]:
     """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
 
     Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
-    pressures change together, one factor on both areas is fitted; if their forces cancel within the sensors'
+    pressures change together, only the net area of both is fitted; if their forces cancel within the sensors'
     uncertainty, no area can be determined.
     """
     groups: dict[tuple, list[LevelPoint]] = {}
@@ -150,22 +160,47 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     dof = len(points) - matrix.shape[1]
     deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
-    scale = {side: (k, nominal[side]) for k, sides in enumerate(factors) for side in sides}
-    areas = {side: _estimate(solution[k] * area, errors[k] * area, dof, "m2") for side, (k, area) in scale.items()}
-    zero = _estimate(solution[-1], errors[-1], dof, "N")
-    lead = max(areas, key=lambda side: float(np.ptp(gauge[side])))
+    doubt = _contradiction(points, residual) if dof > 0 else "few"
+    freedom = 0 if doubt else dof
+    lead = max((side for sides in factors for side in sides), key=lambda side: float(np.ptp(gauge[side])))
+    sizes = [(sides[0], nominal[sides[0]]) for sides in factors]
+    if len(factors[0]) == 2:  # the same force follows from many pairs of areas
+        sizes = [(NET, float(np.std(push["a"] + push["b"]) / np.std(gauge[lead])))]
+    estimates = zip(sizes, solution, errors, strict=False)
+    areas = {side: _estimate(k * area, error * area, freedom, "m2") for (side, area), k, error in estimates}
+    zero = _estimate(solution[-1], errors[-1], freedom, "N")
     return ClosureFit(
         group=seal,
         recordings=tuple(p.recording for p in points),
         areas_m2=areas,
-        nominal_m2={side: nominal[side] for side in areas},
+        nominal_m2=dict(sizes),
         force_zero_n=zero,
         pressure_pa=gauge[lead],
         half_sum_force_n=total,
         residual_n=residual,
         degrees_of_freedom=dof,
-        statement=_closure_statement(seal, areas, nominal, zero, dof, together=len(factors) < len(areas)),
+        statement=_closure_statement(seal, areas, dict(sizes), zero, doubt),
     )
+
+
+def _contradiction(points: list[LevelPoint], residual_n: Array) -> str:
+    """Return "speed" or "recording" if residuals differ between them, by a one-way F-test; otherwise ""."""
+    from scipy.special import fdtrc
+
+    by_speed = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
+    speed_of = {id(point): number for number, group in enumerate(by_speed) for point in group}
+    labels = {"speed": [speed_of[id(p)] for p in points], "recording": [p.recording for p in points]}
+    for name, values in labels.items():
+        groups = np.unique(values, return_inverse=True)[1]
+        sizes = np.bincount(groups)
+        free = len(points) - sizes.size
+        between = float(np.sum(np.bincount(groups, residual_n) ** 2 / sizes))
+        within = float(residual_n @ residual_n) - between
+        if sizes.size > 1 and free > 0 and within > 0.0:
+            ratio = between / (sizes.size - 1) / (within / free)
+            if fdtrc(sizes.size - 1, free, ratio) < CONTRADICTION:
+                return name
+    return ""
 
 
 def _factors(
@@ -194,16 +229,16 @@ def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
 
 
 def _closure_statement(
-    seal: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int, *, together: bool
+    seal: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, doubt: str
 ) -> str:
     parts = []
     for side, area in areas.items():
         off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
         shown = sentence("closure.area", side=side, area_cm2=area.value * 1e4, off=off)
-        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if dof > 0 else shown)
+        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if not doubt else shown)
     far = any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items())
-    why = "implausible" if far else "together" if together else "one_side" if len(areas) == 1 else None
-    end = sentence("closure.zero_interval" if dof > 0 else "closure.zero", zero=zero)
+    why = "implausible" if far else "together" if NET in areas else "one_side" if len(areas) == 1 else None
+    end = sentence(f"closure.zero_{doubt or 'interval'}", zero=zero)
     return f"{seal}: {', '.join(parts)}; {end}{sentence(f'closure.{why}') if why else ''}."
 
 

@@ -32,6 +32,8 @@ SOUGHT_SHARE = 0.25
 # The offset at the turn is extrapolated from a line between these fractions of the travel.
 OFFSET_FROM = (0.1, 0.35)
 FEWEST_BINS = 3
+# Scatter of the offset about this line, as a share of the friction, above which the offset is no line.
+LARGEST_SCATTER = 0.1
 
 
 @dataclass(frozen=True)
@@ -92,14 +94,21 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
     At the turn, one direction is still in its transient, so half the sum is not the offset. Far from the turn, the
-    offset may differ. If there are too few bins in between, the bins of the window are used.
+    offset may differ. If there are too few bins in between, the bins of the window are used. Offsets that are no line,
+    such as those of stick-slip, and those far from the turn are not extrapolated: their mean is used.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
     near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
     if near.sum() < FEWEST_BINS:
         near = known & profile.in_window
-    return motion.straight_line(profile.position_m[near], profile.offset_n[near])
+    position, offset = profile.position_m[near], profile.offset_n[near]
+    slope, intercept = motion.straight_line(position, offset)
+    is_far = np.abs(position - turn_m).min() > np.ptp(position)
+    scatter = float(np.std(offset - slope * position - intercept))
+    if is_far or scatter > LARGEST_SCATTER * abs(float(np.nanmean(profile.friction_n))):
+        return 0.0, float(np.mean(offset))
+    return slope, intercept
 
 
 class _Usual(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.figures import MEASURED, THIN, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look
 from pneudrive.friction.budget import COVERAGE_FACTOR
-from pneudrive.friction.pressure import MINIMUM_RANGE_PA, ClosureFit, LevelPoint, PressureLine
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, LevelPoint, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
 from pneudrive.report import campaign, page, strokes
@@ -120,7 +120,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         figures.append(topic.figure("closure", closures(shown), said=text))
         tables.append(topic.shown(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
-    single = (page.sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0)
+    single = (page.sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if not fit.has_interval)
     return replace(
         base,
         title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
@@ -161,10 +161,11 @@ def _effects(found: Characterisation) -> Iterator[LeadingValue]:
     if found.run_spread is not None:
         percent = f"{100 * found.run_spread.relative:.0f} %"
         yield LeadingValue(ShownValue("spread", "runs", "standard deviation between runs", percent))
-    if found.closures:
-        fit = max(found.closures, key=lambda fit: abs(fit.force_zero_n.value))
+    known = [fit for fit in found.closures if fit.has_interval or fit.degrees_of_freedom <= 0]
+    if known:
+        fit = max(known, key=lambda fit: abs(fit.force_zero_n.value))
         zero = fit.force_zero_n
-        interval = (zero.low, zero.high) if np.isfinite(zero.low) else None
+        interval = (zero.low, zero.high) if fit.has_interval else None
         yield LeadingValue(ShownValue("zero", fit.group, f"force zero ({fit.group})", zero.value, "N", interval))
 
 
@@ -202,7 +203,7 @@ MOST_JOINED = 12  # points beyond which residuals are not joined by lines
 
 
 def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
-    return all(len(fit.areas_m2) == 1 for fit in fits)
+    return all(len(fit.areas_m2) == 1 and NET not in fit.areas_m2 for fit in fits)
 
 
 def closures(fits: Sequence[ClosureFit]) -> Figure:
@@ -237,7 +238,8 @@ def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
         for side, area in fit.areas_m2.items():
             nominal = fit.nominal_m2[side]
             off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
-            between = f"{low:+.2f} … {high:+.2f}" if np.isfinite(area.low) else "no spare recording"
+            unknown = "not determined" if fit.degrees_of_freedom > 0 else "no spare recording"
+            between = f"{low:+.2f} … {high:+.2f}" if fit.has_interval else unknown
             zero = _interval(fit.force_zero_n)
             yield fit.group, side, nominal * 1e4, area.value * 1e4, off, between, zero, len(fit.recordings)
 

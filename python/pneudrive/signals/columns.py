@@ -111,6 +111,7 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
             unit = header_unit(" ".join(last)) if len(last) == count else None
             is_letter = bool(last) and last[-1] in ("aA" if count == 2 else "aAcCfFgG")  # of a chamber, of a force
             is_letter |= len(name.strip()) == 1  # the symbol of a quantity: s, m, N
+            is_letter |= last == ["pA"] or name.strip() == "pa"  # the pressure in chamber a
             if unit is not None and not is_letter:
                 return re.sub(r"\s+in$", "", name[: words[-count].start()].strip(" /,:_")), unit
     return name, None

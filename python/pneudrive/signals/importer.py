@@ -303,7 +303,7 @@ def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]
     doubts = []
     for channel, column in layout.channels.items():
         cell = table.units.get(table.places.get(column.column, ""), "")
-        named = split_name(str(column.column))[1] or header_unit(cell)
+        named = header_unit(cell) or split_name(str(column.column))[1]
         if named is None or not named.si or not isinstance(unit := column.unit, ColumnUnit):
             continue
         where = f'the column "{column.column}" of {channel}'

@@ -100,13 +100,15 @@ def test_both_areas_are_found_where_the_pressures_change_apart(make):
     assert fit.force_zero_n.value == pytest.approx(1.0, abs=0.1)
 
 
-def test_pressures_that_change_together_give_one_factor_or_nothing(make):
+def test_pressures_that_change_together_give_the_net_area_or_nothing(make):
     equal = [(p, p) for p in (1e5, 2e5, 4e5, 6e5)]
     assert both(make, equal).closures == (), "on equal areas equal pressures cancel"
-    (fit,) = both(make, equal, area_b=0.8).closures
-    assert "one factor applies to both" in fit.statement
-    for side in ("a", "b"):
-        assert fit.areas_m2[side].value == pytest.approx(1.02 * fit.nominal_m2[side], rel=0.005)
+    found = both(make, equal, area_b=0.8)
+    (fit,) = found.closures
+    assert "neither area by itself" in fit.statement
+    area_a, area_b = found.recordings[0].area_a_m2, found.recordings[0].area_b_m2
+    assert fit.nominal_m2 == pytest.approx({"net": area_a - area_b})
+    assert fit.areas_m2["net"].value == pytest.approx(1.02 * (area_a - area_b), rel=0.005)
 
 
 @pytest.mark.parametrize("area_b", [1.0, 0.98])
