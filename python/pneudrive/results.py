@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
+ONE_SIDED = " The differences contain the zero of the force sensor, and so do their intervals."
 SHOWN_PLACES = 5  # of a curve in a table
 SAME_PA = 1.0  # rounding of a pressure
 NARROW = 3.0  # ratio of speeds below which friction fits are compared over the pressure
@@ -271,7 +272,13 @@ def _law_pair(
     first, second = (_curve(label, x, law.friction_n, names, (law.lower_n, law.upper_n)) for law in laws)
     low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, *at)]).T
     zero_n = sum(2.0 * fit.systematic["coulomb"] for fit in (before, after) if _is_one_sided(fit))
-    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0 + zero_n)
+    return CurvePair(
+        first,
+        second,
+        x,
+        difference=laws[1].friction_n - laws[0].friction_n,
+        half_band=(high_n - low_n) / 2.0 + zero_n,
+    )
 
 
 def _is_one_sided(fit: FrictionFit) -> bool:
@@ -377,14 +384,12 @@ class CurvePair(NamedTuple):
         if not differs.any():
             middle = len(gap) // 2
             return f"The data show no difference in {quantity} ({gap[middle]} at {place[middle]}). "
-        inside, outside = np.flatnonzero(differs), np.flatnonzero(~differs)
+        inside = np.flatnonzero(differs)
         middle, end = inside[len(inside) // 2], inside[-1 if differs[-1] else 0]
         word = "less" if self.difference[end] < 0.0 else "more"
         where = f"from {place[inside[0]]} up" if differs[-1] else f"up to {place[inside[-1]]}"
-        text = f"{names[1]} has {word} {quantity} than {names[0]}{f' {where}' if outside.size else ''}"
-        text += f": {gap[middle]} at {place[middle]}, {gap[end]} at {place[end]}. "
-        far = 0 if not differs[0] else -1
-        return text + f"At {place[far]} the data show no difference ({gap[far]}). " * (outside.size > 0)
+        text = f"{names[1]} has {word} {quantity} than {names[0]}{'' if differs.all() else f' {where}'}"
+        return text + f": {gap[middle]} at {place[middle]}, {gap[end]} at {place[end]}. "
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -424,11 +429,11 @@ class ResultComparison(Shown):
         most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
         first = f"; most: {most.key} {100.0 * most.change:+.3g} %" if most is not None and most.change else ""
         gap = (
-            "" if self.kind != "friction fit" else next(filter(None, (p.sentence(self.names) for p in self.curves)), "")
+            next(filter(None, (p.sentence(self.names) for p in self.curves)), "") if self.kind == "friction fit" else ""
         )
         alone = sum("" in (value.before, value.after) for value in self.values)
         single = f", {alone} of them in one result only" if alone else ""
-        return f"{gap}{' and '.join(parts)} differ{single}{first}.{self.note}"
+        return f"{next(filter(None, gaps), '')}{' and '.join(parts)} differ{single}{first}.{self.note}"
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
@@ -444,7 +449,7 @@ class ResultComparison(Shown):
         CommandError
             The results have no curves in common.
         """
-        pairs = sorted(self.curves, key=lambda pair: not pair.difference.any())[:MOST_PANELS]
+        pairs = sorted(self.curves, key=lambda pair: not pair.differs)[:MOST_PANELS]
         if not pairs:
             raise CommandError(f"two results of the kind {self.kind} have no common curves to draw")
         panels = []
@@ -512,15 +517,22 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     old, new = (_sides(each) for each in results)
     pairs = [_pair(key, old.get(key, ComparedValue()), new.get(key, ComparedValue())) for key in {**old, **new}]
     different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
+    note = ""
     if all(isinstance(each, FrictionFit) for each in results):
         curves = list(_fit_pairs(*results))
+        note = ONE_SIDED * any(map(_is_one_sided, results))
     else:
         by_label = {curve.key: curve for curve in _curves(results[1])}
         curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
-    is_one_sided = kinds[0] == "friction fit" and any(map(_is_one_sided, results))
-    note = " The differences contain the zero of the force sensor, and so do their intervals." if is_one_sided else ""
     curves = [pair for pair in curves if len(pair.x)]
-    return ResultComparison(kinds[0], names, different, len(pairs) - len(different), tuple(curves), note)
+    return ResultComparison(
+        kind=kinds[0],
+        names=names,
+        values=different,
+        same=len(pairs) - len(different),
+        curves=tuple(curves),
+        note=note,
+    )
 
 
 def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result
@@ -540,9 +552,9 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
     sides = {row.key: _side(row) for row in rows}
     if isinstance(result, SizingResult):  # a table of the view names the parts
         sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder[:WRITTEN], 1)}
-        words = {"verdict": result.state, "open checks": ", ".join(check.name for check in result.open_checks)}
-        words |= {"nearest miss": f"{in_words(result.miss.parts)}: {result.miss.limit}"} if result.miss else {}
-        sides |= {key: ComparedValue(text) for key, text in words.items()}
+        sides["verdict"] = ComparedValue(result.state)
+        if result.miss:
+            sides["nearest miss"] = ComparedValue(f"{in_words(result.miss.parts)}: {result.miss.limit}")
     return sides
 
 

@@ -14,7 +14,7 @@ from pneudrive import _core, units
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.errors import WrongValueError, nearest, wrong
+from pneudrive.errors import WrongValueError, nearest, package_table, wrong
 from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
 _Kind = TypeVar("_Kind", bound=Described)
@@ -123,21 +123,7 @@ class LimitSwitches(Described):
 
 
 #: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
-FAULTS = {
-    "stuck": ("a channel keeps its value", "-"),
-    "nan": ("a channel is not a number", "-"),
-    "saturated": ("a channel shows `value`, pressures absolute", "channel"),
-    "offset": ("a channel shows too much by `value`", "channel"),
-    "jump": ("a single sample of a channel shows too much by `value`", "channel"),
-    "clock": ("the clock is back by `value`", "s"),
-    "valve-stuck": ("the valve's spool stays where it is", "-"),
-    "valve-dead": ("the valve's spool goes to its centre", "-"),
-    "supply-fallen": ("the supply has the absolute pressure `value`", "Pa"),
-    "late": ("the law is not ready in time", "-"),
-    "reference": ("the reference is not a number, or stays at `value`", "m"),
-    "enable-lost": ("the drive may not move", "-"),
-    "emergency-stop": ("emergency stop", "-"),
-}
+FAULTS: dict[str, tuple[str, str]] = package_table(__file__, "tables.toml")["faults"]
 CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
 MAY_LACK_A_VALUE = ("reference",)
 ABSOLUTE = ("supply-fallen", "saturated")  # kinds with an absolute pressure

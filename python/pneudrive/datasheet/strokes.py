@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.signals.motion import straight_line
 from pneudrive.simulation.trajectory import columns as columns_of
 from pneudrive.views import ShownValue, View, Viewed
@@ -33,22 +33,8 @@ SAME_TIME = 1e-6
 LITRE = 1e-3  # m3
 LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 
-#: Number -> unit and meaning.
-STROKE_MEANING: dict[str, tuple[str, str]] = {
-    "stroke_time": ("s", "from the command to the first contact with the end"),
-    "time_99": ("s", "time from the command until 99 % of the stroke"),
-    "dead_time": ("s", "time from the command until 0.2 % of the stroke"),
-    "rise_time": ("s", "time from 10 % to 90 % of the stroke"),
-    "settling_time": ("s", "time from the command until the position stays within 1 % of the stroke"),
-    "overshoot": ("m", "largest distance beyond the final position or into the end stop"),
-    "way": ("m", "from the position at the command to the end, or to the final position"),
-    "mean_speed": ("m/s", "distance divided by stroke_time, or by time_99 if the end is not reached"),
-    "top_speed": ("m/s", "largest speed"),
-    "end_speed": ("m/s", "speed at the first contact with the end"),
-    "end_energy": ("J", "kinetic energy of the moving mass at the first contact with the end"),
-    "peak_pressure_a": ("Pa", "largest absolute pressure in chamber a"),
-    "peak_pressure_b": ("Pa", "largest absolute pressure in chamber b"),
-}
+#: Number of a stroke -> unit and meaning.
+STROKE_MEANING: dict[str, tuple[str, str]] = package_table(__file__, "tables.toml")["stroke_meaning"]
 
 
 @dataclass(frozen=True, repr=False)

@@ -91,28 +91,23 @@ NEAR = 0.1  # speeds within this ratio are compared
 
 
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
-    """Return the two recordings of one assembly that differ most in friction, and the number of other such pairs.
+    """Return the two recordings of one assembly that differ most in friction, by the note on them.
 
     Recordings are compared at several speeds. Among three or more, those at other pressures differ by the effect of
     pressure.
     """
-    found = []
+    largest, notes = 1.0, []
     for first, second in combinations(results, 2):
         one, other = first.levels[0], second.levels[0]
-        if one.seal != other.seal or (len(results) > 2 and not _has_equal_pressures(one, other)):
+        is_apart = any(abs(one.gauge_pa[side] - other.gauge_pa[side]) > SAME_PA for side in "ab")
+        if one.seal != other.seal or (is_apart and len(results) > 2):
             continue
-        names = {"first": first.recording.name, "second": second.recording.name}
-        each = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
-        off, values = max(each, key=lambda difference: difference[0], default=(0.0, {}))
-        found += [(off, {**names, **values})] if off > 1.0 else []
-    if not found:
-        return []
-    more = f" The same holds for {len(found) - 1} other pair(s)." if len(found) > 1 else ""
-    return [sentence("note.differ", **max(found, key=lambda pair: pair[0])[1], more=more)]
-
-
-def _has_equal_pressures(one: Level, other: Level) -> bool:
-    return all(abs(one.gauge_pa[side] - other.gauge_pa[side]) < SAME_PA for side in "ab")
+        found = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
+        off, values = max(found, key=lambda pair: pair[0], default=(0.0, {}))
+        if off > largest:
+            names = {"first": first.recording.name, "second": second.recording.name}
+            largest, notes = off, [sentence("note.differ", **names, **values)]
+    return notes
 
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:

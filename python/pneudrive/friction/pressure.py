@@ -121,7 +121,7 @@ class ClosureFit(Shown):
     @property
     def has_interval(self) -> bool:
         """Whether the points determine the force zero."""
-        return bool(np.isfinite(self.force_zero_n.low))
+        return self.force_zero_n.low > -np.inf
 
 
 def fit_closures(points: Sequence[LevelPoint]) -> list[ClosureFit]:
@@ -162,44 +162,38 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     doubt = _contradiction(points, residual) if dof > 0 else "few"
     freedom = 0 if doubt else dof
-    lead = max((side for sides in factors for side in sides), key=lambda side: float(np.ptp(gauge[side])))
-    sizes = [(sides[0], nominal[sides[0]]) for sides in factors]
+    lead = max(sum(factors, ()), key=lambda side: np.ptp(gauge[side]))
+    sizes = {side: nominal[side] for side, *_ in factors}
     if len(factors[0]) == 2:  # the same force follows from many pairs of areas
-        sizes = [(NET, float(np.std(push["a"] + push["b"]) / np.std(gauge[lead])))]
-    estimates = zip(sizes, solution, errors, strict=False)
+        sizes = {NET: float(np.std(push["a"] + push["b"]) / np.std(gauge[lead]))}
+    estimates = zip(sizes.items(), solution, errors, strict=False)
     areas = {side: _estimate(k * area, error * area, freedom, "m2") for (side, area), k, error in estimates}
     zero = _estimate(solution[-1], errors[-1], freedom, "N")
     return ClosureFit(
         group=seal,
         recordings=tuple(p.recording for p in points),
         areas_m2=areas,
-        nominal_m2=dict(sizes),
+        nominal_m2=sizes,
         force_zero_n=zero,
         pressure_pa=gauge[lead],
         half_sum_force_n=total,
         residual_n=residual,
         degrees_of_freedom=dof,
-        statement=_closure_statement(seal, areas, dict(sizes), zero, doubt),
+        statement=_closure_statement(seal, areas, sizes, zero, doubt),
     )
 
 
 def _contradiction(points: list[LevelPoint], residual_n: Array) -> str:
     """Return "speed" or "recording" if residuals differ between them, by a one-way F-test; otherwise ""."""
-    from scipy.special import fdtrc
+    from scipy.stats import f_oneway
 
+    residual_of = dict(zip(map(id, points), residual_n, strict=True))
     by_speed = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
-    speed_of = {id(point): number for number, group in enumerate(by_speed) for point in group}
-    labels = {"speed": [speed_of[id(p)] for p in points], "recording": [p.recording for p in points]}
-    for name, values in labels.items():
-        groups = np.unique(values, return_inverse=True)[1]
-        sizes = np.bincount(groups)
-        free = len(points) - sizes.size
-        between = float(np.sum(np.bincount(groups, residual_n) ** 2 / sizes))
-        within = float(residual_n @ residual_n) - between
-        if sizes.size > 1 and free > 0 and within > 0.0:
-            ratio = between / (sizes.size - 1) / (within / free)
-            if fdtrc(sizes.size - 1, free, ratio) < CONTRADICTION:
-                return name
+    by_recording = [[p for p in points if p.recording == name] for name in {p.recording for p in points}]
+    for name, groups in (("speed", by_speed), ("recording", by_recording)):
+        values = [[residual_of[id(point)] for point in group] for group in groups]
+        if 1 < len(groups) < len(points) and f_oneway(*values).pvalue < CONTRADICTION:
+            return name
     return ""
 
 
@@ -229,7 +223,11 @@ def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
 
 
 def _closure_statement(
-    seal: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, doubt: str
+    seal: str,
+    areas: dict[str, Estimate],
+    nominal: dict[str, float],
+    zero: Estimate,
+    doubt: str,
 ) -> str:
     parts = []
     for side, area in areas.items():

@@ -105,8 +105,8 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     position, offset = profile.position_m[near], profile.offset_n[near]
     slope, intercept = motion.straight_line(position, offset)
     is_far = np.abs(position - turn_m).min() > np.ptp(position)
-    scatter = float(np.std(offset - slope * position - intercept))
-    if is_far or scatter > LARGEST_SCATTER * abs(float(np.nanmean(profile.friction_n))):
+    scatter = np.std(offset - slope * position - intercept)
+    if is_far or scatter > LARGEST_SCATTER * abs(np.nanmean(profile.friction_n)):
         return 0.0, float(np.mean(offset))
     return slope, intercept
 

@@ -238,8 +238,7 @@ def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
         for side, area in fit.areas_m2.items():
             nominal = fit.nominal_m2[side]
             off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
-            unknown = "not determined" if fit.degrees_of_freedom > 0 else "no spare recording"
-            between = f"{low:+.2f} … {high:+.2f}" if fit.has_interval else unknown
+            between = f"{low:+.2f} … {high:+.2f}" if fit.has_interval else "not determined"
             zero = _interval(fit.force_zero_n)
             yield fit.group, side, nominal * 1e4, area.value * 1e4, off, between, zero, len(fit.recordings)
 

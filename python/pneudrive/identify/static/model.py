@@ -559,8 +559,8 @@ def observations(
     shared_n = np.nan_to_num(mean["u_systematic_n"])
     if direction is not None:
         zero_n = np.nan_to_num(np.abs(value - column["friction_n"][pairs[:, 0]]))
-        known = zero_n.max() > NO_FRICTION_N
-        more.append(sentence("notes", "zero_known" if known else "zero", half=zero_n.max()))
+        name = "zero_known" if zero_n.max() > NO_FRICTION_N else "zero"
+        more.append(sentence("notes", name, half=zero_n.max()))
         shared_n = np.hypot(shared_n, zero_n)
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
     a, b = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
