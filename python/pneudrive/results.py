@@ -428,9 +428,7 @@ class ResultComparison(Shown):
         parts += [f"{moved} of {len(self.curves)} curves"] if self.curves else []
         most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
         first = f"; most: {most.key} {100.0 * most.change:+.3g} %" if most is not None and most.change else ""
-        gap = (
-            next(filter(None, (p.sentence(self.names) for p in self.curves)), "") if self.kind == "friction fit" else ""
-        )
+        gaps = (pair.sentence(self.names) for pair in self.curves if self.kind == "friction fit")
         alone = sum("" in (value.before, value.after) for value in self.values)
         single = f", {alone} of them in one result only" if alone else ""
         return f"{next(filter(None, gaps), '')}{' and '.join(parts)} differ{single}{first}.{self.note}"
