@@ -226,20 +226,11 @@ def found():
     from oracle.recordings import make_recording
 
     cases = [(s, run, p, v) for s in COULOMB_N for run in "12" for p in (1.0, 3.0) for v in SPEEDS_M_S]
-    recordings = [
-        make_recording(
-            friction=friction_n(seal, v, bar),
-            gauge_b=bar * 1e5,
-            speed=v,
-            rate=v * 2.5e5,
-            strokes=4,
-            seed=i,
-            name=f"{seal}{run}-{bar:g}-{v:g}",
-            labels={"seal": seal, "run": run},
-            window_m=(0.012, 0.028),
-        )
-        for i, (seal, run, bar, v) in enumerate(cases)
-    ]
+    recordings = []
+    for i, (seal, run, bar, v) in enumerate(cases):
+        about = {"seed": i, "name": f"{seal}{run}-{bar:g}-{v:g}", "labels": {"seal": seal, "run": run}}
+        moved = {"gauge_b": bar * 1e5, "speed": v, "rate": v * 2.5e5, "strokes": 4, "window_m": (0.012, 0.028)}
+        recordings.append(make_recording(friction=friction_n(seal, v, bar), **moved, **about))
     return characterise_recordings(recordings)
 
 
