@@ -271,14 +271,8 @@ def _law_pair(
     names = axes[0], "friction", axes[1], "N"
     first, second = (_curve(label, x, law.friction_n, names, (law.lower_n, law.upper_n)) for law in laws)
     low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, *at)]).T
-    zero_n = sum(2.0 * fit.systematic["coulomb"] for fit in (before, after) if _is_one_sided(fit))
-    return CurvePair(
-        first,
-        second,
-        x,
-        difference=laws[1].friction_n - laws[0].friction_n,
-        half_band=(high_n - low_n) / 2.0 + zero_n,
-    )
+    zero_n = sum(2.0 * fit.systematic.get("coulomb", 0.0) for fit in (before, after) if _is_one_sided(fit))
+    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0 + zero_n)
 
 
 def _is_one_sided(fit: FrictionFit) -> bool:
@@ -522,15 +516,8 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     else:
         by_label = {curve.key: curve for curve in _curves(results[1])}
         curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
-    curves = [pair for pair in curves if len(pair.x)]
-    return ResultComparison(
-        kind=kinds[0],
-        names=names,
-        values=different,
-        same=len(pairs) - len(different),
-        curves=tuple(curves),
-        note=note,
-    )
+    shown = tuple(pair for pair in curves if len(pair.x))
+    return ResultComparison(kinds[0], names, different, len(pairs) - len(different), shown, note)
 
 
 def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result

@@ -133,7 +133,7 @@ class ShownCurve:
     def half_band(self) -> float:
         """Mean half width of the band at the measured points; NaN without a band."""
         if self.band is None:
-            return float("nan")
+            return math.nan
         return float(((self.band[1] - self.band[0]) / 2.0)[self.measured].mean())
 
 

@@ -118,7 +118,7 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
         if isinstance(samples, CampaignError):
             raise samples
         frictions[file.path] = preliminary_friction(file, samples, identity)
-    return [frictions.get(file.path, float("nan")) for file in files]
+    return [frictions.get(file.path, np.nan) for file in files]
 
 
 def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) -> float:
@@ -133,7 +133,7 @@ def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) 
             return _after_stop(recording, steps_of(recording, samples), cycle)
         levels = extract(recording, Settled()).levels
     except RecordingError:
-        return float("nan")
+        return np.nan
     return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
 
 
@@ -142,6 +142,6 @@ def _after_stop(recording: Recording, steps: Ints, cycle: Cycle) -> float:
     holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     part = np.flatnonzero(steps == (max(holds)[1] + 1 if holds else len(cycle.steps) - 2))
     if part.size < 2:
-        return float("nan")
+        return np.nan
     way = recording.position_m[part[-1]] - recording.position_m[part[0]]
     return float(np.max(np.sign(way) * recording.balance_n()[part]))

@@ -277,7 +277,7 @@ class Reference(Shown):
 
     def at(self, times_s: Sequence[float] | Array) -> Array:
         """Return position, velocity, acceleration and jerk at times, shape (n, 4), SI."""
-        return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=np.float64))
+        return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=float))
 
     def reach(self) -> Reach:
         """Return range and highest speed."""

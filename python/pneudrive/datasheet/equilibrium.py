@@ -269,7 +269,7 @@ class _SteadySearch:
         count = len(self.plant.nodes)
         longest = np.r_[np.repeat(LONGEST[:2], count), LONGEST[2]][:own]
         over = float(np.max(np.abs(step) / longest))
-        return np.asarray(step / max(1.0, over), dtype=np.float64), over > 1.0
+        return np.asarray(step / max(1.0, over), dtype=float), over > 1.0
 
 
 # --- Linear model of a drive from exact derivatives of the core.

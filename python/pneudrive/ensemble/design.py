@@ -378,7 +378,7 @@ class Marginals:
     def values(self, cube: Array) -> Array:
         """Return the values at points of the unit cube."""
         if self.correlation is not None:
-            scores = _mixed(ndtri(cube), np.linalg.cholesky(self.correlation).astype(np.float64))
+            scores = _mixed(ndtri(cube), np.linalg.cholesky(self.correlation).astype(float))
             cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
         return np.column_stack([one.quantile(share) for one, share in zip(self.each.values(), cube.T, strict=True)])
 
@@ -408,7 +408,7 @@ class NormalCoordinates:
     def values(self, cube: Array) -> Array:
         """Return the values at points of the unit cube."""
         variances, axes = np.linalg.eigh(self.covariance)
-        by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(np.float64)
+        by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(float)
         found = self.scales.natural(self.centre + _mixed(ndtri(cube), by_score))
         found[:, list(self.folded)] = np.abs(found[:, list(self.folded)])
         return found
@@ -719,10 +719,10 @@ def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401
 
 def _column(values: Any, read: Any) -> np.ndarray:  # noqa: ANN401
     if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
-        return values.astype(np.float64)
+        return values.astype(float)
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or np.ndim(values) != 1:
         raise CommandError(f"vary has {type(values).__name__} in place of a list of values")
-    return np.array([read(value) for value in values], dtype=np.float64)
+    return np.array([read(value) for value in values], dtype=float)
 
 
 def _said(value: object) -> str:

@@ -168,7 +168,7 @@ class EnsembleStudy:
         signals = {meaning(column)[0]: x[done] for column, x in zip(output.columns, seen, strict=True)}
         try:
             made = output.function(signals, self.sample_times(output.rate_hz))
-            out[done] = np.broadcast_to(np.asarray(made, dtype=np.float64), (int(done.sum()),))
+            out[done] = np.broadcast_to(np.asarray(made, dtype=float), (int(done.sum()),))
         except Exception as error:
             failure = {"name": output.name, "kind": type(error).__name__, "error": error}
             raise SimulationError.of("ensemble.own", **failure) from error

@@ -193,7 +193,7 @@ def sobol_indices(
         ``used``: number of base points of each output. NaN if an output does not vary or has fewer than 2 base points.
     """
     d, s = points.shape[1], values.shape[1]
-    each = np.asarray(values, dtype=np.float64).reshape(d + 2, -1, s)
+    each = np.asarray(values, dtype=float).reshape(d + 2, -1, s)
     complete: Bools = np.asarray(np.isfinite(each).all(axis=0))
     indices = np.full((2, d, s), np.nan)
     ends = np.full((2, 2, d, s), np.nan)

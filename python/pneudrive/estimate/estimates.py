@@ -57,8 +57,8 @@ class Estimate:
     high: float
     stderr: float
     unit: str = "N"
-    degrees_of_freedom: float = float("nan")
-    p: float = float("nan")
+    degrees_of_freedom: float = np.nan
+    p: float = np.nan
 
     @classmethod
     def of(cls, value: float, stderr: float, degrees_of_freedom: float, unit: str = "N") -> Estimate:
@@ -104,7 +104,7 @@ class Estimate:
         """Subtract an independent estimate, with Welch's degrees of freedom."""
         variance = self.stderr**2 + other.stderr**2
         shares = [e.stderr**4 / e.degrees_of_freedom for e in (self, other) if e.degrees_of_freedom > 0]
-        freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else float("inf")
+        freedom = float(variance**2 / max(sum(shares), 1e-300)) if shares else np.inf
         return Estimate.of(self.value - other.value, float(np.sqrt(variance)), freedom, self.unit)
 
     def __format__(self, spec: str) -> str:

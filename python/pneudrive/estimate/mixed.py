@@ -93,7 +93,7 @@ class Scan:
         low, high = float(allowed.min()), float(allowed.max())
         return (
             0.0 if low <= sought[0] * (1.0 + 1e-9) else low,
-            float("inf") if high >= sought[1] * (1.0 - 1e-9) else high,
+            np.inf if high >= sought[1] * (1.0 - 1e-9) else high,
         )
 
 
@@ -157,7 +157,7 @@ def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
     16.4
     """
     spare = n - parameters - 1
-    return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else float("inf")
+    return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else np.inf
 
 
 # --- Positive definite and triangular systems with LAPACK only.

@@ -70,7 +70,7 @@ class Transforms:
         over: float = 0,
         least_excess: float = 1e-9,
     ) -> None:
-        lower = np.array(lower, dtype=np.float64)
+        lower = np.array(lower, dtype=float)
         self.lower, self.upper, self.size = (np.array(np.broadcast_to(x, lower.shape)) for x in (lower, upper, size))
         self.excess, self.over, self.least_excess = excess, over, least_excess
         if excess is not None:
@@ -84,7 +84,7 @@ class Transforms:
 
     def internal(self, values: ArrayLike) -> Array:
         """Return the coordinates of values, shape (p,)."""
-        x = np.array(values, dtype=np.float64)
+        x = np.array(values, dtype=float)
         if self.excess is not None:
             base = self._base(x)
             x[self.excess] = max(x[self.excess] - base, self.least_excess * max(abs(base), 1e-12))
@@ -142,7 +142,7 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
     >>> low.round(3), high.round(3)
     (array([ 8.187, -4.   ]), array([12.214,  2.   ]))
     """
-    lower, upper = (np.broadcast_to(np.asarray(x, dtype=np.float64), values.shape) for x in (lower, upper))
+    lower, upper = (np.broadcast_to(np.asarray(x, dtype=float), values.shape) for x in (lower, upper))
     low, high = values - reach, values + reach
     for k in np.flatnonzero(np.isfinite(lower)):
         above = values[k] - lower[k]

@@ -398,7 +398,7 @@ def _on_one_clock(
     for name, own in times.items():
         column = values[name]
         if column.ndim == 1 and column.dtype.kind in "iuf" and own.size and not np.array_equal(base, own):
-            out[name] = np.interp(base, own, column.astype(np.float64), left=np.nan, right=np.nan)
+            out[name] = np.interp(base, own, column.astype(float), left=np.nan, right=np.nan)
     return base, out
 
 

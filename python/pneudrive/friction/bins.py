@@ -54,7 +54,7 @@ class Grid:
     @property
     def edges_m(self) -> Array:
         """Edges of the bins."""
-        return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=np.float64)
+        return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=float)
 
     @property
     def is_in_window(self) -> Bools:
@@ -180,10 +180,10 @@ def spread_of(stroke_means_n: Array) -> Spread:
     values = stroke_means_n[np.isfinite(stroke_means_n)]
     n = values.size
     if n == 0:
-        return Spread(0, float("nan"), float("nan"), float("nan"), 0.0, float("nan"), 1.0)
+        return Spread(0, np.nan, np.nan, np.nan, 0.0, np.nan, 1.0)
     mean = float(values.mean())
     if n == 1:
-        return Spread(1, mean, float("nan"), float("nan"), 1.0, float("nan"), 1.0)
+        return Spread(1, mean, np.nan, np.nan, 1.0, np.nan, 1.0)
     deviation = float(values.std(ddof=1))
     slope, p = _trend(values)
     effective = _effective_number(values, has_trend=p < TREND_LEVEL)
@@ -236,8 +236,8 @@ def profile_stderr(profile_n: Array) -> float:
     values = profile_n[np.isfinite(profile_n)]
     n = values.size
     if n < 4:
-        return float("nan")
-    x = np.arange(n, dtype=np.float64)
+        return np.nan
+    x = np.arange(n, dtype=float)
     slope, intercept = straight_line(x, values)
     return stderr_of_mean(values - (intercept + slope * x)) * float(np.sqrt((n - 1) / (n - 2)))
 

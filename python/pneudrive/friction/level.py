@@ -120,7 +120,7 @@ class Level(Shown):
     def offset_n(self) -> float:
         """Half the sum of both directions; NaN of a single one."""
         paired = len(self.sides) == 2
-        return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else float("nan")
+        return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else np.nan
 
     @cached_property
     def stderr_n(self) -> float:

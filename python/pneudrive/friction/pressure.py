@@ -65,7 +65,7 @@ class LevelPoint:
     friction_n: float
     expanded_n: float
     speed_stderr_m_s: float = 0.0
-    offset_n: float = float("nan")
+    offset_n: float = np.nan
     weight_n: float = 0.0
     gauge_pa: tuple[float, float] = (0.0, 0.0)
     u_pa: tuple[float, float] = (0.0, 0.0)
@@ -156,9 +156,9 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
             force = force - push[side]
     matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
     solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
-    residual = np.asarray(force - matrix @ solution, dtype=np.float64)
+    residual = np.asarray(force - matrix @ solution, dtype=float)
     dof = len(points) - matrix.shape[1]
-    deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
+    deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else np.nan
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     doubt = _contradiction(points, residual) if dof > 0 else "few"
     freedom = 0 if doubt else dof
@@ -218,7 +218,7 @@ def _factors(
 def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
     """Return a value with its interval, which is unbounded without a spare recording."""
     if dof <= 0:
-        return Estimate(float(value), float("-inf"), float("inf"), float("nan"), unit)
+        return Estimate(float(value), float("-inf"), np.inf, np.nan, unit)
     return Estimate.of(float(value), float(stderr), dof, unit)
 
 
@@ -392,7 +392,7 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
         points=tuple(points),
         intercept_n=float(solution[0]),
         slope_n_pa=float(solution[1] / scale),
-        covariance=np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64),
+        covariance=np.asarray(unit @ (inverse * variance) @ unit, dtype=float),
         band_pressure_pa=band,
         band_mean_n=mean,
         band_low_n=mean - half,

@@ -32,8 +32,6 @@ SOUGHT_SHARE = 0.25
 # The offset at the turn is extrapolated from a line between these fractions of the travel.
 OFFSET_FROM = (0.1, 0.35)
 FEWEST_BINS = 3
-# Scatter of the offset about this line, as a share of the friction, above which the offset is no line.
-LARGEST_SCATTER = 0.1
 
 
 @dataclass(frozen=True)
@@ -94,21 +92,14 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
     At the turn, one direction is still in its transient, so half the sum is not the offset. Far from the turn, the
-    offset may differ. If there are too few bins in between, the bins of the window are used. Offsets that are no line,
-    such as those of stick-slip, and those far from the turn are not extrapolated: their mean is used.
+    offset may differ. If there are too few bins in between, the bins of the window are used.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
     near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
     if near.sum() < FEWEST_BINS:
         near = known & profile.in_window
-    position, offset = profile.position_m[near], profile.offset_n[near]
-    slope, intercept = motion.straight_line(position, offset)
-    is_far = np.abs(position - turn_m).min() > np.ptp(position)
-    scatter = np.std(offset - slope * position - intercept)
-    if is_far or scatter > LARGEST_SCATTER * abs(np.nanmean(profile.friction_n)):
-        return 0.0, float(np.mean(offset))
-    return slope, intercept
+    return motion.straight_line(profile.position_m[near], profile.offset_n[near])
 
 
 class _Usual(NamedTuple):
@@ -160,7 +151,7 @@ def _peak(
         # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
         significant=excess > usual.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
         dwell_s=stroke.dwell_s,
-        loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else float("nan"),
+        loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
         rise_samples=high - low,
         flags=tuple(name for name, is_so in seen.items() if is_so),
     )
@@ -202,7 +193,7 @@ def rise(friction_n: Array) -> tuple[int, int]:
 
 def median(values: Sequence[float]) -> float:
     """Return the median of a few values, or NaN. A single value is the usual case, for which NumPy is slow."""
-    return float(np.median(values)) if len(values) > 1 else values[0] if values else float("nan")
+    return float(np.median(values)) if len(values) > 1 else values[0] if values else np.nan
 
 
 # --- Stick-slip in any motion, and in the strokes of a piston that a rig moves through a spring.
@@ -323,8 +314,8 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
         start_s=float(time_s[0]),
         stop_s=float(time_s[-1]),
         periods=periods,
-        period_s=float(np.median(np.diff(moments))) if periods else float("nan"),
-        step_m=float(np.median(np.abs(np.diff(places)))) if periods else float("nan"),
+        period_s=float(np.median(np.diff(moments))) if periods else np.nan,
+        step_m=float(np.median(np.abs(np.diff(places)))) if periods else np.nan,
         peak_speed_m_s=float(np.median(peaks)) if peaks else float(speed.max()),
         stuck_share=stuck_share,
         mean_speed_m_s=mean,

@@ -623,7 +623,7 @@ class Fit(Viewed):
         """
         entries = file.entries
         names = tuple(entries if file.covariance is None else file.covariance.names)
-        matrix = np.array([] if file.covariance is None else file.covariance.matrix, dtype=np.float64)
+        matrix = np.array([] if file.covariance is None else file.covariance.matrix, dtype=float)
         if matrix.size and matrix.shape != (len(names), len(names)):
             raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
 

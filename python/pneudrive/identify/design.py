@@ -396,7 +396,7 @@ class Prior(Shown):
         covariance = to_internal @ fit.covariance @ to_internal.T
         deviation = np.sqrt(np.diag(covariance))
         size = np.outer(deviation, deviation)
-        known = np.asarray(np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size, dtype=np.float64)
+        known = np.asarray(np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size, dtype=float)
         share = np.ones(deviation.size)
         for k, name in enumerate(fit.free):
             if name.startswith("stribeck_") or name == "breakaway":  # logarithms
@@ -601,7 +601,7 @@ def _check(limits: Limits, criterion: str, points: int | None, seconds: float | 
 def _noise(source: FrictionFit | Prior) -> float:
     """Return the standard deviation of a further measured value, N, from the fit."""
     if isinstance(source, Prior) or source.observations is None:
-        return float("nan") if isinstance(source, Prior) else source.statistics["rms_n"]
+        return np.nan if isinstance(source, Prior) else source.statistics["rms_n"]
     typical = float(np.median(source.observations.stderr_n))
     return float(np.sqrt(source.statistics["variance"])) * typical
 

@@ -196,7 +196,7 @@ def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
     assert series.curve is not None
     conditions, log_s = len(series.conditions), np.log10(series.duration_s)
     rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
-    mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(np.float64)).estimates())
+    mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(float)).estimates())
     durations = series.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
     return [
         Band(series.duration_s, low, high, look=look(k)),

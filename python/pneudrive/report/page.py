@@ -309,7 +309,7 @@ def chance(p: float) -> str:
 
     Examples
     --------
-    >>> chance(0.0342), chance(1e-5), chance(float("nan"))
+    >>> chance(0.0342), chance(1e-5), chance(math.nan)
     ('0.034', '< 0.001', '–')
     """
     return "–" if not np.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"

@@ -66,7 +66,7 @@ def recording_view(recording: Recording) -> View:
     numbers = {
         "duration": (seconds, "s"),
         "samples": (float(len(recording)), ""),
-        "samples per second": ((len(recording) - 1) / seconds if seconds else float("nan"), ""),
+        "samples per second": ((len(recording) - 1) / seconds if seconds else math.nan, ""),
         "strokes": (float(len(found)), ""),
     }
     return View(

@@ -117,7 +117,7 @@ def _ends(drive: SizedDrive, name: str, factor: float) -> str:
     """Return the range of 98 % of the samples. Empty in folders of earlier versions."""
     if name not in drive.intervals:
         return ""
-    low, high = (f"{factor * end:.3g}" if end < float("inf") else "no end" for end in drive.intervals[name])
+    low, high = (f"{factor * end:.3g}" if end < math.inf else "no end" for end in drive.intervals[name])
     return f"{low} … {high}"
 
 
@@ -169,7 +169,7 @@ def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
         ([drive for drive in rest if drive.is_feasible], Look("grey", "-", "."), "not simulated to the end"),
         (result.ranked, Look("blue"), "meets the task"),
     ):
-        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < float("inf")]
+        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < math.inf]
         if shown:
             air, times = zip(*shown, strict=True)
             yield Markers(air, times, label, own, filled=True)

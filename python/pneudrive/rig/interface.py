@@ -204,7 +204,7 @@ class Samples:
             A channel is missing or of another length.
         """
         try:
-            channels = {name: np.array(getattr(given, name), dtype=np.float64) for name in CHANNELS}
+            channels = {name: np.array(getattr(given, name), dtype=float) for name in CHANNELS}
             step = np.array(given.step, dtype=np.int64)
         except (AttributeError, TypeError, ValueError) as error:
             raise RigError("the rig did not return samples", value=str(error), rule="see Samples") from None

@@ -63,7 +63,7 @@ def steady_friction_n(
     ndarray
         Friction, N, one-dimensional.
     """
-    velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=np.float64))
+    velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=float))
     others = {name: table for name, table in friction.items() if name not in ("law", "parameters", "pressure")}
     law, parameters, pressure = friction["law"], friction["parameters"], friction.get("pressure")
     steady = _core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m)

@@ -245,7 +245,7 @@ def _arrays(
         shown = f"columns: {', '.join(map(str, columns))}"
         what = f"the recording lacks {', '.join(missing)}"
         raise RecordingError(what, where=where, value=shown, rule=rule, remedy=remedy)
-    arrays = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in known if c in columns}
+    arrays = {c: np.ascontiguousarray(columns[c], dtype=float) for c in known if c in columns}
     if any(values.shape != (arrays["time_s"].size,) for values in arrays.values()):
         shown = ", ".join(f"{column}: {values.shape}" for column, values in arrays.items())
         raise RecordingError("the columns differ in length", where=where, value=shown)

@@ -96,7 +96,7 @@ def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
     n = time_s.size
     low = np.maximum(np.arange(n) - half_width, 0)
     high = np.minimum(np.arange(n) + half_width + 1, n)
-    count = (high - low).astype(np.float64)
+    count = (high - low).astype(float)
     # Centred values keep the running sums small, so that their differences stay accurate.
     t = time_s - time_s.mean()
     y = values - values.mean()
@@ -176,7 +176,7 @@ def turning_points(position_m: Array, least_m: float) -> Ints:
 
     Among equal extremes the first one counts, and among equal consecutive samples the one in the middle.
     """
-    return _core.turning_points(np.ascontiguousarray(position_m, dtype=np.float64), least_m)
+    return _core.turning_points(np.ascontiguousarray(position_m, dtype=float), least_m)
 
 
 def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:

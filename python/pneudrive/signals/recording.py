@@ -121,7 +121,7 @@ class Recording(Viewed):
         """Convert the channels to float64 and refuse an invalid recording."""
         size = np.size(self.time_s)
         for channel in ("time_s", *CHANNELS):
-            values = np.asarray(getattr(self, channel), dtype=np.float64)
+            values = np.asarray(getattr(self, channel), dtype=float)
             if values.ndim == 0:
                 values = np.full(size, float(values))
             if values.shape != (size,):

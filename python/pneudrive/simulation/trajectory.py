@@ -268,7 +268,7 @@ def read_columns(
         if values.ndim != 1 or values.dtype.kind not in "iuf":
             shown = f"{values.dtype}, {values.shape}"
             raise RecordingError("a column of the file holds no numbers", where=str(path), value=shown)
-    return {name: np.asarray(found[there], dtype=np.float64) for name, there in names.items()}
+    return {name: np.asarray(found[there], dtype=float) for name, there in names.items()}
 
 
 def _name_in(path: Path, column: str) -> str:

@@ -321,6 +321,5 @@ class Pruning:
                     self._drop(names | {slot: one.name}, others, shortage)
         if wide and open_:
             fill = air_estimate_kg(cylinder, tube, self.task)
-            each = (DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL) for valve in wide)
-            left = min(count_open(choice, self.task) for choice in each)
+            left = min(count_open(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), self.task) for valve in wide)
             self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))

@@ -234,7 +234,7 @@ class DriveStrokes:
         for name, value in self.template(outward)[1].items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
             own = begun if is_full else temperature if name.endswith("temperature_k") else value
-            starts[name] = np.broadcast_to(np.asarray(own, dtype=np.float64), rows)
+            starts[name] = np.broadcast_to(np.asarray(own, dtype=float), rows)
         return CoreMembers(paths, values, starts)
 
     def _factors(self, draws: Array) -> dict[str, Array]:

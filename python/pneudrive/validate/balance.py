@@ -236,9 +236,9 @@ class Signals:
         if np.abs(steps - step).max() <= 1e-3 * step:
             return cls(recording, step, time, recording["command"], *(recording[c] for c in channels))
         step = float(np.median(steps))
-        even: Array = np.arange(round(recording.duration_s / step) + 1, dtype=np.float64) * step
+        even: Array = np.arange(round(recording.duration_s / step) + 1, dtype=float) * step
         held = recording["command"][np.searchsorted(time, even, side="right") - 1]
-        x, a, b = (np.asarray(np.interp(even, time, recording[c]), dtype=np.float64) for c in channels)
+        x, a, b = (np.asarray(np.interp(even, time, recording[c]), dtype=float) for c in channels)
         return cls(recording, step, even, held, x, a, b)
 
     @property
@@ -249,7 +249,7 @@ class Signals:
     def smooth(self, values: Array) -> Array:
         """Return values smoothed by the local cubics that also give velocity and acceleration; NaN stays NaN."""
         width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(values, width, 3), dtype=np.float64)
+        return np.asarray(savgol_filter(values, width, 3), dtype=float)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
@@ -260,7 +260,7 @@ class Signals:
 
     def _derivative(self, order: int, half: int | None = None) -> Array:
         width = min(2 * (half or self.half) + 1, (self.position_m.size - 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=np.float64)
+        return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
     @cached_property
     def velocity_m_s(self) -> Array:

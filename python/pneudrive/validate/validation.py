@@ -457,7 +457,7 @@ def run_columns(record: RecordResult) -> dict[str, Array]:
         table[name] = np.interp(signals.time_s, recording.time_s, recording[name])
     for run, words in ((record.free, "free"), (record.restarted, "restarted")):
         table |= {f"{words}.{name}": run[name] for name in CHANNELS}
-    return {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in table.items()}
+    return {name: np.ascontiguousarray(values, dtype=float) for name, values in table.items()}
 
 
 def save_run(found: Validation, number: int, folder: Path) -> Path:

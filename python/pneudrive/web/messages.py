@@ -62,7 +62,7 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
         if drawn:
             ends = np.fmin.reduce(values, initial=np.inf), np.fmax.reduce(values, initial=-np.inf)
             middle = 0.5 * float(ends[0]) + 0.5 * float(ends[1]) if np.isfinite(ends).all() else 0.0
-            own = np.subtract(values, middle, dtype=np.float64).astype("<f4")
+            own = np.subtract(values, middle, dtype=float).astype("<f4")
         else:
             middle, own = None, np.ascontiguousarray(values, dtype=TYPES[values.dtype.name])
         listed.append([name, own.dtype.str[1:], at, len(own), *([] if middle is None else [middle])])

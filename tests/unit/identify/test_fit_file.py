@@ -60,12 +60,7 @@ def test_file_is_plain_toml_with_units(make_map, friction_of, tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [
-        ("", "is empty"),
-        ("schema = 9", "another schema"),
-        ("[", "is not TOML"),
-        ("schema = 1", "not a complete"),
-    ],
+    [("", "is empty"), ("schema = 9", "another schema"), ("[", "is not TOML"), ("schema = 1", "not a complete")],
 )
 def test_files_that_are_no_fit(tmp_path, text, message):
     (tmp_path / "fit.toml").write_text(text)

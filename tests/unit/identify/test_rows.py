@@ -75,7 +75,6 @@ def test_directions_share_the_offset_between_them(make_map, friction_of):
     assert "zero of the force" in compared.sentence
     for fit in fits.values():
         assert fit.expanded_uncertainty("coulomb") == pytest.approx(4.0, rel=1e-3)
-        assert any("zero of the force" in note for note in fit.notes)
 
 
 def test_u_contains_the_shape_of_the_curve(make_map, friction_of):

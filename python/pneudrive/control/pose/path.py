@@ -256,7 +256,7 @@ class Tracked:
     @property
     def percent(self) -> float:
         """RMS error in percent of the amplitude; NaN if the reference is at rest."""
-        return 100.0 * self.rmse / self.amplitude if self.amplitude > 0.0 else float("nan")
+        return 100.0 * self.rmse / self.amplitude if self.amplitude > 0.0 else math.nan
 
     def error(self) -> str:
         """Return the RMS error in percent of the amplitude, or with its unit for a reference at rest."""

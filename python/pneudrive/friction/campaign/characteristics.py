@@ -255,7 +255,7 @@ def _ranges(reading: CampaignData) -> Ranges:
 
     def span(values: np.ndarray) -> Interval:
         known = values[np.isfinite(values)]
-        return (float(known.min()), float(known.max())) if known.size else (float("nan"), float("nan"))
+        return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
     return Ranges(
         speed_m_s=span(np.abs(cycles["velocity_m_s"])),
@@ -458,7 +458,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     share = mean_estimate(shares, "1")
     time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
-    seconds = Estimate(middle, low, high, float("nan"), "s")
+    seconds = Estimate(middle, low, high, np.nan, "s")
     notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
     estimates = {"share": share, "time": seconds}
     table = _written(estimates) | {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}

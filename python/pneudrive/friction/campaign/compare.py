@@ -101,7 +101,7 @@ def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float
         "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
         "filter": "none" if average == 1 else f"moving average of {average}",
         "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
-        "samples at restarts": float(np.median(rates)) if rates.size else float("nan"),
+        "samples at restarts": float(np.median(rates)) if rates.size else np.nan,
     }
 
 
@@ -212,7 +212,7 @@ def compare_curves(
     if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
     u, u_log = float(np.sqrt(2.0)) * gain, np.log10(common.points["speed_m_s"].to_numpy())
-    sign = (campaign.astype(np.float64) - 0.5)[:, None]
+    sign = (campaign.astype(float) - 0.5)[:, None]
     dummies = (point[:, None] == np.arange(m)[None, :]).astype(float)
     away = u_log - u_log.mean()
     speeds, bar = np.unique(np.round(away, 2)).size, common.points.select(KEY[1:3]).to_numpy(order="c") / 1e5
@@ -301,7 +301,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
 
     def mean(values: Array) -> Array:
-        return np.array([np.mean(values[group]) for group in groups], dtype=np.float64)
+        return np.array([np.mean(values[group]) for group in groups], dtype=float)
 
     rows = {
         "campaign": campaign[heads],
@@ -361,7 +361,7 @@ class Test:
     what: str
     difference: Estimate | None
     p: float
-    adjusted_p: float = float("nan")
+    adjusted_p: float = np.nan
     different: bool = False
     beyond_repeatability: bool | None = None
     note: str = ""
@@ -432,7 +432,6 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
         *(() if curves is None else _curve_tests(both, curves)),
         *(test for pair in pairs for test in _dwell_tests(*pair)),
         *_drift_test(both),
-        *_repeatability_test(both),
     ]
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
@@ -520,27 +519,6 @@ def _drift_test(both: Both) -> Iterator[Test]:
     if before is not None and after is not None:
         difference = after - before
         yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
-
-
-def _repeatability_test(both: Both) -> Iterator[Test]:
-    """Compare the scatter of repeated cycles by an F test, if both campaigns have repeats.
-
-    Residuals of a smooth curve contain more than scatter and are not tested.
-    """
-    from scipy.special import fdtr, fdtrc, fdtri
-
-    each = [found.repeatability for found in both]
-    a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in each)
-    if a is None or b is None or not (a.value > 0 and b.value > 0):
-        return
-    free = b.degrees_of_freedom, a.degrees_of_freedom
-    ratio = (b.value / a.value) ** 2
-    p = min(1.0, 2.0 * min(float(fdtr(*free, ratio)), float(fdtrc(*free, ratio))))
-    low, high = (float(np.sqrt(ratio / fdtri(*free, share))) for share in (0.975, 0.025))
-    value = float(np.sqrt(ratio))
-    error = value * float(np.sqrt(0.5 / free[0] + 0.5 / free[1]))
-    estimate = Estimate(value, low, high, error, "", min(free), p)
-    yield Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:

@@ -438,7 +438,7 @@ def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
 
 
 def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:
-    above, mixed = min((v for v in steady if v > top), default=float("inf")), [v for v in steady if v < top]
+    above, mixed = min((v for v in steady if v > top), default=np.inf), [v for v in steady if v < top]
     kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
     text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
     if mixed and kind == "between":
@@ -479,7 +479,7 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
                 half_difference_n=value,
                 low_n=value - half,
                 high_n=value + half,
-                mean=mean if fits.has_zero else replace(mean, p=float("nan")),
+                mean=mean if fits.has_zero else replace(mean, p=np.nan),
                 basis="tare" if fits.has_zero else "not separable",
             )
         )

@@ -251,11 +251,11 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
     middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)
     end = float(np.median(friction[middle]))
     if start == end:
-        return float("nan")
+        return np.nan
     share = (friction[part] - start) / (end - start)
     low, high = int(np.argmax(share >= 0.1)), int(np.argmax(share >= 0.9))
     if high <= low:
-        return float("nan")
+        return np.nan
     return float(abs(recording.position_m[part][high] - recording.position_m[part][low]))
 
 
@@ -266,7 +266,7 @@ def _width(recording: Recording, friction: Array, velocity: Array, stroke: Strok
     travel = np.abs(recording.position_m[part] - stroke.from_m)
     fast = np.flatnonzero(speed >= 0.9)
     if not fast.size or not np.isfinite(presliding):
-        return float("nan")
+        return np.nan
     number = np.arange(speed.size)
     rising = (number < fast[0]) & (travel > PRESLIDINGS * presliding)
     falling = number > fast[-1]
@@ -277,7 +277,7 @@ def _width(recording: Recording, friction: Array, velocity: Array, stroke: Strok
         if (inside & rising).any() and (inside & falling).any():
             own = stroke.direction * friction[part]
             differences.append(float(own[inside & falling].mean() - own[inside & rising].mean()))
-    return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else float("nan")
+    return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else np.nan
 
 
 # --- Sensors, from cycles at rest.
@@ -307,9 +307,9 @@ class Gain:
     """
 
     error: float = 0.0
-    stderr: float = float("nan")
-    measured: float = float("nan")
-    measured_stderr: float = float("nan")
+    stderr: float = np.nan
+    measured: float = np.nan
+    measured_stderr: float = np.nan
     cycles: int = 0
     plausible: bool = True
     surprising: bool = False
@@ -331,7 +331,7 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
     scatter = float(np.var(values, ddof=1)) / count if count > 1 else 0.0
     stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
-        return Gain(0.0, float("nan"), measured, stderr, count, plausible=False)
+        return Gain(0.0, np.nan, measured, stderr, count, plausible=False)
     prior = stated_gain(identity)
     if prior is None:
         return Gain(measured, stderr, measured, stderr, count)
@@ -387,8 +387,8 @@ class PressureZero:
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
-    mean_pa: float = float("nan")
-    stderr_pa: float = float("nan")
+    mean_pa: float = np.nan
+    stderr_pa: float = np.nan
     tares: int = 0
     far: dict[str, float] = field(default_factory=dict)
     unsteady: dict[str, float] = field(default_factory=dict)

@@ -143,7 +143,7 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
         out = curve.excluded if curve.direction == BOTH else ()
         added: dict[str, list[Any]] = {name: [getattr(p, name) for p in out] for name in ("speed_m_s", "friction_n")}
         added |= {"measured": [True] * len(out), "cycles": [1] * len(out)}
-        nothing = [float("nan")] * len(out)
+        nothing = [np.nan] * len(out)
         columns = {name: [*getattr(curve, name).tolist(), *added.get(name, nothing)] for name in names}
         excluded = [*[""] * curve.speed_m_s.size, *(p.reason for p in out)]
         of_curve = vars(curve.condition) | {n: getattr(curve, n) for n in ("direction", "contains_air", "complete")}
@@ -215,8 +215,8 @@ def _series(s: DwellSeries) -> Row:
     named |= {"stops": len(s.stops), "left_out": s.left_out}
     return {
         **named,
-        "shortest_s": min(durations, default=float("nan")),
-        "longest_s": max(durations, default=float("nan")),
+        "shortest_s": min(durations, default=np.nan),
+        "longest_s": max(durations, default=np.nan),
         **{name: getattr(s, name) for name in TABLES["stops"]["series"]},
         "pressure": by_chamber(s.pressure) if s.pressure else None,
         "condition": [

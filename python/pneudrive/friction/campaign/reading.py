@@ -234,11 +234,11 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
     first, last = (end(head.index for head in heads) for end in (min, max))
     began = min(head.began_s for head in heads)
     known = sorted({_date(head.started) for head in heads} - {""})
-    plans, previous, duration, total, at = {}, None, float("nan"), 0.0, None
+    plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:
         cycle, date = head.cycle, _date(head.started)
         way, row = found.get(cycle.key, (0.0, None))
-        rest = head.began_s - previous.began_s - duration if previous is not None else float("nan")
+        rest = head.began_s - previous.began_s - duration if previous is not None else np.nan
         if previous is not None and previous.cycle.kind == "stop":
             rest = previous.cycle.stop_s or 0.0
         for step in cycle.steps:
@@ -250,7 +250,7 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
             "index": head.index,
             "day": known.index(date) + 1 if date else 1,
             "condition": condition_of(head),
-            "set_speed_m_s": float("nan") if cycle.speed_m_s is None else cycle.speed_m_s,
+            "set_speed_m_s": np.nan if cycle.speed_m_s is None else cycle.speed_m_s,
             "set_a_pa": cycle.pressure_a_pa,
             "set_b_pa": cycle.pressure_b_pa,
             "began_s": head.began_s,
@@ -261,7 +261,7 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
             "rest_s": rest,
         }
         total, previous = total + way, head
-        duration = row["duration_s"] if isinstance(row, dict) and cycle.kind != "weight" else float("nan")
+        duration = row["duration_s"] if isinstance(row, dict) and cycle.kind != "weight" else np.nan
     return plans
 
 
@@ -279,7 +279,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
         else:
             row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-        return row | {"flags": flags, "temperature_k": float(known.mean()) if known.size else float("nan")}
+        return row | {"flags": flags, "temperature_k": float(known.mean()) if known.size else np.nan}
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):

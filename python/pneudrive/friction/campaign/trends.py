@@ -296,7 +296,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
 
     def left(waves: Sequence[float]) -> float:
         if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
-            return float("inf")
+            return np.inf
         columns = weight[:, None] * _columns(position, waves, length)
         rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
         return float(rest @ rest)

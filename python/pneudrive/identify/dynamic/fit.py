@@ -558,7 +558,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
     missing = [c for c in names if c not in loop]
     if missing:
         raise FitError(f"a loop lacks {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
-    time, position, friction = (np.asarray(loop[c], dtype=np.float64) for c in names)
+    time, position, friction = (np.asarray(loop[c], dtype=float) for c in names)
     return time, position, friction
 
 

@@ -342,9 +342,15 @@ def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = F
 
 
 def _shortened(
-    problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False,
+    problem: FitProblem,
+    point: Iterate,
+    at: Joined,
+    longest: float,
+    believed: list[Array],
+    *,
+    reset: bool = False,
     share: float = 1.0,
-) -> tuple[Iterate, Misfit, float] | None:  # fmt: skip
+) -> tuple[Iterate, Misfit, float] | None:
     """Shorten the step until it lowers the merit function, by runs without derivatives.
 
     Only the coordinates move less; a share also shortens the move of the starts. Return point, misfit and the longest

@@ -219,7 +219,7 @@ def steady_force(
     from pneudrive import _core
 
     more = {key: value for key, value in core.items() if key not in ("law", "parameters", "pressure")} or None
-    v = np.ascontiguousarray(velocity_m_s, dtype=np.float64)
+    v = np.ascontiguousarray(velocity_m_s, dtype=float)
     law = core["law"], core["parameters"]
     force = _core.steady_friction(*law, v, gauge_a_pa, gauge_b_pa, core.get("pressure"), more, position_m)
     return np.asarray(force) * np.sign(v)

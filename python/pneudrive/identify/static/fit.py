@@ -260,7 +260,7 @@ def _parameters(law: str, model: sliding.FrictionModel, theta: dict[str, float])
         names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]
         if model.lorentzian:
             names.remove("stribeck_exponent")
-    parameters = {name: theta.get(name, float("nan")) for name in names}
+    parameters = {name: theta.get(name, np.nan) for name in names}
     if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
         parameters["stribeck_exponent"] = float(model.exponent)
     for name in sliding.UNITS:

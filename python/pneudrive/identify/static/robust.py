@@ -85,7 +85,7 @@ class RobustEstimate:
     cost: float
     starts: int = 1
     agreeing: int = 1
-    rival: float = float("nan")
+    rival: float = np.nan
 
     @property
     def dof(self) -> int:
@@ -137,7 +137,7 @@ class RobustEstimate:
         spread = float(np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2))
         k = n - self.dof + 1
         small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-        explained = 1.0 - float(np.sqrt(np.sum(residual**2) / spread)) if spread > 0.0 else float("nan")
+        explained = 1.0 - float(np.sqrt(np.sum(residual**2) / spread)) if spread > 0.0 else np.nan
         return {
             "values": float(n),
             "degrees_of_freedom": float(self.dof),
@@ -198,7 +198,7 @@ def estimate(
     counts = {
         "starts": len(starts),
         "agreeing": len(near) - len(others),
-        "rival": float(np.exp(others[0][2])) if others else float("nan"),
+        "rival": float(np.exp(others[0][2])) if others else np.nan,
     }
     for _ in range(0 if fixed_scale else MAX_ROUNDS):
         updated = max(proposal_2(_residual(model, q, data), scale, dof, kind.tuning), floor)

@@ -98,7 +98,7 @@ class Node:
     def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a value of the node's type
         """Convert a raw value to SI; numbers already in SI keep their bits. A list becomes an array."""
         if self.kind.array:
-            raw = np.asarray(raw, dtype=np.float64 if self.kind.type == "Double" else np.int64)
+            raw = np.asarray(raw, dtype=float if self.kind.type == "Double" else np.int64)
         return raw * self.factor + self._zero(ambient_pa) if self._scaled else raw
 
     def from_si(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401

@@ -247,4 +247,4 @@ def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
 def _truths(run: Experiment) -> Array:
     """Return the true friction of each cycle, mean of both directions, N."""
     each = [[friction for _, friction in strokes if friction is not None] for strokes in run.true_strokes()]
-    return np.asarray(each, dtype=np.float64).mean(axis=1)
+    return np.asarray(each, dtype=float).mean(axis=1)

@@ -97,7 +97,7 @@ def _start(drive: pn.Drive) -> str:
 
 def _arrival(run: xr.Dataset, stroke_m: float) -> float:
     there = np.flatnonzero(run.position.to_numpy() >= stroke_m)
-    return float(run.time[int(there[0])]) if there.size else float("nan")
+    return float(run.time[int(there[0])]) if there.size else math.nan
 
 
 def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float:

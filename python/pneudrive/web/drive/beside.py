@@ -100,7 +100,7 @@ class ExtrasRequest(RunRequest):
         if self.motion:
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
-            arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=np.float64)[rows] for name in moving}
+            arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=float)[rows] for name in moving}
             head["platforms"], own = platform_motion(described, run, rows, compared)
             arrays |= own
         if self.loops:
@@ -320,7 +320,7 @@ def platform_motion(
     for own in each:
         poses = pose_columns(own)[0]
         known = [name for name in run_columns(own) if name in run.columns]
-        some = {name: np.asarray(run.columns[name], dtype=np.float64)[rows] for name in known}
+        some = {name: np.asarray(run.columns[name], dtype=float)[rows] for name in known}
         outputs = {name: some[name] for name in poses} | platform_outputs(own, some)
         pose = motion_of(own, some)[0]
         *lines, (_, _, path) = platform_lines(own, pose)
@@ -378,7 +378,7 @@ def _poses_of(poses: list[str], others: Mapping[str, Columns]) -> Iterator[tuple
         rows = np.linspace(0, len(columns["time_s"]) - 1, PATH_SAMPLES).round().astype(int)
         for label, names in ((path, poses), (f"reference of {path}", list(map(_reference, poses)))):
             if all(name in columns for name in names):
-                yield label, [np.asarray(columns[name], dtype=np.float64)[rows] for name in names]
+                yield label, [np.asarray(columns[name], dtype=float)[rows] for name in names]
 
 
 def _reference(column: str) -> str:

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 
-NOTHING = float("nan")
+NOTHING = np.nan
 #: Least number of samples of a phase.
 FEWEST = 5
 #: Speeds within this share of the usual one belong to the part of a move at constant speed.
@@ -500,7 +500,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     if strange and rms(rest) > MISFIT * start:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
-    high = high if complete else float("inf")
+    high = high if complete else np.inf
     level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
     reach = student(freedom) * level
     # Beyond the observed travel, at the speed of the move.
@@ -520,7 +520,7 @@ def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, f
     def crossing(shift: float) -> float:
         over = np.flatnonzero(above + shift * sigma > BACK * top)
         last = int(over[-1]) + 1 if over.size else 0
-        return float(travel[last]) if last < above.size else float("inf")
+        return float(travel[last]) if last < above.size else np.inf
 
     low, value, high = crossing(-1.0), crossing(0.0), crossing(1.0)
     return min(value, travel[-1]), low, max(high, value)

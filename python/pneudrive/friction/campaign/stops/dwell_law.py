@@ -140,8 +140,8 @@ class DwellSeries(Shown):
     high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
     laws: tuple[dwell_models.DwellLawFit, ...] = ()
     pressure: DwellPressure | None = None
-    scatter_n: float = float("nan")
-    block_n: float = float("nan")
+    scatter_n: float = np.nan
+    block_n: float = np.nan
     outlying: tuple[str, ...] = ()
     curve: dwell_models.DwellCurve | None = None
 
@@ -292,7 +292,7 @@ def fit_contact_age(
         growth=form.growth,
         exponent=exponent,
         increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
-        time=Estimate(time, *found.shape_interval(0, rise, limits), float("nan"), "s"),
+        time=Estimate(time, *found.shape_interval(0, rise, limits), np.nan, "s"),
         distance=mean_estimate(each_length, "m") if each_length.size >= FEWEST_STOPS else None,
         share_a_pa=each[0],
         share_b_pa=each[1],
@@ -507,7 +507,7 @@ def _reference(durations: list[float]) -> float:
 def _running(stops: pl.DataFrame) -> float:
     """Average running friction; the mean of both directions removes the offset."""
     by_direction = [np.mean(group["running_n"].to_numpy()) for _, group in stops.group_by("direction")]
-    return float(np.mean(by_direction)) if by_direction else float("nan")
+    return float(np.mean(by_direction)) if by_direction else np.nan
 
 
 def _running_drift(stops: pl.DataFrame) -> float:
@@ -533,7 +533,7 @@ def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> Dwel
     if names:
         away = gauge - gauge.mean(axis=0)
         columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
-        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(np.float64)
+        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(float)
         slopes, increments = (
             by_name(names, functionals.combine(rows).estimates("N/Pa"))
             for functionals in (curve.slopes(at), curve.values(at))

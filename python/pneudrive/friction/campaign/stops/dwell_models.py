@@ -141,8 +141,8 @@ class DwellLawFit(Shown):
     aicc: float
     bic: float
     parameters: int
-    delta: float = float("nan")
-    weight: float = float("nan")
+    delta: float = np.nan
+    weight: float = np.nan
 
     @property
     def name(self) -> str:
@@ -171,7 +171,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
     """
     if curve.data.durations < LEAST_DURATIONS:
         return ()
-    whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(np.float64)
+    whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
     delta = [f.aicc - fits[0].aicc for f in fits]
     weight = np.exp(-0.5 * np.array(delta))
@@ -210,7 +210,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
         slope_low_n=slope_low,
         slope_high_n=slope_high,
         aicc=aicc,
-        bic=float(deviance + count * np.log(n)) if np.isfinite(aicc) else float("inf"),
+        bic=float(deviance + count * np.log(n)) if np.isfinite(aicc) else np.inf,
         parameters=count,
     )
 
@@ -328,7 +328,7 @@ class DwellCurve:
         """Return the mean slope per decade between two log10 durations, at each condition."""
         row = np.array([[-1.0, 1.0]]) / (high - low)
         rows = np.kron(np.eye(len(self.data.conditions)), row)
-        return self.values(np.array([low, high])).combine(rows.astype(np.float64))
+        return self.values(np.array([low, high])).combine(rows.astype(float))
 
     def scatter_covariance(self) -> Array:
         """Return the covariance of the stops without the bends, shape (n, n): for the comparison of laws."""
@@ -418,7 +418,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
     wanted[conditions : 2 * conditions] = 1.0 / conditions
     both = np.c_[x, drift]
     if np.linalg.matrix_rank(both) < both.shape[1]:
-        return float("inf")
+        return np.inf
     before = wanted @ np.linalg.pinv(x.T @ x) @ wanted
     wider = np.r_[wanted, 0.0]
     return float(wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300))

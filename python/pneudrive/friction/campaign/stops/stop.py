@@ -276,7 +276,7 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
 def _place(file: CycleFile) -> tuple[Condition, float]:
     """Return condition and number of the speed of a cycle."""
     speed = file.head.cycle.speed_m_s
-    return condition_of(file.head), round(float(np.log(speed)) / course.SAME_SPEED) if speed else float("nan")
+    return condition_of(file.head), round(float(np.log(speed)) / course.SAME_SPEED) if speed else np.nan
 
 
 def _has_reference(cycle: Cycle) -> bool:
@@ -533,8 +533,8 @@ def find_breakaway(
         time_s=at - float(time_s[0]),
         travel_m=float(travel_m[index]),
         index=index,
-        rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else float("nan"),
-        loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else float("nan"),
+        rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else np.nan,
+        loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
         flags=tuple(flags),
     )
 
