@@ -260,7 +260,7 @@ class Search:
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
     def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank cylinders by nominal runs; the ranking so far is told after each batch."""
+        """Rank cylinders by nominal runs, and tell the ranking after each batch."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
             waiting.setdefault(pair.cylinder.name, []).append(pair)
