@@ -337,8 +337,8 @@ class Fit(Viewed):
     def expanded_uncertainty(self, name: str) -> float:
         """Return U = sqrt(statistical^2 + (2 systematic)^2) of one free value (k = 2).
 
-        The statistical part is twice the standard error, and at least the larger half of the 95 % interval. The interval
-        also contains the uncertainty of the shape of a curve.
+        The statistical part is twice the standard error, and at least the larger half of the 95 % interval. The
+        interval also contains the uncertainty of the shape of a curve.
 
         Raises
         ------
