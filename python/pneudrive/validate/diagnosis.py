@@ -476,7 +476,8 @@ def diagnose(
     model = _Regression(drive, signals, Watch(progress, cancel))
     first, culprits = model.left, []
     alone: tuple[tuple[str, float, float], ...] = ()
-    while len(culprits) < MOST_CULPRITS and model.is_dirty(model.left):
+    is_told = drive.valve.time_on_s is None  # the balances know no armature on its way
+    while is_told and len(culprits) < MOST_CULPRITS and model.is_dirty(model.left):
         fits = model.fits({c.key for c in culprits}, len(culprits))
         alone = alone or tuple((fit.cause.key, fit.amount, fit.share) for fit in fits if len(fit.causes) == 1)
         # Only the cause that explains most counts, because weaker ones are not evidence.

@@ -367,7 +367,7 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     watch = Watch(progress, cancel)
-    read, known, fitted = [], [], fitted or balance.sources_of(drive)
+    read, known, fitted = [], [SWITCHES] * (drive.valve.time_on_s is not None), fitted or balance.sources_of(drive)
     for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
@@ -380,6 +380,12 @@ def validate(
     found = Validation(drive, records, window_s, notes, fitted)
     found.diagnosis(progress, cancel)
     return found
+
+
+SWITCHES = (
+    "The valve has switching times. Balances and runs from measured states take it as switched at once, so no cause is "
+    "named. The free run starts with the valve at its first command: record from before the first switch."
+)
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:

@@ -70,13 +70,11 @@ class Check:
     consequence: str = ""
 
 
-def checks_of(
-    first: CampaignCharacteristics, second: CampaignCharacteristics, about: Row, other: Row
-) -> Iterator[Check]:
+def checks_of(both: Both, abouts: list[Row]) -> Iterator[Check]:
     """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
-    computed = [_shared(first, about), _shared(second, other)]
+    computed = list(map(_shared, both, abouts))
     for what, row in read(TABLE)[0].items():
-        ends = zip((first, second), computed, strict=True)
+        ends = zip(both, computed, strict=True)
         a, b = (attrgetter(row["of"])(found) if "of" in row else own[what] for found, own in ends)
         same = a == b
         if isinstance(a, float) and isinstance(b, float):
@@ -307,8 +305,6 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
         "campaign": campaign[heads],
         "point": point[heads],
         "log_n": mean(np.log(friction)),
-    }
-    rows |= {
         "noise": mean((stderr / friction) ** 2) / count,
         "count": count,
         "order": mean(cycles["order"].to_numpy()),
@@ -436,7 +432,7 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
         tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
-    compared = Comparison(first, second, tuple(checks_of(*both, *abouts)), tuple(tests), curves, pairs)
+    compared = Comparison(first, second, tuple(checks_of(both, abouts)), tuple(tests), curves, pairs)
     return replace(compared, statements=tuple(_statements(compared, why)))
 
 
@@ -465,8 +461,7 @@ def _gain(both: Both, abouts: list[Row]) -> float:
 
 
 def _curve_tests(both: Both, curves: CurveComparison) -> Iterator[Test]:
-    mean_n = float(curves.friction_n.mean())
-    mean = curves.mean.scaled(mean_n, "N")
+    mean = curves.mean.scaled(float(curves.friction_n.mean()), "N")
     within = [found.repeatability.within for found in both if found.repeatability is not None]
     limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
     beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
