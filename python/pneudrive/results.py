@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
-ONE_SIDED = " The differences contain the zero of the force sensor, and so do their intervals."
+ONE_SIDED = " The differences contain the zero of the force sensor. Their intervals contain what the maps show of it."
 SHOWN_PLACES = 5  # of a curve in a table
 SAME_PA = 1.0  # rounding of a pressure
 NARROW = 3.0  # ratio of speeds below which friction fits are compared over the pressure

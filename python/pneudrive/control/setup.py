@@ -123,7 +123,7 @@ class LimitSwitches(Described):
 
 
 #: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
-FAULTS: dict[str, tuple[str, str]] = package_table(__file__, "tables.toml")["faults"]
+FAULTS: dict[str, tuple[str, str]] = package_table(__file__, "faults.toml")
 CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
 MAY_LACK_A_VALUE = ("reference",)
 ABSOLUTE = ("supply-fallen", "saturated")  # kinds with an absolute pressure

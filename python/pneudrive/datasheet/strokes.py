@@ -34,7 +34,7 @@ LITRE = 1e-3  # m3
 LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 
 #: Number of a stroke -> unit and meaning.
-STROKE_MEANING: dict[str, tuple[str, str]] = package_table(__file__, "tables.toml")["stroke_meaning"]
+STROKE_MEANING: dict[str, tuple[str, str]] = package_table(__file__, "stroke_meaning.toml")
 
 
 @dataclass(frozen=True, repr=False)

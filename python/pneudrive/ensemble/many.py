@@ -553,7 +553,7 @@ def simulate_many(
         mapping has a Latin hypercube, a correlation, or the posterior of a fit. Values that depend on a varied number
         change with it.
     n : int, optional
-        Number of members, if `vary` has distributions.
+        Number of members of distributions.
     outputs : sequence of str or Output, optional
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
@@ -573,14 +573,14 @@ def simulate_many(
     executor : Executor, optional
         Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder of the finished chunks, as Parquet. An interrupted study continues from there, and
-        no finished chunk runs again.
+        Folder of the finished chunks, as Parquet. An interrupted study continues from there. Finished chunks do not
+        run again.
     chunk : int, optional
         Number of members that run together.
     errors : str
-        ``"keep"``: a failed member has NaN, a status and a reason. ``"raise"``: a failed member ends the study.
+        What follows from a failed member. ``"keep"``: it has NaN, a status and a reason. ``"raise"``: the study ends.
     max_members_in_memory : int
-        With more members, `out` is needed, and the returned data set does not contain them.
+        Larger studies need `out`. The returned data set then does not contain the members.
     threads : int, optional
         Default: all processors, or one for each chunk with an executor.
     progress, cancel : optional

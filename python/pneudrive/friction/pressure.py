@@ -101,10 +101,9 @@ class ClosureFit(Shown):
     ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
     layout. If both pressures changed together, the only entry is ``net``: the force of both chambers divided by the
     pressure that changed most. ``force_zero_n`` is the reading of the sensor without friction and pressure.
-    ``pressure_pa``,
-    ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and the residuals
-    of the line. ``statement`` is a sentence. Without a spare recording, or if the residuals contradict the line, the
-    intervals are unbounded.
+    ``pressure_pa`` and ``residual_n`` (points,) are the gauge pressure of the chamber that changed most, and the
+    residuals of the line. ``statement`` is a sentence. Without a spare recording, or if the residuals contradict the
+    line, the intervals are unbounded.
     """
 
     group: str
@@ -218,7 +217,7 @@ def _factors(
 def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
     """Return a value with its interval, which is unbounded without a spare recording."""
     if dof <= 0:
-        return Estimate(float(value), float("-inf"), np.inf, np.nan, unit)
+        return Estimate(float(value), -np.inf, np.inf, np.nan, unit)
     return Estimate.of(float(value), float(stderr), dof, unit)
 
 

@@ -43,7 +43,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is the unit as
-    written in layouts. ``gauge`` is None for an unmarked pressure.
+    written in layouts. A pressure without a mark has no ``gauge``.
     """
 
     si: str

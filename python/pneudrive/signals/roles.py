@@ -38,7 +38,7 @@ ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with t
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has no ``index``. ``gauge`` is None for an unmarked pressure.
+    A time from a sample rate has no ``index``. A pressure without a mark has no ``gauge``.
     ``keys`` are further keys of the column in the layout.
     """
 

@@ -328,7 +328,7 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
         rule = "B10 of cylinder and valve, ISO 19973"
         remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
-    if task.static_force_n:
+    if math.sin(task.incline_rad) or task.external_force_n:  # also if they balance: the mass has a spread
         found.append(_hanging_load(choice, task))
     for key, size, end, rule in unusual_sizes(task, USUAL | {"mass": USUAL["moving_mass"]}):
         found.append(MachineCheck(key, size.si, end, size.si_unit, None, rule, (f"{key} of the task in a usual size",)))

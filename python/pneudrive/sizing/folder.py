@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
-#: Number of the rules that decide whether a choice meets a task. From 2 on, every choice has a limit of the energy.
-RULES = 2
+#: Number of the rules of a ranking. From 2 on, every choice has a limit of the energy; from 3 on, open checks count.
+RULES = 3
 
 
 class SizingFolder:

@@ -22,13 +22,7 @@ from pneudrive.identify.files import read_fit
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 
-UNITS = {
-    "coulomb": "N",
-    "breakaway": "N",
-    "stribeck_velocity": "m/s",
-    "viscous": "N s/m",
-    "bristle_stiffness": "N/m",
-}
+UNITS = {"coulomb": "N", "breakaway": "N", "stribeck_velocity": "m/s", "viscous": "N s/m", "bristle_stiffness": "N/m"}
 FRICTION = [f"friction.{name}" for name in UNITS]
 START = {
     "position_m": 0.25,

@@ -37,6 +37,14 @@ def test_the_true_model_passes_and_a_wrong_one_does_not():
     assert right.records[0].channels["position_m"].off_s is None
 
 
+def test_no_cause_is_named_for_a_valve_with_switching_times():
+    """The balances would name a delay of 20 ms, which is the switching time of the description."""
+    truth = pn.Drive.load("catalogue:parker-osp-p40-sy7000")
+    found = validate(truth, pn.simulate(truth, "0 s: 0, 0.1 s: 1, 0.4 s: -1", "0.7 s", initial="position = 100 mm"))
+    assert (found.verdicts[0].met, found.diagnosis().is_clean, found.diagnosis().culprits) == (True, False, ())
+    assert "switching times" in " ".join(found.notes)
+
+
 #: Slow rises of pressure after rests: the piston breaks away and runs.
 RESTS = [(0.0, 0.0), (0.3, 0.02), (1.6, 0.0), (2.4, -0.03), (3.6, 0.0)]
 
