@@ -17,7 +17,7 @@ import { Button } from "../workspace/fields";
 import { list, studies } from "../workspace/files";
 import { field, JobForm, requestOf } from "../workspace/form";
 import { follow } from "../workspace/jobs";
-import { Copied, InFolder, NumberField, Problems, Select, SliderRow, Unsaved } from "../workspace/parts";
+import { Copied, InFolder, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
@@ -163,11 +163,7 @@ function Start({ path }: { path: string }) {
           </label>
           <label class="choice">
             Duration{" "}
-            <input
-              value={duration.value}
-              placeholder="reference's"
-              onChange={(event) => (duration.value = event.currentTarget.value)}
-            />
+            <TextField placeholder="reference's" value={duration.value} put={(text) => (duration.value = text)} />
           </label>
         </div>
         <Goal />
@@ -277,7 +273,7 @@ function ReferenceField() {
   return (
     <>
       <label class="choice">
-        Reference <input value={reference.value} onChange={(event) => (reference.value = event.currentTarget.value)} />
+        Reference <TextField value={reference.value} put={(text) => (reference.value = text)} />
       </label>
       <p class="row" role="group" aria-label="Standard references">
         {usual.map((one) => (

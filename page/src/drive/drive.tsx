@@ -330,7 +330,7 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
               </span>
             </th>
             <td>
-              <TextField label={field.key} value={bare(field)} put={(value) => put(field, value)} />
+              <TextField aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />
             </td>
             <td>{field.units && field.units.length > 1 && <Units field={field} />}</td>
             <td>

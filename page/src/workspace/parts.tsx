@@ -1,5 +1,5 @@
 /** Small parts that several views use. */
-import type { ComponentChildren } from "preact";
+import type { ComponentChildren, InputHTMLAttributes } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
@@ -104,13 +104,18 @@ export function useCopied(job: object | null, attempt: ReturnType<typeof attempt
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
+interface TextProps extends Pick<InputHTMLAttributes, "aria-label" | "class" | "inputMode" | "placeholder"> {
+  value: number | string;
+  put: (value: string) => void;
+}
+
 /** Field of a text. An answer that arrives during typing does not replace the typed text. */
-export function TextField({ label, value, put }: { label: string; value: string; put: (value: string) => void }) {
+export function TextField({ value, put, ...looks }: TextProps) {
   const [typed, type] = useState<string | null>(null);
   useEffect(() => type(null), [value]);
   return (
     <input
-      aria-label={label}
+      {...looks}
       value={typed ?? value}
       onInput={(event) => type(event.currentTarget.value)}
       onChange={(event) => put(event.currentTarget.value)}
@@ -147,13 +152,7 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
   };
   return (
     <>
-      <input
-        class="number"
-        inputMode="decimal"
-        aria-label={label}
-        value={value}
-        onChange={(event) => change(event.currentTarget.value)}
-      />
+      <TextField class="number" inputMode="decimal" aria-label={label} value={value} put={change} />
       {wrong && (
         <span class="missed" role="alert">
           {wrong}
