@@ -89,8 +89,9 @@ class Shot(TypedDict):
 @type_check_only
 class Output(TypedDict):
     column: str
-    what: Literal["final", "max", "min", "mean", "integral", "time_above", "time_below", "samples"]
-    value: NotRequired[float | None]  # what time_above and time_below compare with; the rate of samples, 1/s
+    what: Literal["final", "max", "min", "mean", "integral", "time_when", "rate_when", "samples"]
+    value: NotRequired[float | None]  # what time_when and rate_when compare with; the rate of samples, 1/s
+    above: NotRequired[bool]  # of time_when and rate_when: whether the column must rise above the value
 
 @type_check_only
 class Request(TypedDict):
@@ -316,14 +317,6 @@ class Circuit:
         openings: NDArray[float64],
         temperatures: Sequence[float],
     ) -> dict[str, NDArray[float64]]: ...
-    def sampled_states(
-        self,
-        plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],
-        duration: float,
-        sample_rate: float,
-        start: Mapping[str, float],
-        rtol: float,
-    ) -> NDArray[float64]: ...
     def shoot(self, command: str | None, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def simulate(
         self,

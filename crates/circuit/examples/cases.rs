@@ -4,7 +4,7 @@
 #[allow(dead_code)] // the tests use more
 mod drive;
 
-use circuit::{Driven, Look, Sampling};
+use circuit::{Look, Sampling};
 use drive::Drive;
 
 fn main() {
@@ -46,7 +46,7 @@ fn main() {
             session.control(&sampling, &mut servo, &mut Look::new(&mut |_| false))
         } else {
             let plan = (&[0.0, 1.0][..], &[0.6, -0.6][..]);
-            Driven::states(drive.planned(plan, 2.0, &initial, options), (2.0, rate), &mut |_| false)
+            drive::states(drive.planned(plan, 2.0, &initial, options), (2.0, rate))
         };
         best = best.min(start.elapsed().as_secs_f64());
         std::hint::black_box(rows.expect("runs"));

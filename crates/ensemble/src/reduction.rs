@@ -37,6 +37,13 @@ pub enum Statistic {
         /// Whether the column must rise above the value. Otherwise it must fall below.
         above: bool,
     },
+    /// Greatest rate, 1/s of its unit, at which a state passes a value. NaN if this does not happen.
+    Rate {
+        /// The value, in the column's unit.
+        value: f64,
+        /// Whether the state must rise above the value. Otherwise it must fall below.
+        above: bool,
+    },
     /// Samples at a fixed rate, 1/s, from the start to the end.
     Samples {
         /// Rate, 1/s.
@@ -228,7 +235,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
             };
             let course = states.course(i);
             self.courses[r] = Some(course);
-            if let Statistic::When { value, .. } = asked.what {
+            if let Statistic::When { value, .. } | Statistic::Rate { value, .. } = asked.what {
                 let way = (course.value(0.0) - R::c(value)).abs();
                 self.far[r] = R::mask_bits(course.spread().lt(way));
                 self.busy |= !(self.far[r] | self.found[r]);
@@ -426,9 +433,7 @@ impl<R: Lane> Reducer<'_, R> {
                 Statistic::Final | Statistic::Samples { .. } => continue,
                 Statistic::When { .. } if !so_far.is_nan() => continue,
                 // Far from the threshold, the step is not evaluated.
-                Statistic::When { .. } if t > 0.0 && self.far[r] >> lane & 1 == 1 => {
-                    continue;
-                }
+                _ if t > 0.0 && self.far[r] >> lane & 1 == 1 => continue,
                 Statistic::When { value, above } => {
                     let points = self.points(r, lane, states);
                     let Some(time) = self.passing(r, at, points, (value, above), states, circuit) else {
@@ -436,6 +441,13 @@ impl<R: Lane> Reducer<'_, R> {
                     };
                     self.found[r] |= 1 << lane;
                     time
+                }
+                Statistic::Rate { value, above } => {
+                    let Some(course) = self.courses[r].map(|course| course.of(lane)) else { continue };
+                    let points = self.points(r, lane, states);
+                    let time = self.passing(r, at, points, (value, above), states, circuit);
+                    let Some(time) = time.filter(|time| *time > t) else { continue };
+                    so_far.max((course.value_and_slope((time - t) / h)[1] / h).abs())
                 }
                 Statistic::Mean | Statistic::Integral => {
                     let points = self.points(r, lane, states);

@@ -193,6 +193,12 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         &mut self.y.as_flattened_mut()[..self.structure.n()]
     }
 
+    /// Sets the time of every lane, s, and the state.
+    pub fn skip(&mut self, t: f64, y: &[R]) {
+        self.t.fill(t);
+        self.state_mut().copy_from_slice(y);
+    }
+
     /// Continues from time, state and step size of another stepper whose system is equal.
     pub fn follow(&mut self, other: &Self) {
         self.lanes.clone_from(&other.lanes);

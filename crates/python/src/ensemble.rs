@@ -30,6 +30,8 @@ struct Output {
     what: String,
     #[pyo3(default)]
     value: Option<f64>,
+    #[pyo3(default)]
+    above: bool,
 }
 
 /// The dict `_core.Request` from Python.
@@ -94,12 +96,12 @@ impl PyEnsemble {
             "min" => Statistic::Min,
             "mean" => Statistic::Mean,
             "integral" => Statistic::Integral,
-            "time_above" => Statistic::When { value: value()?, above: true },
-            "time_below" => Statistic::When { value: value()?, above: false },
+            "time_when" => Statistic::When { value: value()?, above: asked.above },
+            "rate_when" => Statistic::Rate { value: value()?, above: asked.above },
             "samples" => Statistic::Samples { rate: value()? },
             other => {
                 return refuse(format!(
-                    "there is no reduction \"{other}\"; there are final, max, min, mean, integral, time_above, time_below, samples"
+                    "there is no reduction \"{other}\"; there are final, max, min, mean, integral, time_when, rate_when, samples"
                 ));
             }
         };

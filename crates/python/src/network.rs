@@ -1,10 +1,10 @@
 //! `Circuit`: components and joints.
 
-use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, to_python, watched};
+use crate::convert::{Table, Teller, options, parse, run_to_dict, to_python, watched};
 use crate::platform::PyPlatform;
 use crate::session::PySession;
 use crate::shooting::{Asked, shot_to_dict};
-use circuit::{ALONG, Assembly, Driven, Names, Network, Record, specification};
+use circuit::{ALONG, Assembly, Names, Network, Record, specification};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -227,25 +227,6 @@ impl PyCircuit {
             out.set_item(*name, PyArray1::from_vec(py, column))?;
         }
         Ok(out)
-    }
-
-    /// Returns the integrated states of a run under plans, shape (samples, states).
-    fn sampled_states<'py>(
-        &self,
-        py: Python<'py>,
-        plans: Vec<(String, Vec<f64>, Vec<f64>)>,
-        duration: f64,
-        sample_rate: f64,
-        start: BTreeMap<String, f64>,
-        rtol: f64,
-    ) -> PyResult<Table<'py>> {
-        let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
-        let n = self.network.assembly().circuit.n_states();
-        let options = options(rtol, duration, commands, n, None);
-        let session = self.network.planned(&plans, duration, &start, options).map_err(to_python)?;
-        let rows = detached(py, |interrupted| Driven::states(session, (duration, sample_rate), interrupted))?;
-        let samples = rows.len() / n;
-        PyArray1::from_vec(py, rows).reshape([samples, n])
     }
 
     /// Runs from a start under plans: an input, times and the values from each of them on.

@@ -171,7 +171,9 @@ def stroke_numbers(
     told, direction = direction, direction or (1 if x[-1] >= x[0] else -1)
     s = direction * (x - x[0])  # way done
     room = stroke_m - x[0] if direction > 0 else x[0]
-    contact, speed = _contact(impacts, direction)
+    hits = [one for one in impacts if one["end"] == ("b" if direction > 0 else "a")]
+    contact = hits[0]["time_s"] if hits else math.nan
+    speed = max((one["speed_m_s"] for one in hits), default=math.nan)  # a piston that rebounds may come faster
     arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m
     way = room if arrived else float(s[-1])
     if told and way <= ARRIVED * stroke_m:  # it rests where it was: nothing of a stroke happened
@@ -220,13 +222,6 @@ def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[s
         t, x, v = (every[name][k - 1 : k + 1] for name in ("time_s", "position_m", "velocity_m_s"))
         first["position_m"] = CubicHermiteSpline(t, x, v)(begin_s)
     return {name: np.r_[first[name], values] for name, values in part.items()}
-
-
-def _contact(impacts: Sequence[Mapping[str, Any]], direction: int) -> tuple[float, float]:
-    """Return time and speed of the first contact with the end ahead, or NaN."""
-    end = "b" if direction > 0 else "a"
-    first = next((impact for impact in impacts if impact["end"] == end), None)
-    return (first["time_s"], first["speed_m_s"]) if first is not None else (math.nan, math.nan)
 
 
 def _peak(values: Array | None) -> float:

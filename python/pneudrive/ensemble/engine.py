@@ -146,6 +146,6 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
 
 def _output(one: Reduction) -> CoreOutput:
     """Return the outputs for the request to the core."""
-    what: Any = ("time_above" if one.above else "time_below") if one.word == "time_when" else one.word
-    value = {"time_when": one.level, "samples": one.rate_hz}.get(one.word)
-    return {"column": one.columns[0], "what": what, "value": value}
+    what: Any = one.word
+    level = one.rate_hz if what == "samples" else one.level
+    return {"column": one.columns[0], "what": what, "value": level, "above": one.above}

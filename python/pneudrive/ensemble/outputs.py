@@ -261,18 +261,19 @@ class Reduction:
     Attributes
     ----------
     word : str
-        ``final``, ``max``, ``min``, ``mean``, ``integral``, ``time_when``, ``samples`` or ``own``.
+        ``final``, ``max``, ``min``, ``mean``, ``integral``, ``time_when``, ``rate_when``, ``samples`` or ``own``.
     columns : tuple of str
         Signals, as columns of a trajectory's file. One signal, except for ``own``.
     name : str
         Name of the variable.
     unit, long_name : str
     level : float
-        For ``time_when``: the level, in the unit of the signal. For ``settling``: half the width of its band.
+        For ``time_when`` and ``rate_when``: the level, in the unit of the signal. For ``settling``: half the width of
+        its band.
     rate_hz : float
         For ``samples`` and ``own``.
     above : bool
-        For ``time_when``: whether the signal passes the level upwards.
+        For ``time_when`` and ``rate_when``: whether the signal passes the level upwards.
     function : callable, optional
         For ``own``.
     """

@@ -45,6 +45,10 @@ COARSEST_S = 0.1
 #: A gap is longer than this multiple of the usual step, and than this, s.
 GAP_STEPS, GAP_S = 5.0, 0.02
 MOST_GAPS = 3
+#: A piston that moves faster within this time of the first sample, s, than this, m/s, was in motion before (assumed).
+START_S, LEAST_SPEED_M_S = 0.005, 0.02
+#: Time in which any valve settles at a command, s.
+SETTLED_S = 10.0
 #: Numbers that a recording shows without motion of the piston.
 AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
 
@@ -101,10 +105,18 @@ class DriveRecording(Shown):
 
     @property
     def steps(self) -> tuple[Array, Array]:
-        """Times at which the command changes, and its new values."""
+        """Times at which the command changes, and its new values.
+
+        A valve begins at rest, as in a run, unless the piston moves at the first sample: then it has settled.
+        """
         command = self.columns["command"]
+        position = self.columns.get("position_m", 0.0 * command)
         change = np.r_[True, np.diff(command) != 0.0]
-        return self.time_s[change], command[change]
+        times = self.time_s[change]
+        moved = abs(np.interp(START_S, self.time_s, position) - position[0])
+        if moved > LEAST_SPEED_M_S * START_S + 5.0 * noise_level(position):
+            times[0] -= SETTLED_S
+        return times, command[change]
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself

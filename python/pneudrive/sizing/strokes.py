@@ -1,7 +1,7 @@
 """Both strokes of one choice of parts in the core, from samples and settings to times, speeds and air.
 
 Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
-first contact with the end. The speed at the end is that of the first contact. This module computes these numbers in
+first contact with the end. The speed at the end is that of the fastest contact. This module computes these numbers in
 the core, without trajectories, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a
 recording. A test checks that both agree within 1e-6.
 """
@@ -54,8 +54,6 @@ RTOL, COARSE = 1e-4, 1e-3
 #: A run lasts so many times the longest time that the task allows, and so much longer, s: slower draws count as not
 #: arriving.
 LONGEST, LONGER_S = 1.4, 0.1
-#: The speed at the end follows from the times at the end and at once and twice this way before it, m.
-LAST_M = 2e-6
 #: Power of a tube's bore that its conductance follows, near enough for its spread.
 BORE_POWER = 2.3
 #: Power of the factor of the heat transfer in chambers that gives that in tubes: 1.4 for 2.
@@ -91,7 +89,8 @@ class StrokeResults(NamedTuple):
     time : ndarray
         Time from the command to the first contact with the end; infinite if the run ended before.
     end_speed, energy : ndarray
-        Speed and energy at the first contact with the end; 0 without a contact.
+        Greatest speed and energy at a contact with the end; 0 without a contact. After a rebound, a piston may be
+        faster than at its first contact.
     peak_pressure : ndarray
         Largest pressure of both chambers, absolute.
     air : ndarray
@@ -345,12 +344,10 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
     kept = engine.run(system, members, plans, rtol, reductions, first.threads)
-    arrived, near, before, *peaks, air, force = kept.values
+    arrived, speed, *peaks, air, force = kept.values
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slowness = (3.0 * arrived - 4.0 * near + before) / (2.0 * LAST_M)  # parabola through three times
-        speed = np.where(np.isfinite(time), 1.0 / slowness, 0.0)
+    speed = np.where(np.isfinite(time), speed, 0.0)
     columns = dict(zip(members.paths, members.values.T, strict=True))
     mass = columns["cylinder.moving_mass"] + columns["load.mass"]
     failed = kept.status != engine.DONE
@@ -373,13 +370,11 @@ def cycle_s(task: SizingTask) -> float:
 
 
 def _reductions(stroke: float, outward: bool) -> list[Reduction]:
-    levels = [stroke - way if outward else way for way in (0.0, LAST_M, 2.0 * LAST_M)]
-
-    def kept(word: str, column: str, level: float = np.nan) -> Reduction:
-        return Reduction(word, (column,), column, "", "", level, above=outward)
+    def kept(word: str, column: str) -> Reduction:
+        return Reduction(word, (column,), column, "", "", stroke if outward else 0.0, above=outward)
 
     return [
-        *(kept("time_when", "cylinder.position_m", level) for level in levels),
+        *(kept(word, "cylinder.position_m") for word in ("time_when", "rate_when")),
         *(kept("max", f"cylinder.{chamber}.pressure_pa") for chamber in "ab"),
         kept("integral", "supply.mass_flow_kg_s"),
         kept("final", "cylinder.end_stop_force_n"),

@@ -678,8 +678,7 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
     states = np.array([signals.state(int(i)) for i in at])
     # A noisy position is limited to the stroke plus the possible depth in the end stops.
     states[:, 1] = np.clip(states[:, 1], -1e-3, drive.cylinder.stroke_m + 1e-3)
-    change = np.r_[True, np.diff(signals.command) != 0.0]
-    steps = (signals.time_s[change], signals.command[change])
+    steps = signals.recording.steps
     core = drive.system.compiled()
     t_a, t_b = signals.start_temperatures(drive)
     _, x, v, p_a, p_b = states[0]

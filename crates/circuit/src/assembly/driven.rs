@@ -1,9 +1,7 @@
 //! A piston between two chambers on the edges of a valve: runs and evaluations that need its states by name.
 
-use super::session::Session;
-use crate::assembly::recorder::{States, sample_times};
 use crate::assembly::variables::{Assembly, Settable, Target};
-use crate::circuit::{Circuit, Look};
+use crate::circuit::Circuit;
 use crate::component::Starting;
 use crate::ground::{AxisId, Error, GasId, refuse};
 use ode::System;
@@ -37,18 +35,6 @@ impl<'a> Driven<'a> {
 
     pub(super) fn circuit(&self) -> &'a Circuit<f64> {
         &self.assembly.circuit
-    }
-
-    /// The integrated states of a session: one row of x, v, m_a, U_a, m_b, U_b and inner states for each
-    /// sample.
-    pub fn states(
-        mut session: Session,
-        (duration, rate): (f64, f64),
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Vec<f64>, Error> {
-        let mut states = States::new(sample_times(duration, rate), session.state().len());
-        session.advance(duration, &mut states, &mut Look::new(interrupted))?;
-        Ok(states.finish(&session))
     }
 
     /// (p_a, T_a, p_b, T_b) at each of the states, one after the other.

@@ -120,61 +120,6 @@ impl Output<f64, Circuit<f64>> for Recorder {
     }
 }
 
-/// Numbers that are copied together.
-const PIECE: usize = 4;
-
-/// Keeps states during integration, row by row.
-pub struct States {
-    times: Vec<f64>,
-    next: usize,
-    n: usize,
-    rows: Vec<f64>,
-}
-
-impl States {
-    /// Creates it for states of length `n`.
-    pub fn new(times: Vec<f64>, n: usize) -> Self {
-        States { next: 0, n, rows: Vec::with_capacity(times.len() * n), times }
-    }
-
-    /// A row of usual length is copied in two overlapping pieces, because a copy of variable length needs a function
-    /// call.
-    #[inline]
-    fn keep(&mut self, y: &[f64]) {
-        let y = &y[..self.n];
-        match (y.first_chunk::<PIECE>(), y.last_chunk::<PIECE>()) {
-            (Some(first), Some(last)) if self.n <= 2 * PIECE => {
-                let end = self.rows.len() + self.n;
-                self.rows.extend_from_slice(first);
-                self.rows.truncate(end - PIECE);
-                self.rows.extend_from_slice(last);
-            }
-            _ => self.rows.extend_from_slice(y),
-        }
-        self.next += 1;
-    }
-
-    /// Returns all rows. The remaining samples are those at the end.
-    pub fn finish(mut self, session: &Session) -> Vec<f64> {
-        let y = &session.settled()[..];
-        while self.next < self.times.len() {
-            self.keep(y);
-        }
-        self.rows
-    }
-}
-
-impl Output<f64, Circuit<f64>> for States {
-    #[inline]
-    fn due(&self, _lane: usize) -> f64 {
-        self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
-    }
-    #[inline]
-    fn sample(&mut self, _lane: usize, _t: f64, y: &[f64], _circuit: &Circuit<f64>) {
-        self.keep(y);
-    }
-}
-
 /// Returns k/rate for k = 0 .. round(duration rate), with the last one at the duration.
 pub fn sample_times(duration: f64, rate: f64) -> Vec<f64> {
     let n = (duration * rate).round().max(1.0) as usize;

@@ -4,6 +4,7 @@ use super::fused::glance::Glance;
 use super::{Circuit, Path};
 use crate::ground::{AxisId, GasId, Net};
 use crate::part::mechanics::cylinder::INNER;
+use crate::part::valves::signal;
 use crate::part::{PartId, PartKind, Platform};
 use math::{Lane, Work};
 use ode::System;
@@ -114,6 +115,16 @@ impl<R: Lane> Circuit<R> {
     /// Returns the first state of a part within `y`.
     pub(crate) fn part_state(&self, part: PartId, y: &[R]) -> R {
         y[self.parts.place_of(part).first]
+    }
+
+    /// Moves a valve on its own over a time, s, under the command that acts. A spool has arrived.
+    pub(crate) fn coast(&self, part: PartId, y: &mut [R], lapse: f64) {
+        let (at, acts) = (self.parts.place_of(part).first, self.input(part.input(signal::ACTS)));
+        match part.kind {
+            PartKind::Armature => y[at] += acts * R::c(lapse),
+            PartKind::Spool => y[at..at + 2].copy_from_slice(&[acts, R::zero()]),
+            _ => {}
+        }
     }
 }
 

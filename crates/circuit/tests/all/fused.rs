@@ -2,9 +2,9 @@
 //! joined by nodes, and its Jacobian, taken by what enters chambers and axis, is that of the whole. So are the columns of
 //! its trajectory.
 
-use crate::support::drive::Drive;
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{ChamberLaw, Circuit, Driven, InputId, PistonSide};
+use circuit::{ChamberLaw, Circuit, InputId, PistonSide};
 use math::Dual;
 use ode::System;
 use physics::friction::{Composition, Contact, SealLips};
@@ -116,7 +116,7 @@ fn its_trajectory_shows_what_the_nodes_have() {
         let mut never = |_: f64| false;
         let run = drive.simulate(plan.0, plan.1, plan.2, plan.3, plan.4, &mut never).expect("runs");
         let session = drive.planned((plan.0, plan.1), 0.7, plan.3, plan.4);
-        let states = Driven::states(session, plan.2, &mut never).expect("runs");
+        let states = drive::states(session, plan.2).expect("runs");
         let command = drive.columns().iter().position(|name| name == "command").expect("a column");
         let (assembly, n) = (drive.assembly(), drive.n_states());
         let mut circuit = Circuit::clone(&assembly.circuit);

@@ -3,7 +3,7 @@
 
 use crate::support::drive::{self, Drive, plan};
 use crate::support::*;
-use circuit::{ALONG, Driven, Look, Network, Sampling, Shooting};
+use circuit::{ALONG, Look, Network, Sampling, Shooting};
 use ode::Options;
 use serde_json::Value;
 
@@ -66,12 +66,8 @@ fn golden_cases() {
                 let (times, commands): (Vec<f64>, Vec<f64>) =
                     read::<Vec<(f64, f64)>>(&case, "commands").into_iter().unzip();
                 let sampling = (duration, read(&case, "sample_rate_hz"));
-                let run = Driven::states(
-                    drive.planned((&times, &commands), duration, &initial, options(rtol)),
-                    sampling,
-                    &mut never,
-                );
-                run.expect("runs")
+                let session = drive.planned((&times, &commands), duration, &initial, options(rtol));
+                drive::states(session, sampling).expect("runs")
             }
         };
         let values: Vec<f64> = [1e-3, 1e-6].into_iter().flat_map(&mut states).collect();

@@ -238,7 +238,7 @@ def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
 def _impact(plant: HeldDrive) -> Found:
     """Impact at the ends.
 
-    Speed and kinetic energy of the moving mass at the first contact with the end, and the total energy that the
+    Speed and kinetic energy of the moving mass at the fastest contact with the end, and the total energy that the
     end stop absorbs. The stroke is a full one from rest, with the emptying chamber at supply pressure.
 
     Results
@@ -246,9 +246,9 @@ def _impact(plant: HeldDrive) -> Found:
     command : 1
         size of the command
     end_speed : m/s over command, direction
-        speed at the first contact with the end
+        speed at the fastest contact with the end
     end_energy : J over command, direction
-        kinetic energy of the moving mass at the first contact with the end
+        kinetic energy of the moving mass at the fastest contact with the end
     absorbed_energy : J over command, direction
         absorbed by the end stop until rest: kinetic energy and work of the gas
     peak_force : N over command, direction

@@ -1,7 +1,7 @@
 //! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
 use crate::assembly::session::Session;
-use crate::assembly::variables::Assembly;
+use crate::assembly::variables::{Assembly, Target};
 use crate::circuit::{Circuit, Look, budget};
 use crate::ground::{Error, Net, refuse, run_jobs};
 use math::Lane;
@@ -42,6 +42,9 @@ pub struct Shooting {
     /// Largest number of threads for segments.
     pub threads: usize,
 }
+
+/// Number of commands before a segment that determine the state of its valves.
+const RECALLED: usize = 1000;
 
 /// The result; arrays row by row, derivatives last.
 #[derive(Clone, Debug)]
@@ -200,19 +203,27 @@ impl<'a> All<'a> {
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
             .collect();
         let at = |times: &[f64]| times.partition_point(|&time| time <= from) - 1;
+        let since =
+            |times: &[f64]| at(times).saturating_sub(if drive.timings.is_empty() { 0 } else { RECALLED });
         let plans = self.inputs.iter().zip(&asked.plans);
+        // A valve starts at rest, as in a run, then its commands follow.
+        let is_held = |input: usize| !matches!(drive.variables.inputs[input].target, Target::Timed(_));
+        let held = plans.clone().filter(|(input, _)| is_held(**input));
         let held: Vec<(usize, P)> =
-            plans.clone().map(|(&input, plan)| (input, P::c(plan.values[at(&plan.times)]))).collect();
+            held.map(|(&input, plan)| (input, P::c(plan.values[since(&plan.times)]))).collect();
         let begun = drive.begin(&start, &held);
         let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
         let changes = |times: &[f64]| times.partition_point(|&time| time < end) - at(times);
         let commands = asked.plans.iter().map(|plan| changes(&plan.times)).sum();
         let work = budget(end - from, commands, begun.0.n_states());
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
-        let mut session = Session::new(drive, from, begun, options);
-        for (&input, plan) in plans {
-            session.plan(input, later(&plan.times, &plan.values, from, end));
+        let first = plans.clone().map(|(_, plan)| plan.times[since(&plan.times)]).fold(from, f64::min);
+        let mut session = Session::new(drive, first, begun, options);
+        for (&input, InputPlan { times, values, .. }) in plans {
+            let entries = times.iter().copied().zip(values.iter().copied()).skip(since(times));
+            session.plan(input, entries.take_while(|(time, _)| *time < end));
         }
+        session.recall(from);
         let mut stopped = |_| stop.load(Ordering::Relaxed);
         match session.advance(end, &mut tracker, &mut Look::new(&mut stopped)) {
             Ok(()) => {
@@ -245,12 +256,6 @@ impl<'a> All<'a> {
         write(&mut shot.ends[row..], &mut shot.end_sensitivities[row * self.directions..], &done.end);
         shot.failures[segment] = done.failure;
     }
-}
-
-/// The commands of a plan that come after `from` and before `end`, each with its time.
-fn later(times: &[f64], commands: &[f64], from: f64, end: f64) -> impl Iterator<Item = (f64, f64)> {
-    let each = times.iter().copied().zip(commands.iter().copied());
-    each.filter(move |(time, _)| (from < *time) & (*time < end))
 }
 
 /// Keeps the outputs at the samples of one segment.

@@ -42,6 +42,22 @@ impl<R: Lane> Session<R> {
         }
     }
 
+    /// Replays the schedule up to a time, s. Only valves move: their commands determine their motion.
+    pub(crate) fn recall(&mut self, until: f64) {
+        loop {
+            let next = self.next(until);
+            let to = next.map_or(until, |place| self.schedule[place].0.min(until));
+            let (mut y, lapse) = (self.state().to_vec(), to - self.time());
+            if lapse > 0.0 {
+                self.timings().iter().for_each(|timing| self.circuit().coast(timing.part(), &mut y, lapse));
+                self.stepper.skip(to, &y);
+            }
+            let Some(place) = next else { return };
+            let (_, what, value) = self.schedule.remove(place);
+            self.happen(what, value);
+        }
+    }
+
     /// Direction of an armature after its last switch: -1, 0 (at rest) or 1.
     fn goal(&self, timing: usize) -> f64 {
         let what = self.timings()[timing];

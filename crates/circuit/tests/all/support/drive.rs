@@ -2,7 +2,7 @@
 
 use circuit::specification::{Circuit, Friction, Gas, GasState};
 use circuit::{Assembly, Driven, Error, Look, Names, Network, Run, Session, Shooting, Shot};
-use ode::Options;
+use ode::{Options, Output};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -343,4 +343,30 @@ impl Drive {
 /// The plan of one input.
 pub fn plan(input: &str, times: Vec<f64>, values: Vec<f64>) -> Vec<circuit::InputPlan> {
     vec![circuit::InputPlan { input: input.into(), times, values }]
+}
+
+/// Keeps the states at times, row by row.
+struct Kept {
+    times: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Output<f64, circuit::Circuit<f64>> for Kept {
+    fn due(&self, _lane: usize) -> f64 {
+        self.times.get(self.rows.len()).copied().unwrap_or(f64::INFINITY)
+    }
+
+    fn sample(&mut self, _lane: usize, _t: f64, y: &[f64], _circuit: &circuit::Circuit<f64>) {
+        self.rows.push(y.to_vec());
+    }
+}
+
+/// The integrated states of a session, one row after the other: x, v, m_a, U_a, m_b, U_b and inner states. The last
+/// rows are those at the end.
+pub fn states(mut session: Session, (duration, rate): (f64, f64)) -> Result<Vec<f64>, Error> {
+    let mut kept = Kept { times: circuit::sample_times(duration, rate), rows: Vec::new() };
+    let n = session.state().len();
+    session.advance(duration, &mut kept, &mut Look::new(&mut |_| false))?;
+    kept.rows.resize(kept.times.len(), session.settled());
+    Ok(kept.rows.iter().flat_map(|y| &y[..n]).copied().collect())
 }
