@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
@@ -19,11 +20,11 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
 from pneudrive.report.fit import reference
 from pneudrive.sizing.checks import SAME_AIR, sized
-from pneudrive.sizing.choices import choices, combined
+from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds, misfit
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
-from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, points
+from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
 
@@ -61,7 +62,7 @@ def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: S
 
 
 def test_tuning_runs_fewer_cases_with_the_result_of_all(found: SizingResult, monkeypatch: pytest.MonkeyPatch):
-    strokes, *_ = nominal_strokes(found, SizingTask(**TASK))
+    strokes, _ = nominal_strokes(found.best.parts, SizingTask(**TASK))
     few = tune(strokes)
     monkeypatch.setattr("pneudrive.sizing.tune._next_runs", lambda table, is_run, openings: ~is_run)
     assert tune(strokes) == few
@@ -75,29 +76,41 @@ def test_a_task_made_from_a_known_drive_finds_it_or_a_cheaper_one(found: SizingR
     assert again.best.air <= SAME_AIR * known.air
 
 
-def nominal_strokes(found: SizingResult, task: SizingTask) -> tuple[DriveStrokes, np.ndarray, np.ndarray]:
-    """Return the best choice's strokes, draws at which nothing deviates, and its setting."""
-    parts = dict(found.best.parts)
-    choice = next(one for one in combined(choices(task)) if one.parts == parts)
+def nominal_strokes(parts: Mapping[str, str], task: SizingTask) -> tuple[DriveStrokes, np.ndarray]:
+    """Return the strokes of a choice, and draws at which nothing deviates."""
+    choice = next(one for one in combined(choices(task)) if one.parts == dict(parts))
     nominal = np.full((1, len(DRAWN)), 0.5)
     low, high = task.spread.friction
     nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
     cold, hot = task.spread.temperature_k
     nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
-    return DriveStrokes(choice, task), nominal, np.array([list(found.best.setting.values())])
+    return DriveStrokes(choice, task), nominal
 
 
-def open_at_once(found: SizingResult) -> Circuit:
-    """Return the best choice with a valve of the same paths, which opens at once after the delay of the sizing."""
-    tables = found.circuit().to_dict()
+def open_at_once(circuit: Circuit) -> Circuit:
+    """Return a circuit with a valve of the same paths, which opens at once after the delay of the sizing."""
+    tables = circuit.to_dict()
     sizes = {key: one for key, one in tables["components"]["valve"].items() if not key.startswith(("time", "kind"))}
     tables["components"]["valve"] = {"kind": "valve/proportional-5/3", "delay": "21 ms", **sizes}
     return Circuit.model_validate(tables)
 
 
+def test_the_energy_is_that_of_the_hardest_contact():
+    task = SizingTask(**TASK | {"mass": "20 kg", "stroke": "300 mm", "time": "0.64 s", "exclude": []})
+    parts = ("parker-osp-p32", "smc-sy9000", "smc-tu1208", "festo-gr-3-4")
+    strokes, nominal = nominal_strokes(dict(zip(SLOTS, parts, strict=True)), task)
+    setting = Setting(needle_out=0.06, cushion_out=0.02)
+    own = strokes.run(True, nominal, np.array([setting]))
+    run = open_at_once(strokes.circuit(setting)).simulate("0 s: 1", "1 s")
+    first, second = (one["energy_j"] for one in run.attrs["impacts"])  # it rebounds from the gas before the piston
+    assert own.energy[0] == pytest.approx(second, rel=3e-3)
+    assert second > 2.5 * first
+
+
 def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     task = SizingTask(**TASK)
-    strokes, nominal, setting = nominal_strokes(found, task)
+    strokes, nominal = nominal_strokes(found.best.parts, task)
+    setting = np.array([list(found.best.setting.values())])
     own = strokes.run(True, nominal, setting, rtol=1e-10)
     late = strokes.opens_after(True, nominal)[0]  # time on and three quarters of the travel's second half
     assert late == pytest.approx(0.021, rel=1e-12)
@@ -105,7 +118,7 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     switched = found.circuit().simulate("0 s: 1", "0.5 s", rtol=1e-8)
     assert switched.attrs["impacts"][0]["time_s"] == pytest.approx(own.time[0], rel=0.01)
     # Paths that open at once agree within the tolerance of the solver. The command at 0 s acts after the delay.
-    run = open_at_once(found).simulate("0 s: 1", "0.5 s", rtol=1e-10)
+    run = open_at_once(found.circuit()).simulate("0 s: 1", "0.5 s", rtol=1e-10)
     mass = strokes.choice.cylinder.numbers["moving_mass"] + task.mass_kg
     short = {"time_s": "time", "position_m": "cylinder.position", "velocity_m_s": "cylinder.velocity"}
     read = {key: run[name].to_numpy() for key, name in short.items()}
@@ -122,10 +135,11 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
 
 
 def test_the_way_back_begins_with_one_side_full_and_the_other_empty(found: SizingResult):
-    strokes, nominal, setting = nominal_strokes(found, SizingTask(**TASK))
+    strokes, nominal = nominal_strokes(found.best.parts, SizingTask(**TASK))
+    setting = np.array([list(found.best.setting.values())])
     own = strokes.run(False, nominal, setting, rtol=1e-10)
     begun = {"cylinder.position": "100 mm", "cylinder.a": "6 bar gauge", "cylinder.b": "0 bar gauge"}
-    run = open_at_once(found).simulate("0 s: -1", "0.59 s", rtol=1e-10, initial=begun)
+    run = open_at_once(found.circuit()).simulate("0 s: -1", "0.59 s", rtol=1e-10, initial=begun)
     (hit,) = (one for one in run.attrs["impacts"] if one["end"] == "a")
     assert own.time[0] == pytest.approx(hit["time_s"], rel=5e-5)
     assert own.end_speed[0] == pytest.approx(hit["speed_m_s"], rel=1e-4)

@@ -382,10 +382,7 @@ def validate(
     return found
 
 
-SWITCHES = (
-    "The valve has switching times. Balances and runs from measured states take it as switched at once, so no cause is "
-    "named. The free run starts with the valve at its first command: record from before the first switch."
-)
+SWITCHES = "The valve has switching times. Balances take it as switched at once, so no cause is named."
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
