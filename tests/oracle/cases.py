@@ -226,12 +226,7 @@ def through_rod_spring() -> Json:
 def long_stroke() -> Json:
     """40 mm bore, 1 m stroke: a long free stroke at full opening and back."""
     drive = changed(
-        cylinder={
-            "bore_m": 0.04,
-            "stroke_m": 1.0,
-            **dead_volumes(3e-5, 3e-5),
-            "moving_mass_kg": 5.0,
-        },
+        cylinder={"bore_m": 0.04, "stroke_m": 1.0, **dead_volumes(3e-5, 3e-5), "moving_mass_kg": 5.0},
         valve={"conductance_m3_s_pa": 2.2e-8, "critical_pressure_ratio": 0.25},
         friction={"parameters": lugre(50.0, 80.0, 0.02, 80.0, 2e5, 500.0)},
         load={"mass_kg": 5.0},
@@ -257,12 +252,7 @@ def argon() -> Json:
     drive = changed(
         gas={"heat_capacity_ratio": 5.0 / 3.0, "gas_constant_j_kg_k": 208.13},
         supply={"pressure_pa": 5.0e5},
-        cylinder={
-            "stroke_m": 0.25,
-            "bore_m": 0.02,
-            **dead_volumes(6e-6, 6e-6),
-            "moving_mass_kg": 1.0,
-        },
+        cylinder={"stroke_m": 0.25, "bore_m": 0.02, **dead_volumes(6e-6, 6e-6), "moving_mass_kg": 1.0},
         valve={"conductance_m3_s_pa": 6e-9},
         friction={"parameters": lugre(12.0, 20.0, 0.02, 25.0, 8e4, 200.0)},
     )
@@ -308,12 +298,7 @@ def faded_bristles() -> Json:
 def creeps_and_remembers() -> Json:
     """16 mm rodless on elasto-plastic bristles that age, relax, and feel pressure, place and direction; it stops."""
     drive = changed(
-        cylinder={
-            "bore_m": 0.016,
-            "stroke_m": 0.2,
-            **dead_volumes(3e-6, 3e-6),
-            "moving_mass_kg": 0.9,
-        },
+        cylinder={"bore_m": 0.016, "stroke_m": 0.2, **dead_volumes(3e-6, 3e-6), "moving_mass_kg": 0.9},
         valve={"conductance_m3_s_pa": 4e-9},
         friction={
             "law": "elasto-plastic",
@@ -357,12 +342,7 @@ def valve_shut_rings() -> Json:
 def many_steps() -> Json:
     """50 mm bore under thirty command steps of both signs, some of them tiny or zero."""
     drive = changed(
-        cylinder={
-            "bore_m": 0.05,
-            "stroke_m": 0.3,
-            "moving_mass_kg": 6.0,
-            **dead_volumes(2.5e-5, 2e-5),
-        },
+        cylinder={"bore_m": 0.05, "stroke_m": 0.3, "moving_mass_kg": 6.0, **dead_volumes(2.5e-5, 2e-5)},
         valve={"conductance_m3_s_pa": 2e-8},
         friction={"parameters": lugre(60.0, 85.0, 0.02, 100.0, 3e5, 800.0)},
     )
@@ -407,11 +387,7 @@ def stribeck_creeps() -> Json:
 def stribeck_rings() -> Json:
     """Vertical through-rod drive on shut chambers: rings, reverses without a pause, then sticks for good."""
     drive = changed(
-        cylinder={
-            **cylinder("through-rod", 0.032, 0.01, 0.3),
-            "moving_mass_kg": 4.0,
-            "incline_rad": 0.5 * math.pi,
-        },
+        cylinder={**cylinder("through-rod", 0.032, 0.01, 0.3), "moving_mass_kg": 4.0, "incline_rad": 0.5 * math.pi},
         friction={"law": "stribeck", "parameters": stribeck(9.0, 14.0, 0.03, 8.0, exponent=1.0)},
     )
     return motion(drive, [(0.0, 0.0), (1.5, 0.02)], 2.5, at(0.1, 5e5, 3e5))
