@@ -724,7 +724,8 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     """Compare the model's breakaway with the measured one at each stop; the model starts from the measured state.
 
-    The peak occurs before the piston has moved by the deflection of bristles. Both forces are smoothed in the same way.
+    The peak occurs before the piston has moved by the deflection of bristles. Forces and positions are smoothed in the
+    same way; the first samples of a stop also contain the motion before it, so they are left out.
     """
     still, touching = ~signals.moving, near_stops(drive, signals)
     edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
@@ -742,11 +743,11 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     others = signals.smooth(Scene.of(drive, signals).terms.force_n)
     measured = others - moving_mass(drive) * signals.acceleration_m_s2
     model, position = signals.smooth(run["friction_force_n"]), signals.smooth(signals.position_m)
-    bend, out = bending_m(drive), []
+    model_position, bend, out = signals.smooth(run["position_m"]), bending_m(drive), []
     for (start, onset), begin, end in zip(rests, starts, [*starts[1:], still.size], strict=True):
-        part, sign = slice(begin, end), float(np.sign(signals.velocity_m_s[onset]))
+        part, sign = slice(begin + signals.half, end), float(np.sign(signals.velocity_m_s[onset]))
         peak, moved = _peak(sign * measured[part], position[part], bend)
-        model_peak, model_moved = _peak(sign * model[part], run["position_m"][part], bend)
+        model_peak, model_moved = _peak(sign * model[part], model_position[part], bend)
         if moved and peak > 0.0 and np.isfinite(model_peak):
             times = (float(signals.time_s[start]), float(signals.time_s[onset]))
             out.append(RecordedBreakaway(*times, peak, model_peak, model_moved))

@@ -40,9 +40,11 @@ def test_the_true_model_passes_and_a_wrong_one_does_not():
 def test_no_cause_is_named_for_a_valve_with_switching_times():
     """The balances would name a delay of 20 ms, which is the switching time of the description."""
     truth = pn.Drive.load("catalogue:parker-osp-p40-sy7000")
-    found = validate(truth, pn.simulate(truth, "0 s: 1, 0.26 s: 0, 0.4 s: -1", "0.7 s", initial="position = 100 mm"))
+    steps = "0 s: 1, 0.2 s: 0, 0.4 s: -1, 0.6 s: 0, 0.8 s: 1"
+    found = validate(truth, pn.simulate(truth, steps, "1 s", initial="position = 100 mm"))
     position = found.records[0].channels["position_m"]  # also from states at which the valve is on its way
     assert (max(position.free.nrmse, position.restarted.nrmse) < 1e-5, found.diagnosis().culprits) == (True, ())
+    assert [one.met for one in found.verdicts] == [True, True, True]
     assert "switching times" in " ".join(found.notes)
 
 
