@@ -28,6 +28,7 @@ with lazily(__name__) as _HOME:
     from pneudrive import report as report
     from pneudrive import units as units
     from pneudrive.datasheet.characteristics.air import energy_balance as energy_balance
+    from pneudrive.datasheet.characteristics.frequency import lines as lines
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.equilibrium import linearise as linearise
     from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
@@ -76,7 +77,6 @@ with lazily(__name__) as _HOME:
     from pneudrive.simulation.simulate import citations as citations
     from pneudrive.simulation.simulate import simulate as simulate
     from pneudrive.simulation.trajectory import save as save
-    from pneudrive.simulation.tube_study import lines as lines
     from pneudrive.sizing.search import size as size
     from pneudrive.validate import validate as validate
     from pneudrive.validate.motion import validate_motion as validate_motion

@@ -29,7 +29,7 @@ with used_later(__name__):
     from pneudrive.platforms import kinematics
     from pneudrive.report import platform as platform_page
     from pneudrive.report import trajectory as pictures
-    from pneudrive.simulation import run_view, trajectory, tube_study
+    from pneudrive.simulation import run_view, trajectory
     from pneudrive.simulation import simulate as simulation
 
 if TYPE_CHECKING:
@@ -294,7 +294,7 @@ def lines(
     """
     check_outputs(out, (".csv", ".parquet"), plot)
     described = cast("pn.Drive", load.load_described(drive))
-    study = tube_study.lines(described, names_in(length), names_in(diameter), progress=watch().tell)
+    study = pn.lines(described, names_in(length), names_in(diameter), progress=watch().tell)
     show_view(pictures.view_of_tubes(study))
     write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
 

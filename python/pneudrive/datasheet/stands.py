@@ -15,10 +15,10 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError
-from pneudrive.simulation.tube_study import steady_flow
+from pneudrive.simulation.bench_circuit import steady_flow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
@@ -32,7 +32,7 @@ RATIOS = (1e-4, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of t
 ISOTHERMAL_S = 60.0
 
 
-def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Array) -> Array:
+def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Iterable[float]) -> Array:
     """Return the steady mass flow of a path between supply or exhaust and a chamber, kg/s, over pressure ratios.
 
     The valve is fully open; gas enters at the reference temperature.

@@ -1,12 +1,13 @@
-"""Circuit of a rig whose carriage drags a piston through a force sensor, and its motions."""
+"""Circuits of test stands: steady flow through a path, and a carriage that drags a piston through a force sensor."""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive import units
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO,
@@ -19,6 +20,44 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.describe.tables.parts import Gas
+
+SETTLED_S = 5.0  # after that the flow through a line is steady
+VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
+
+
+def steady_flow(
+    parts: Mapping[str, Any], way: Sequence[tuple[str, str, str]], before_pa: float, behind_pa: float, gas: Gas
+) -> float:
+    """Return the steady mass flow through components in series between two pressures, kg/s.
+
+    The pressures between the components are found by a simulation until they are constant.
+
+    Parameters
+    ----------
+    parts : mapping
+        Components by name, or their tables.
+    way : sequence of (str, str, str)
+        Each component with the ports by which the gas enters and leaves, in the direction of the flow.
+    before_pa, behind_pa : float
+        Pressures at both ends, absolute. The gas before the path has the temperature of ISO 6358.
+    gas : Gas
+    """
+    from pneudrive.describe import Ambient, Circuit
+
+    temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
+    upstream = {"kind": "reservoir", "pressure": f"{before_pa!r} Pa abs", "temperature": temperature}
+    leaves = ["upstream", *(f"{name}.{last}" for name, _, last in way)]
+    enters = [*(f"{name}.{first}" for name, first, _ in way), "ambient"]
+    stand = Circuit(
+        gas=gas,
+        ambient=Ambient(pressure=units.Pressure(behind_pa, gauge=False)),
+        components={"upstream": upstream, **parts},
+        connections=tuple(f"{one} -> {other}" for one, other in zip(leaves, enters, strict=True)),
+    )
+    run = stand.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
+    return abs(float(run["upstream.mass_flow"][-1]))
+
 
 #: Joint of the ambient air.
 AMBIENT = "ambient"

@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.tables.parts import Gas
-from pneudrive.simulation.tube_study import VACUUM, steady_flow
+from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
 from pneudrive.sizing.checks import Shortage, count_open, mechanical_checks
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped

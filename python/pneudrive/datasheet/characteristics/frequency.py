@@ -1,4 +1,4 @@
-"""Frequency response of the linear model and of the nonlinear drive, and the sensitivity of results to each number."""
+"""Frequency response of the linear model and of the nonlinear drive, sensitivities, and the study of the tubes."""
 
 from __future__ import annotations
 
@@ -9,18 +9,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import units
+from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.characteristics.response import one_stroke, short_columns, simulate_plant, start_of
 from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
 from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, under_load
-from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.datasheet.plant import Actuation, HeldDrive
+from pneudrive.datasheet.stands import flow_through
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import StatedPressure
-from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
-from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
+from pneudrive.progress import Flag, Progress, Watch
+from pneudrive.simulation.bench_circuit import VACUUM
+from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    import xarray as xr
 
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
@@ -337,7 +344,106 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     return found | {"parameter": ResultValue(over, [names[k] for k in order], "1", "number of the drive file")}
 
 
-# --- Speed and stroke time of a drive against its tubes, as a characteristic.
+# --- Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore.
+
+LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
+
+
+def lines(
+    drive: Drive,
+    lengths: Sequence[str | float] = LENGTHS,
+    diameters: Sequence[str | float] = DIAMETERS,
+    *,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
+
+    Every tube has ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
+
+    Parameters
+    ----------
+    drive : Drive
+        The tubes of this study replace its `[tubing]`, if it has any.
+    lengths, diameters : sequence of str or float
+        Quantities, or numbers in m.
+    progress, cancel : optional
+        See `pneudrive.progress.Watch`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
+        mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
+
+    Raises
+    ------
+    CommandError
+        A length or a diameter is not a positive length.
+    DescriptionError
+        `drive` is not a `Drive`.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> study = pn.lines(pn.Drive.load("catalogue:reference"), ["1 m"], ["4 mm"])
+    >>> round(float(study.vent_speed[0, 0]), 3)
+    2.297
+    """
+    import xarray as xr
+
+    if not hasattr(drive, "tubing"):
+        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
+        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
+    long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
+    rows: list[dict[str, float]] = []
+    for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
+        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
+        rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
+    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, {}))}
+    if drive.tubing:
+        attrs["as_described"] = _row(drive)
+    variables = {}
+    for name, (unit, meaning) in TABLE["tubes"].items():
+        values = np.reshape([row[name] for row in rows], (len(wide), -1))
+        variables[name] = ("diameter", "length"), values, {"units": unit, "long_name": meaning}
+    axes = {
+        "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
+        "length": ("length", long, {"units": "m", "long_name": "length of each tube"}),
+    }
+    return xr.Dataset(variables, axes, attrs)
+
+
+def _metres(given: Sequence[str | float], what: str) -> list[float]:
+    """Return different lengths in m, increasing."""
+    if isinstance(given, str) or not given:
+        raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
+    return sorted({positive(one, "m", what) for one in given})
+
+
+def _with_tubes(drive: Drive, tubing: dict[str, Any]) -> Drive:
+    tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
+    return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
+
+
+def _row(drive: Drive) -> dict[str, float]:
+    """Return the results of one drive by variable, in the order of the table."""
+    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, drive.valve.is_switching))
+    pressure = plant.supply_pa
+    choked = flow_through(plant, "b", inward=False, upstream=pressure, ratios=[VACUUM])[0]
+    conductance = choked / (ANR_DENSITY_KG_M3 * pressure)
+    mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
+    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
+    speed = conductance * flow / drive.cylinder.area_b_m2
+    out, back = (
+        one_stroke(plant, u, start_m, plant.before(u), expected_s=2.0 * plant.stroke_m / speed).strokes[0]
+        for u, start_m in ((1.0, 0.0), (-1.0, plant.stroke_m))
+    )
+    numbers = (conductance, speed, out.stroke_time, back.stroke_time, plant.stroke_m / out.stroke_time, out.end_speed)
+    return dict(zip(TABLE["tubes"], numbers, strict=True))
 
 
 @characteristic(
@@ -362,6 +468,7 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS)
         inner diameters
     """
     study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
-    said = {name: (one.to_numpy(), one.attrs["units"], one.attrs["long_name"]) for name, one in study.variables.items()}
-    found = {str(name): ResultValue(tuple(map(str, one.dims)), *said[name]) for name, one in study.data_vars.items()}
-    return {str(name): ResultValue((str(name),), *said[name]) for name in study.coords} | found
+    return {
+        str(name): ResultValue(tuple(map(str, one.dims)), one.to_numpy(), one.attrs["units"], one.attrs["long_name"])
+        for name, one in study.variables.items()
+    }

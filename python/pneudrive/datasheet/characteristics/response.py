@@ -75,17 +75,19 @@ def expected_time(plant: HeldDrive, command: float) -> float:
 
 
 def one_stroke(
-    plant: HeldDrive, command: float, position: float, pressures: tuple[float, float], *, ledger: bool = False
+    plant: HeldDrive,
+    command: float,
+    position: float,
+    pressures: tuple[float, float],
+    expected_s: float | None = None,
+    **more: Any,  # noqa: ANN401
 ) -> StrokeRun:
     """Run one stroke from rest until the piston arrives, or rests elsewhere."""
-    expected = expected_time(plant, abs(command))
-    start = start_of(plant, position, pressures)
+    expected, start = expected_s or expected_time(plant, abs(command)), start_of(plant, position, pressures)
     times = 1.0
     while True:
         half = times * expected
-        run = simulate_plant(
-            plant, plant.plans([(0.0, command)]), half, SAMPLES / expected, initial=start, ledger=ledger
-        )
+        run = simulate_plant(plant, plant.plans([(0.0, command)]), half, SAMPLES / expected, initial=start, **more)
         found = _motion(plant, run, half, (0.0, half), command)
         if found.arrived() or times >= LONGEST or times * expected > LONGEST:
             return found
