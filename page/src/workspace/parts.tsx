@@ -106,7 +106,7 @@ export function useCopied(job: object | null, attempt: ReturnType<typeof attempt
 
 interface TextProps extends Pick<InputHTMLAttributes, "aria-label" | "class" | "inputMode" | "placeholder"> {
   value: number | string;
-  put: (value: string) => void;
+  put: (value: string) => unknown; // false: the text is rejected, and the value is shown again
 }
 
 /** Field of a text. An answer that arrives during typing does not replace the typed text. */
@@ -118,7 +118,7 @@ export function TextField({ value, put, ...looks }: TextProps) {
       {...looks}
       value={typed ?? value}
       onInput={(event) => type(event.currentTarget.value)}
-      onChange={(event) => put(event.currentTarget.value)}
+      onChange={(event) => put(event.currentTarget.value) === false && type(null)}
     />
   );
 }
@@ -149,6 +149,7 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
         ? ""
         : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`,
     );
+    return isRight;
   };
   return (
     <>
