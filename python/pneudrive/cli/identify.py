@@ -272,7 +272,7 @@ def identify(
     layout: Path | None = None,
     out: Path | None = None,
 ) -> None:
-    r"""Identify the numbers of a drive from recordings of its motion.
+    r"""Identify the numbers of a drive or a circuit from recordings of its motion.
 
     Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
     transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
@@ -281,7 +281,7 @@ def identify(
     Options
     -------
     drive : DRIVE
-        Drive file (TOML), catalogue:NAME, or tank file, with the start values.
+        Drive or circuit file (TOML), catalogue:NAME, or tank file, with the start values.
     recordings : RECORDING...
         Recordings: time, command, position, pressures; for a tank, time and pressure.
     free : NAMES
@@ -364,7 +364,7 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
             raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
         described = found.apply()
     elif drive is not None:
-        target: Any = (pn.Tank if isinstance(found, volume.VolumeFit) else pn.Drive).load(drive)
+        target: Any = pn.Tank.load(drive) if isinstance(found, volume.VolumeFit) else load.load_described(drive)
         described = found.apply(target)
     elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
         described = found.apply()

@@ -21,7 +21,7 @@ from pneudrive.describe.formulas.formula import formula_of
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short, expanded
-from pneudrive.describe.system import System, compiled
+from pneudrive.describe.system import DRIVE_NAMES, PISTON, System, compiled
 from pneudrive.describe.tables.parts import Ambient, Gas, assumed_stops
 from pneudrive.describe.tables.starts import (
     PRESSURE,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, Plain
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.marks import Positions, Signal
+    from pneudrive.describe.system import ShortNames
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
     from pneudrive.simulation.session import Session
@@ -223,6 +224,27 @@ class Circuit(Described):
             name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
         }
         return {name: one.command_input for name, one in self.components.items() if name in taking}
+
+    #: Whether model errors are known: only those of a drive without lines.
+    is_plain: ClassVar[bool] = False
+
+    @property
+    def axis_names(self) -> ShortNames:
+        """Names of a drive for the only cylinder of the circuit and its only component with a command.
+
+        Raises
+        ------
+        DescriptionError
+            There is none of them, or there are several.
+        """
+        cylinders = [name for name, one in self.components.items() if one.kind.startswith(f"{PISTON}/")]
+        parts = {PISTON: cylinders, "valve": list(self.commandable)}
+        for part, names in parts.items():
+            if len(names) != 1:
+                raise DescriptionError.of("describe.not-one-axis", name=self.name, part=part, names=", ".join(names))
+        full = {short: name.partition(".") for short, name in DRIVE_NAMES.items()}
+        own = [(short, f"{parts.get(of, [of])[0]}{dot}{key}") for short, (of, dot, key) in full.items()]
+        return cylinders[0], tuple(own), False
 
     @property
     def movers(self) -> list[tuple[str, float, float]]:

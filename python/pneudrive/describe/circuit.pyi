@@ -30,7 +30,13 @@ from pneudrive.describe.formulas.law import law_of as law_of
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import Short as Short, expanded as expanded
-from pneudrive.describe.system import System as System, compiled as compiled
+from pneudrive.describe.system import (
+    DRIVE_NAMES as DRIVE_NAMES,
+    PISTON as PISTON,
+    ShortNames as ShortNames,
+    System as System,
+    compiled as compiled,
+)
 from pneudrive.describe.tables.parts import Ambient as Ambient, Gas as Gas, assumed_stops as assumed_stops
 from pneudrive.describe.tables.starts import (
     PRESSURE as PRESSURE,
@@ -83,6 +89,10 @@ class Circuit(Described):
     def wiring(self) -> Wiring: ...
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]: ...
+    is_plain: ClassVar[bool]
+
+    @property
+    def axis_names(self) -> ShortNames: ...
     @property
     def movers(self) -> list[tuple[str, float, float]]: ...
     @property

@@ -123,6 +123,10 @@ _SIGNED = {
     "valve.overlap": 0.05,
     "friction.position.slope": 1.0,
 }
+#: Numbers of a valve that act on the schedule, and steps for derivatives by them: above the effect of the solver's
+#: error, and for a delay, s, below the time in which a valve's flow changes.
+COMMAND_STEPS = {"hysteresis": 1e-4, "delay": 1e-4}
+_SIGNED_KEYS = {name.rpartition(".")[2]: size for name, size in _SIGNED.items()}  # in a circuit
 #: Start values of the valve's shape for a drive without it (assumed): leakage has no logarithm at 0.
 VALVE_SHAPE = {"valve.overlap": 0.0, "valve.leakage": 1e-3}
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
@@ -217,8 +221,10 @@ def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
     return drive.replace({name: VALVE_SHAPE[name] for name in lacking}) if lacking else drive
 
 
-def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
+def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = False) -> list[Parameter]:
     """Find numbers of a drive or a circuit by their names in the file.
+
+    With `shifts`, the numbers of `COMMAND_STEPS` can be free.
 
     Raises
     ------
@@ -227,6 +233,8 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
     """
     elsewhere = _of_circuits(described)
     known = {name: number for name, number in numbers_of(described).items() if name not in elsewhere}
+    shifting = set(COMMAND_STEPS) if shifts else set()
+    discrete = {n for n, number in known.items() if number.discrete and n.rpartition(".")[2] not in shifting}
     for name in names:
         if name in elsewhere:
             raise CommandError.of("free.of-circuits", name=name)
@@ -234,9 +242,9 @@ def find(described: Drive | Circuit, names: Sequence[str]) -> list[Parameter]:
             kind = described.file_kind
             part, _, key = name.rpartition(".")
             meant = f"{part}.conductance" if key in FLOW_KEYS else name  # the number of any stated size
-            offered = nearest(meant, (name for name, number in known.items() if not number.discrete))
+            offered = nearest(meant, (name for name in known if name not in discrete))
             raise CommandError.of("free.unknown", name=name, kind=kind, nearest=offered)
-        if known[name].discrete:
+        if name in discrete:
             raise CommandError.of("free.cannot-be-free", name=name)
     if len(set(names)) < len(names):
         raise CommandError("a parameter is given twice", value=", ".join(names))
@@ -252,7 +260,7 @@ def _of_circuits(described: Drive | Circuit) -> set[str]:
     return {f"valve.{key}" for key in keys.difference(valve.keys())}
 
 
-def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
+def chosen(drive: Drive | Circuit, free: Sequence[str]) -> list[Parameter]:
     """Find the free parameters of a search by their names.
 
     Raises
@@ -263,7 +271,7 @@ def chosen(drive: Drive, free: Sequence[str]) -> list[Parameter]:
     if not free:
         raise FitError("no parameter is free", remedy='Name free parameters, e.g. free=["friction.coulomb"].')
     try:
-        found = find(drive, free)
+        found = find(drive, free, shifts=True)
     except CommandError as error:
         raise FitError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
     for p in found:
@@ -332,6 +340,8 @@ class DriveFamily:
         Numbers by which a run has derivatives: free parameters, then derived values that depend on them.
     moving : list of Derived
         Derived values that depend on free parameters.
+    piston : str
+        Component of the cylinder, if `names` are given.
     """
 
     def __init__(
@@ -342,6 +352,7 @@ class DriveFamily:
         names: ShortNames | None = None,
     ) -> None:
         self._form, self._names, self.size = form, names, len(free)
+        self.piston = names[0] if names else ""
         self.moving: list[Derived] = []
         for one in every:
             if not all(key in table for table, key in map(self._place, (one.path, *one.sources))):
@@ -367,6 +378,11 @@ class DriveFamily:
 
     def _place(self, path: str) -> tuple[Plain, str]:
         return table_of(self._form, path)
+
+    @property
+    def exact(self) -> list[str]:
+        """The `paths` by which the core has derivatives."""
+        return [path for path in self.paths if path.rpartition(".")[2] not in COMMAND_STEPS]
 
     def get(self, path: str) -> float:
         """Return the number at a path."""
@@ -435,11 +451,13 @@ class DriveFamily:
         return out
 
 
-def family_of(described: Drive | Circuit, parameters: Sequence[Parameter]) -> DriveFamily:
-    """Return the family of a drive or a circuit for some free parameters."""
+def family_of(
+    described: Drive | Circuit, parameters: Sequence[Parameter], axis: ShortNames | None = None
+) -> DriveFamily:
+    """Return the family of a drive or a circuit for some free parameters; `axis` are short names for a circuit."""
     free, (form, names) = [p.core for p in parameters], described.system
     every = derived_in_circuit(described.circuit) if names is None else derived(cast("Drive", described))
-    return DriveFamily(json.loads(form), free, every, names)
+    return DriveFamily(json.loads(form), free, every, names or axis)
 
 
 # --- Numbers of a circuit by name, and circuits for any values of some of them.
@@ -475,12 +493,35 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
 def _numbers_of_circuit(circuit: Circuit) -> dict[str, Parameter]:
     """Return every number of a circuit that can be free, by name; see `circuit_numbers`."""
     values = dict(core_numbers(json.loads(circuit.core_json())))
-    paths = {name: (core_path(name), number.unit) for name, number in circuit_numbers(circuit).items()}
-    return {
-        name: Parameter(name, path, unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
-        for name, (path, unit) in paths.items()
-        if path in values
-    }
+    limits = dict(_limits_in_circuit(circuit))
+    found = {}
+    for name, number in circuit_numbers(circuit).items():
+        path, key = core_path(name), name.rpartition(".")[2]
+        if path not in values:
+            continue
+        value = values[path]
+        size = _SIGNED_KEYS.get(key, abs(value) or 1.0)
+        lower, upper, is_discrete = limits.get(name, (-np.inf, np.inf, False))
+        found[name] = Parameter(name, path, number.unit, value, lower, upper, size, is_discrete)
+    return found
+
+
+def _limits_in_circuit(circuit: Circuit) -> Iterator[tuple[str, tuple[float, float, bool]]]:
+    """Yield name, open bounds and whether runs have no derivative of each number that has bounds."""
+    for name, one in circuit.components.items():
+        friction = getattr(one, "friction", None)
+        tables = {name: one.entry}
+        if friction is not None:
+            tables[f"{name}.friction"] = friction.entry
+        for of, entry in tables.items():
+            for row in entry["parameters"]:
+                key = row["key"]
+                if key in _SIGNED_KEYS:
+                    continue
+                lower = 0.0 if row["lower"] is None else row["lower"]
+                upper = np.inf if row["upper"] is None else row["upper"]
+                is_discrete = key in entry.get("discrete", ())
+                yield f"{of}.{key}", (lower, upper, is_discrete)
 
 
 def core_path(name: str) -> str:

@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
+from pneudrive.describe import Circuit
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
@@ -20,7 +21,7 @@ from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
-from pneudrive.free.parameters import component_numbers, with_shape
+from pneudrive.free.parameters import circuit_numbers, component_numbers, with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
@@ -60,7 +61,11 @@ _ANY = "record motion that depends on it, or fix it"
 def remedy_for(name: str) -> str:
     """Return the recording that would determine a value, in words."""
     plain = name.partition(" [")[0]
-    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
+    names = (plain, plain.partition(".")[2])  # a circuit has its component in front
+    for pattern, text in sentences("remedies").items():
+        if any(fnmatchcase(one, pattern) for one in names):
+            return text
+    return _ANY
 
 
 # --- Measured values and those of a model, and their figure.
@@ -188,16 +193,16 @@ class Identified:
 
 def apply_identified(
     found: Identified,
-    drive: Drive,
+    drive: Any,  # noqa: ANN401 - a drive or a circuit
     tables: Mapping[str, object] | None = None,
     beside: Dependences | None = None,
-) -> Drive:
-    """Return a drive with identified values, each with its interval and its recordings.
+) -> Any:  # noqa: ANN401
+    """Return a drive or a circuit with identified values, each with its interval and its recordings.
 
     Parameters
     ----------
     found : Identified
-    drive : Drive
+    drive : Drive or Circuit
     tables : mapping, optional
         Further changes, as for `Drive.replace`: a law, a shape.
     beside : Dependences, optional
@@ -215,6 +220,8 @@ def apply_identified(
     DescriptionError
         A value is not valid for the drive.
     """
+    if isinstance(drive, Circuit):
+        return _circuit_with(found, drive)
     changes: dict[str, object] = dict(tables or {})
     if beside is not None:
         found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
@@ -256,6 +263,22 @@ def apply_identified(
     return after.replace({"provenance": origins}).read_from(found.file)
 
 
+def _circuit_with(found: Identified, circuit: Circuit) -> Circuit:
+    """Return a circuit with identified values, each with its origin."""
+    known = {name: number.mark for name, number in circuit_numbers(circuit).items()}
+    off_bounds = dict(_off_bounds(found, known))
+    found = replace(found, values={**found.values, **off_bounds})
+    changes: dict[str, object] = {}
+    for name, value in found.values.items():
+        if name not in known:
+            raise FitError(f"the fit has {name}, but this circuit does not", remedy=nearest(name, known))
+        written = _rounded(value, found.intervals.get(name), known[name])
+        changes[name] = written
+        if not name.startswith("ambient."):
+            changes[name] = {"value": written} | _said(found, name, known[name])
+    return circuit.replace(changes).read_from(found.file)
+
+
 def _off_bounds(
     found: Identified, known: Mapping[str, Quantity | StatedPressure | None]
 ) -> Iterator[tuple[str, float]]:
@@ -276,8 +299,8 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
     return {name: parameter_quantity(entry) for name, _, _, entry in own}
 
 
-def _said(found: Identified, name: str, mark: Quantity) -> dict[str, str]:
-    """Return the origin of a value of a line, which is stored with the value."""
+def _said(found: Identified, name: str, mark: Quantity | StatedPressure | None) -> dict[str, str]:
+    """Return the origin of a value of a line or a circuit, which is stored with the value."""
     source = {"source": joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
         return source

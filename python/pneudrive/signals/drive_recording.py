@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Bools, Interval, Keyed, Plain
-    from pneudrive.describe.drive import Drive
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
 
@@ -284,6 +283,7 @@ def read_drive_recordings(
     needed: Sequence[str] = NEEDED,
     *,
     gaps: bool = False,
+    names: Mapping[str, str] | None = None,
 ) -> list[DriveRecording]:
     """Read recordings of a drive.
 
@@ -298,6 +298,8 @@ def read_drive_recordings(
         Required columns.
     gaps : bool
         Whether measured columns may contain NaN.
+    names : mapping, optional
+        Columns of a circuit -> those of a drive.
 
     Raises
     ------
@@ -309,7 +311,9 @@ def read_drive_recordings(
     for number, item in enumerate(items, start=1):
         read = item
         if not isinstance(item, DriveRecording):
-            columns, name, labels, source = _drive_columns(item, f"recording {number}", layout, needed)
+            names = names or {}
+            columns, name, labels, source = _drive_columns(item, f"recording {number}", layout, needed, names)
+            columns = {names.get(column, column): values for column, values in columns.items()}
             read = drive_recording(columns, name, labels, source, needed, gaps=gaps)
         if read.name in {other.name for other in out}:
             folder = read.source.parent.name if read.source is not None else f"{number}"
@@ -359,10 +363,11 @@ def _items(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[An
 
 
 def _drive_columns(
-    item: Given, name: str, layout: Layout | None, needed: Sequence[str]
+    item: Given, name: str, layout: Layout | None, needed: Sequence[str], names: Mapping[str, str]
 ) -> tuple[Plain, str, dict[str, str], Path | None]:
     """Return columns in SI, name, labels and file of a recording in any form."""
     known = (*NEEDED, *OPTIONAL, *_SIMULATED)
+    known += tuple(full for full, short in names.items() if short in known)
     if is_run(item):
         variables = {meaning(column)[0]: column for column in known}
         columns = {variables[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in variables}
@@ -370,7 +375,8 @@ def _drive_columns(
     if isinstance(item, Mapping):
         return {str(column): values for column, values in item.items()}, name, {}, None
     path = Path(str(item))
-    if layout is None and set(needed) <= set(there := columns_in(path, known)):  # a file of `simulate`
+    there = columns_in(path, known) if layout is None else []
+    if layout is None and set(needed) <= {names.get(column, column) for column in there}:  # a file of `simulate`
         text = open_table(path, "parquet").metadata.get("pneudrive", "{}") if path.suffix == ".parquet" else "{}"
         return read_columns(path, there), stem(path), _labels(parse_json(text, str(path), RecordingError)), path
     if layout is None:
@@ -398,8 +404,8 @@ def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array | float]:
     return dict(imported.columns)
 
 
-def check_plausible(recording: DriveRecording, drive: Drive) -> None:
-    """Reject a recording that does not match the drive.
+def check_plausible(recording: DriveRecording, stroke: float, ambient: float, supply: float) -> None:
+    """Reject a recording that does not match a stroke, m, and the pressures of ambient and supply, Pa.
 
     Raises
     ------
@@ -410,7 +416,6 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
     step = float(np.median(np.diff(recording.time_s)))
     if step > COARSEST_S:
         raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
-    stroke, ambient, supply = drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa
     margin = BEYOND_STROKE * stroke
     rule = f"from 0 to the stroke of {stroke:g} m"
     remedy = "check the unit and the zero of the position, or cylinder.stroke"

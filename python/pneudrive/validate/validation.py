@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.describe import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.follow.driven import check_follow, refuse_circuit
+from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit
+from pneudrive.identify.identified import stated
 from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, Plain
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
     from pneudrive.signals.layout import Layout
@@ -359,7 +361,8 @@ def validate(
     if isinstance(drive, DriveFit):
         fitted = drive.hashes
         drive, sensors = drive.apply(), drive if sensors is None else sensors
-    refuse_circuit(drive)
+    if isinstance(drive, Circuit):
+        raise CommandError(**stated("application", "not_a_drive", name=drive.name))
     if not hasattr(drive, "core_json"):
         raise DescriptionError(
             f"drive is a {type(drive).__name__}, not a drive", remedy='Write pn.Drive.load("drive.toml").'
@@ -369,7 +372,7 @@ def validate(
     watch = Watch(progress, cancel)
     read, known, fitted = [], [SWITCHES] * (drive.valve.time_on_s is not None), fitted or balance.sources_of(drive)
     for recording in read_drive_recordings(recordings, layout):
-        check_plausible(recording, drive)
+        check_plausible(recording, drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
         without, said = balance.corrected(recording, own)
         read.append(without)

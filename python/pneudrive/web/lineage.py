@@ -236,7 +236,9 @@ def drive_at(workspace: Workspace, name: str, changed: float) -> Drive | None:
     fit = None if is_in_catalogue(name) else fit_at(workspace, name, changed)
     with suppress(PneudriveError):
         if fit is not None:
-            return fit.apply() if isinstance(fit, DriveFit) and fit.converged else None
+            if isinstance(fit, DriveFit) and isinstance(fit.start, Drive) and fit.converged:
+                return fit.apply()
+            return None
         described = described_at(workspace, name)
         return described if isinstance(described, Drive) else None
     return None

@@ -5,6 +5,7 @@ All records are synthetic: the drive of the catalogue, or one with elasto-plasti
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from benches.servo import controller, follow_sine
 
 import pneudrive as pn
 from oracle.bootstrap import drive_bootstrap, intervals_of_draws
-from pneudrive.errors import FitError, PneudriveWarning
+from pneudrive.errors import DescriptionError, FitError, PneudriveWarning
 from pneudrive.free.parameters import numbers_of
 from pneudrive.identify.dynamic.sensors import lagged
 from pneudrive.identify.files import read_fit
@@ -65,9 +66,17 @@ def servo(
     }
 
 
-def truth(drive: pn.Drive, names: list[str]) -> dict[str, float]:
-    from pneudrive.free.parameters import numbers_of
+def recorded(run, seed: int, noise_m: float, noise_pa: float, names=("position", "pressure_a", "pressure_b")) -> dict:
+    """Record a simulated run with noise."""
+    rng = np.random.default_rng(seed)
+    columns = {"time_s": run.time.values, "command": run.command.values}
+    for name in names:
+        noise, unit = (noise_m, "m") if name == "position" else (noise_pa, "pa")
+        columns[f"{name}_{unit}"] = run[name].values + noise * rng.standard_normal(run.sizes["time"])
+    return columns
 
+
+def truth(drive: pn.Drive, names: list[str]) -> dict[str, float]:
     known = numbers_of(drive)
     return {name: known[name].value for name in names}
 
@@ -104,24 +113,15 @@ def test_stick_slip_needs_multiple_shooting() -> None:
     run = pn.simulate(
         drive, [(0.0, 0.0016)], 6.0, initial="position = 50 mm, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
     )
-    rng = np.random.default_rng(0)
-    cols = {"time_s": run.time.values, "command": run.command.values}
-    for name, unit, noise in (("position", "m", 1e-6), ("pressure_a", "pa", 200.0), ("pressure_b", "pa", 200.0)):
-        cols[f"{name}_{unit}"] = run[name].values + noise * rng.standard_normal(run.sizes["time"])
+    cols = recorded(run, 0, 1e-6, 200.0)
     free = ["friction.coulomb", "friction.breakaway", "friction.stribeck_velocity"]
-    start = off(drive, 1.5)
-    fit = pn.identify(
-        start.replace({"friction.viscous": "40 N s/m", "friction.bristle_stiffness": "1e5 N/m"}), cols, free
-    )
+    known = {"friction.viscous": "40 N s/m", "friction.bristle_stiffness": "1e5 N/m"}
+    start = off(drive, 1.5).replace(known)
+    fit = pn.identify(start, cols, free)
     assert fit.converged
     for name, value in truth(drive, free).items():
         assert fit.values[name] == pytest.approx(value, rel=0.01), name
-    single = pn.identify(
-        start.replace({"friction.viscous": "40 N s/m", "friction.bristle_stiffness": "1e5 N/m"}),
-        cols,
-        free,
-        segment=None,
-    )
+    single = pn.identify(start, cols, free, segment=None)
     assert single.statistics["rms.position"] > 100.0 * fit.statistics["rms.position"]
 
 
@@ -134,14 +134,8 @@ def test_two_recordings_with_offsets_of_their_own_share_the_drive() -> None:
         records.append({**cols, "position_m": cols["position_m"] + ox, "pressure_a_pa": cols["pressure_a_pa"] + oa})
     free = ["cylinder.dead_volume.a", "cylinder.dead_volume.b", "cylinder.heat_transfer", "cylinder.moving_mass"]
     free += ["friction.coulomb"]
-    start = drive.replace(
-        {
-            "cylinder.dead_volume": {"a": "15 cm3", "b": "7 cm3"},
-            "cylinder.heat_transfer": "45 W/(m2 K)",
-            "cylinder.moving_mass": "2.6 kg",
-            "friction.coulomb": "24 N",
-        }
-    )
+    start = drive.replace({"cylinder.dead_volume": {"a": "15 cm3", "b": "7 cm3"}, "friction.coulomb": "24 N"})
+    start = start.replace({"cylinder.heat_transfer": "45 W/(m2 K)", "cylinder.moving_mass": "2.6 kg"})
     sensors = {"position": {"offset": "free", "offset_uncertainty": "1 mm"}, "pressure_a": {"offset": "free"}}
     fit = pn.identify(start, records, free, sensors=sensors)
     assert fit.converged
@@ -226,9 +220,8 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str, 
     after = read.apply(start)
     assert after.friction.parameters["bristle_stiffness"] == pytest.approx(1e5, rel=0.03)
     assert set(after.provenance) == set(found.determined)
-    assert found.profile(["friction.bristle_stiffness"]) == {
-        "friction.bristle_stiffness": found.intervals["friction.bristle_stiffness"]
-    }
+    name = "friction.bristle_stiffness"
+    assert found.profile([name]) == {name: found.intervals[name]}
     coarse = pn.identify_presliding(start, loops, resolution_m=60e-6)
     assert "friction.bristle_damping" not in coarse.determined
     assert any("60 um" in u.reason for u in coarse.undetermined)
@@ -248,8 +241,6 @@ def test_wrong_input_gets_one_message() -> None:
 
 
 def test_command_line_writes_a_fit(tmp_path) -> None:
-    import tomllib
-
     from pneudrive.cli.main import run
 
     with warnings.catch_warnings():
@@ -299,13 +290,7 @@ def test_a_model_that_lacks_something_is_told_by_what_noise_cannot_explain() -> 
 
 def test_one_pressure_is_enough_from_near_values() -> None:
     run = pn.simulate(reference(), [(0.0, 0.1), (0.6, -0.15), (1.2, 0.2), (1.8, -0.1)], "2.4 s")
-    rng = np.random.default_rng(1)
-    record = {
-        "time_s": run.time.values,
-        "command": run.command.values,
-        "position_m": run.position.values + 5e-6 * rng.standard_normal(run.sizes["time"]),
-        "pressure_a_pa": run.pressure_a.values + 500.0 * rng.standard_normal(run.sizes["time"]),
-    }
+    record = recorded(run, 1, 5e-6, 500.0, ("position", "pressure_a"))
     start = reference().replace({"friction.coulomb": "27 N", "valve.conductance": "2.1 dm3/(s bar)"})
     fit = pn.identify(start, record, ["friction.coulomb", "valve.conductance"])
     assert fit.converged
@@ -317,11 +302,7 @@ def test_a_contact_ages_beyond_the_shortest_segment_and_a_valve_gets_its_conduct
     drive = pn.Drive.load("catalogue:starter")
     run = pn.simulate(drive, "0 s: 0.4, 0.6 s: -0.5, 1.4 s: 0.3, 2.2 s: -0.2, 3 s: 0.6", "4 s")
     assert float(run.contact_age.max()) > 0.3
-    rng = np.random.default_rng(11)
-    record = {"time_s": run.time.values, "command": run.command.values}
-    for name, column, noise in (("position", "position_m", 1e-6), ("pressure_a", "pressure_a_pa", 200.0)):
-        record[column] = run[name].values + noise * rng.standard_normal(run.time.size)
-    record["pressure_b_pa"] = run.pressure_b.values + 200.0 * rng.standard_normal(run.time.size)
+    record = recorded(run, 11, 1e-6, 200.0)
     fit = pn.identify(drive.replace({"friction.coulomb": "30 N"}), record, ["friction.coulomb", "valve.conductance"])
     assert fit.converged
     truth = drive.valve.conductance_m3_s_pa
@@ -331,6 +312,33 @@ def test_a_contact_ages_beyond_the_shortest_segment_and_a_valve_gets_its_conduct
     assert changed.valve.conductance_m3_s_pa == pytest.approx(truth, rel=1e-3)
     assert changed.valve.nominal_flow_m3_s_anr is None
     assert set(changed.provenance) == {"friction.coulomb", "valve.conductance"}
+
+
+def test_numbers_of_a_circuit_are_found_from_values_of_a_data_sheet(tmp_path: Path) -> None:
+    file = Path(__file__).parents[2] / "data/drive_with_tubes.toml"
+    tables = tomllib.loads(file.read_text("utf-8"))
+    tables["valve"] |= {"frequency": "80 Hz", "delay": "3 ms", "hysteresis": 0.01, "overlap": 0.02}
+    circuit = pn.Circuit(**tables, load={"mass": "2 kg"})
+    held = "cylinder.position = 100 mm, cylinder.a = 3 bar abs, cylinder.b = 3 bar abs"
+    steps = [(0.25 * i, u) for i, u in enumerate([0.0, 0.4, -0.3, 0.15, -0.25, 0.6, -0.6, 0.1])]
+    run = circuit.simulate(steps, "2 s", initial=held)
+    rng = np.random.default_rng(0)
+    for name, noise in (("cylinder.position", 5e-6), ("cylinder.a.pressure", 300.0), ("cylinder.b.pressure", 300.0)):
+        run[name] = run[name] + noise * rng.standard_normal(run.sizes["time"])
+    start = {"valve.frequency": "60 Hz", "valve.delay": "2.3 ms", "valve.overlap": 0.025, "valve.hysteresis": 0.013}
+    start |= {"supply.pressure": "5.2 bar gauge", "cylinder.friction.coulomb": "33 N", "load.mass": "2.4 kg"}
+    start |= {"cylinder.dead_volume_a": "18 cm3", "cylinder.dead_volume_b": "9 cm3"}
+    fit = pn.identify(circuit.replace(start), run, list(start))
+    assert (fit.converged, fit.determined) == (True, tuple(start))
+    for name in start:
+        lower, upper = fit.intervals[name]
+        assert lower <= numbers_of(circuit)[name].value <= upper, name
+    fit.to_toml(tmp_path / "fit.toml")
+    valve = read_fit(tmp_path / "fit.toml").apply().components["valve"]
+    assert valve.delay_s == pytest.approx(3e-3, rel=0.01)
+    assert "95 % interval" in valve.to_dict()["frequency"]["note"]
+    with pytest.raises(DescriptionError, match="cylinder: left, right"):
+        pn.identify(pn.Circuit.load(Path(__file__).parents[3] / "examples/two_cylinders.toml"), run, ["left.bore"])
 
 
 def test_pressures_that_were_not_recorded_stay_above_zero():

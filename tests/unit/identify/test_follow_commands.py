@@ -9,7 +9,7 @@ import pytest
 import pneudrive as pn
 from oracle.gas_spring import AREAS, CIRCUIT, Truth, record
 from pneudrive.cli.main import run
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, DescriptionError
 
 LAYOUT = f"""
 header = true
@@ -64,7 +64,7 @@ def test_the_way_of_a_user(folder, capsys):
     fit = pn.identify("spring.toml", ["run.csv"], ["volumes"], follow="motion", layout="layout.toml")
     assert set(fit.values) == {"upper.volume", "lower.volume"}
     for call in (pn.identify, pn.validate):
-        with pytest.raises(CommandError, match=r'in Python follow="motion"'):
+        with pytest.raises((CommandError, DescriptionError), match=r'in Python follow="motion"'):
             call(pn.Circuit.load("spring.toml"), ["run.csv"])
         with pytest.raises(CommandError, match="the only value"):
             call("spring.toml", ["run.csv"], follow="force")

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe import Circuit
+from pneudrive.describe.system import PISTON
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import rms, robust_deviation, student
 from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import origin
-from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
+from pneudrive.free.parameters import Parameter, chosen, family_of, numbers_of, with_shape
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined
 from pneudrive.identify.dynamic import problem as shooting
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
 from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
-from pneudrive.identify.follow.driven import check_follow, refuse_circuit
+from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.arrays import Array, Interval
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
     from pneudrive.signals.recording import Recording
@@ -42,22 +44,31 @@ if TYPE_CHECKING:
 
 #: Start value of the excess Fs - Fc for a drive without excess, as a share of Fc.
 _LEAST_EXCESS = 0.02
+FORCES = ("friction.coulomb", "friction.breakaway")
 
 
-def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
-    """Return the coordinates of free values of a drive and its sensors.
+def transforms_of(
+    parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive | Circuit
+) -> Transforms:
+    """Return the coordinates of free values of a drive or a circuit, and of its sensors.
 
     The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of these forces is held, it
     limits the other.
     """
-    names, held = [p.name for p in parameters], drive.friction.parameters
+    names = [p.name for p in parameters]
     every = [*parameters, *sensors]
+    numbers = numbers_of(drive)
+    keys = ("coulomb", "breakaway")
     upper = np.array([p.upper for p in every])
-    place = {name: names.index(f"friction.{name}") for name in ("coulomb", "breakaway") if f"friction.{name}" in names}
+    of = next((name.rpartition(".")[0] for name in names if name.endswith(FORCES)), "friction")
+    place = {key: names.index(f"{of}.{key}") for key in keys if f"{of}.{key}" in names}
+    held = {key: numbers[f"{of}.{key}"].value for key in keys if f"{of}.{key}" in numbers}
     if "coulomb" in place and "breakaway" not in place and "breakaway" in held:
         upper[place["coulomb"]] = held["breakaway"]
-    if "valve.critical_pressure_ratio" in names:
-        upper[names.index("valve.critical_pressure_ratio")] = drive.valve.linear_above
+    for k, name in enumerate(names):
+        part, _, key = name.rpartition(".")
+        if key == "critical_pressure_ratio":
+            upper[k] = numbers[f"{part}.linear_above"].value
     return Transforms(
         [p.lower for p in every],
         upper,
@@ -89,7 +100,7 @@ HUBER_K = 1.345
 
 @overload
 def identify(
-    drive: Drive,
+    drive: Drive | Circuit,
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str],
     *,
@@ -131,7 +142,7 @@ def identify(
     progress: Any = None,
     cancel: Flag | None = None,
 ) -> DriveFit | FollowFit:
-    """Identify parameters of a drive from recordings of its motion by output error.
+    """Identify parameters of a drive or a circuit from recordings of its motion by output error.
 
     The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
     each recording, are fitted to position, pressures and other measured channels by weighted least squares. Derivatives
@@ -140,14 +151,16 @@ def identify(
 
     Parameters
     ----------
-    drive : Drive
-        Drive with start values of free parameters; all other values are known.
+    drive : Drive or Circuit
+        Description with start values of free parameters; all other values are known. A circuit has one cylinder and
+        one component with a command. Its search ends with one segment for each recording, as a valve has a past.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out`` (.csv, .parquet, .nc), a foreign file
         with a layout, a result of ``pn.simulate``, or a mapping of SI columns (``time_s``, ``command``, ``position_m``,
         ``pressure_a_pa``, ``pressure_b_pa``).
     free : sequence of str
-        Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
+        Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ... Those of a
+        circuit begin with the component: ``valve.frequency``, ``valve.delay``, ``cylinder.friction.coulomb``, ...
     follow : {"motion"}, optional
         The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. Of the other arguments,
         only `layout`, `progress` and `cancel` count.
@@ -192,18 +205,26 @@ def identify(
     if follow is not None:
         check_follow(follow)
         return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
-    refuse_circuit(drive)
-    records = read_drive_recordings(recordings, layout, needed=("time_s", "command"), gaps=True)
+    axis = drive.axis_names if isinstance(drive, Circuit) else None
+    columns = {} if axis is None else {full: short for short, full in axis[1]}
+    needed = ("time_s", "command")
+    records = read_drive_recordings(recordings, layout, needed, gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)
+    numbers = numbers_of(drive)
+    piston = PISTON if axis is None else axis[0]
+    stroke_m = numbers[f"{piston}.stroke"].value
+    highest_pa = max(p.value for name, p in numbers.items() if name.endswith(".pressure"))
     for record in records:
-        check_plausible(record, drive)
+        check_plausible(record, stroke_m, drive.ambient.pressure_pa, highest_pa)
     refuse_standstill(records, free)
     options.notes += time_gaps(records)
     names = [c for c in sensing.CHANNELS if any(c in p for p in present)]
-    drive = with_shape(drive, free)
+    if not isinstance(drive, Circuit):
+        drive = with_shape(drive, free)
     described = {c.name: c for c in sensing.channels_of(names, sensors)}
     options.delay = sensing.command_delay(sensors)
+    options.axis = axis
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
 
@@ -268,26 +289,27 @@ def _options(segment: str | float | None, robust: bool, rtol: float, threads: in
 
 
 def _resolvable(
-    drive: Drive,
+    drive: Drive | Circuit,
     parameters: list[Parameter],
     records: list[DriveRecording],
     described: dict[str, sensing.Channel],
     options: search.SearchOptions,
 ) -> list[Parameter]:
     """Hold the bristle damping if the encoder does not resolve the bristles."""
-    levels = dict(drive.friction.parameters)
-    damping = [p for p in parameters if p.name == "friction.bristle_damping"]
-    if not damping or "position" not in described or "bristle_stiffness" not in levels:
+    damping = [p for p in parameters if p.name.endswith("friction.bristle_damping")]
+    if not damping or "position" not in described:
         return parameters
+    of = damping[0].name.rpartition(".")[0]
+    numbers = numbers_of(drive)
+    force = numbers.get(f"{of}.breakaway", numbers[f"{of}.coulomb"]).value
     position = described["position"]
     noise = [shooting.white_noise(r["position_m"]) for r in records if "position_m" in r]
     step = max(position.resolution, float(np.median(noise)) if noise else 0.0)
-    force = levels.get("breakaway", levels.get("coulomb", 0.0))
-    lost = unresolved_damping(step, force, levels["bristle_stiffness"])
+    lost = unresolved_damping(step, force, numbers[f"{of}.bristle_stiffness"].value)
     if lost is None:
         return parameters
-    options.lost.append(lost)
-    options.notes.append(f"friction.bristle_damping is held at {damping[0].value:g} N s/m")
+    options.lost.append(replace(lost, parameter=damping[0].name))
+    options.notes.append(f"{damping[0].name} is held at {damping[0].value:g} N s/m")
     rest = [p for p in parameters if p is not damping[0]]
     if not rest:
         raise FitError("no parameter is left free", value=str(lost))
@@ -295,7 +317,7 @@ def _resolvable(
 
 
 def _problem(
-    drive: Drive,
+    drive: Drive | Circuit,
     parameters: list[Parameter],
     records: list[DriveRecording],
     present: list[list[str]],
@@ -305,7 +327,7 @@ def _problem(
     values: Array | None = None,
 ) -> tuple[shooting.FitProblem, shooting.Iterate]:
     """Return the fit problem: cut recordings and starts of segments; `values` are the start values."""
-    family = family_of(drive, parameters)
+    family = family_of(drive, parameters, options.axis)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
     for record, names in zip(records, present, strict=True):
@@ -316,7 +338,7 @@ def _problem(
         shooter = shooting.Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
         noise = np.array([noise_of(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(values)
-        state, spread = shooting.measured_starts(record, own, noise, starts, drive, inner, watch)
+        state, spread = shooting.measured_starts(shooter, own, noise, drive, inner)
         experiments.append(
             shooting.FittedRecording(shooter, own, shooting.observed(shooter, values, state, spread, inner), noise)
         )
@@ -360,10 +382,16 @@ def solve(
             for length_s in (*options.ladder, options.segment_s):
                 point = _regrouped(problem, search.predict_segments(problem, point, watcher), length_s)
                 watcher.point = point
-        for _ in range(NOISE_ROUNDS):
-            point, at, converged = search.join_segments(problem, point, believed, watcher)
-            if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
-                break
+        stages = (False,) if options.axis is None else (False, True)
+        for is_whole in stages:
+            if is_whole:
+                point = _regrouped(problem, point, None)
+                for experiment in problem.experiments:  # the solver's error adds up over a long segment
+                    experiment.shooter.rtol = max(LAST_RTOL * options.rtol, 1e-12)
+            for _ in range(NOISE_ROUNDS):
+                point, at, converged = search.join_segments(problem, point, believed, watcher)
+                if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
+                    break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
             point, at, converged = search.join_segments(problem, point, believed, watcher)
     except KeyboardInterrupt:
@@ -398,7 +426,7 @@ def over_noise(solved: search.Solved) -> dict[str, float]:
     return worst
 
 
-def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: float) -> shooting.Iterate:
+def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: float | None) -> shooting.Iterate:
     """Join the short segments of the first phase to longer ones with the same starts."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):

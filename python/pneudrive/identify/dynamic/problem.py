@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.arrays import by_name
+from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError
-from pneudrive.free.parameters import DriveFamily, Parameter, at_rest
+from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
 from pneudrive.progress import UNWATCHED, Watch
 
@@ -51,11 +52,6 @@ class Shot:
     ends_by_parameter: Array
     ends_by_start: Array
     failures: dict[int, str]
-
-
-#: Half of the difference for derivatives by the delay of the command, s: above the effect of the solver's error, below
-#: the time in which a valve's flow changes.
-DELAY_STEP_S = 1e-4
 
 
 @dataclass
@@ -123,16 +119,22 @@ class Shooter:
         try:
             core = self.family.core(values)
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
-            beside = [] if delay_s is None or not derivatives else [delay_s + DELAY_STEP_S, delay_s - DELAY_STEP_S]
+            step = COMMAND_STEPS["delay"]
+            beside = [] if delay_s is None or not derivatives else [delay_s + step, delay_s - step]
             shifted = [self._shoot(core, initial, delay) for delay in beside]
+            slopes = self._slopes_by_command(values, initial, delay_s) if derivatives else []
         except ValueError as error:
             raise FitError(f"the core rejects a drive of the search: {error}") from None
         p = self.family.size if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
+            exact = len(self.family.exact)
             paths = len(self.family.paths)
             if by_start is not None:
-                sensitivities, ends = (_spread(d, paths, by_start, initial.shape[1]) for d in (sensitivities, ends))
+                sensitivities, ends = (_spread(d, exact, by_start, initial.shape[1]) for d in (sensitivities, ends))
+            for k, by_values, by_ends in slopes:
+                sensitivities = np.insert(sensitivities, k, by_values, axis=2)
+                ends = np.insert(ends, k, by_ends, axis=2)
             if paths > p:
                 by_free = self.family.by_free(values)
                 sensitivities, ends = (
@@ -140,7 +142,7 @@ class Shooter:
                 )
         if shifted:
             later, sooner = shifted
-            by_delay, ends_by_delay = ((later[k] - sooner[k]) / (2.0 * DELAY_STEP_S) for k in ("values", "ends"))
+            by_delay, ends_by_delay = _slope(later, sooner, step)
             sensitivities = np.insert(sensitivities, p, by_delay, axis=2)
             ends = np.insert(ends, p, ends_by_delay, axis=2)
             p += 1
@@ -153,6 +155,21 @@ class Shooter:
             ends_by_start=ends[:, :, p:],
             failures={j: why for j, why in enumerate(found["failures"]) if why is not None},
         )
+
+    def _slopes_by_command(
+        self, values: Array, initial: Array, delay_s: float | None
+    ) -> list[tuple[int, Array, Array]]:
+        """Return place and derivatives of outputs and ends by hysteresis and delay of the valve, if they are free."""
+        out = []
+        for k, path in enumerate(self.family.paths):
+            if path in self.family.exact:
+                continue
+            step = min(COMMAND_STEPS[path.rpartition(".")[2]], 0.5 * values[k])
+            change = step * (np.arange(values.size) == k)
+            after = self._shoot(self.family.core(values + change), initial, delay_s)
+            before = self._shoot(self.family.core(values - change), initial, delay_s)
+            out.append((k, *_slope(after, before, step)))
+        return out
 
     def _shoot(
         self,
@@ -170,7 +187,7 @@ class Shooter:
             "sample_times": self.recording.time_s,
             "starts": self.starts.tolist(),
             "initial": np.ascontiguousarray(initial),
-            "parameters": self.family.paths if derivatives else [],
+            "parameters": self.family.exact if derivatives else [],
             "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
             "outputs": list(self.outputs),
             "rtol": self.rtol,
@@ -186,6 +203,14 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
     shifted = times + delay_s
     first = max(int(np.searchsorted(shifted, times[0], side="right")) - 1, 0)
     return np.r_[times[0], shifted[first + 1 :]], commands[first:]
+
+
+def _slope(after: CoreShot, before: CoreShot, step: float) -> tuple[Array, Array]:
+    """Return the derivatives of outputs and ends from runs a step after and before a value."""
+    width = 2.0 * step
+    by_values = (after["values"] - before["values"]) / width
+    by_ends = (after["ends"] - before["ends"]) / width
+    return by_values, by_ends
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
@@ -449,6 +474,8 @@ GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
 LEAST_SHARE = 0.2
 #: Endings of names of the gas in a tube.
 _PRESSURE, _TEMPERATURE = ".pressure_pa", ".temperature_k"
+#: Pressures of chambers a and b, Pa, that no circuit states: gas that takes one of them starts like this chamber.
+DISTINCT_PA = (110001.0, 130003.0)
 #: Sizes of states for the continuity, in the same order.
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
@@ -478,37 +505,30 @@ class SegmentStarts:
 
 
 def measured_starts(
-    recording: DriveRecording,
-    channels: list[Channel],
-    noise: Array,
-    starts: Ints,
-    drive: Drive,
-    inner: list[str],
-    watch: Watch,
+    shooter: Shooter, channels: list[Channel], noise: Array, drive: Drive | Circuit, inner: list[str]
 ) -> tuple[Array, Array]:
     """Return starts from the smoothed signals; unmeasured states have the values of a drive at rest.
 
     Parameters
     ----------
-    recording : DriveRecording
+    shooter : Shooter
+        Runner of k segments.
     channels : list of Channel
         Measured channels, c in number.
     noise : ndarray, shape (c,)
         Noise of the channels.
-    starts : ndarray, shape (k,)
-        Samples at which segments begin.
-    drive : Drive
+    drive : Drive or Circuit
     inner : list of str
-        Further states of the drive, which start at zero.
-    watch : Watch
+        Further states: those of friction start at zero, gas of tubes at the pressure of its chamber.
 
     Returns
     -------
     ndarray, shape (k, 6 + inner), ndarray, shape (6 + inner,)
         Starts, and standard deviations of measured columns; NaN for others.
     """
-    ambient = drive.ambient
-    usual = [0.5 * drive.cylinder.stroke_m, 0.0]
+    ambient, piston = drive.ambient, shooter.family.piston
+    recording, starts = shooter.recording, shooter.starts
+    usual = [0.5 * shooter.family.get(f"{piston}.stroke"), 0.0]
     usual += [ambient.pressure_pa, ambient.temperature_k] * 2
     usual += [0.0] * len(inner)
     state = np.tile(np.array(usual), (starts.size, 1))
@@ -518,15 +538,27 @@ def measured_starts(
         if column is None:
             continue
         values = (recording[channel.column] - channel.offset) / channel.gain
-        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), watch)
+        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), shooter.watch)
         spread[column] = np.hypot(white, channel.offset_spread)
         if channel.name == "position" and "velocity_m_s" not in recording:
             state[:, VELOCITY] = slope
             spread[VELOCITY] = np.hypot(white * sloping, SLOPE_ERROR_M_S)
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
+    chambers = (state[:, PRESSURE_A], state[:, PRESSURE_B])
+    start: dict[str, float] = {}
+    if isinstance(drive, Circuit):
+        a, b = DISTINCT_PA
+        distinct = {f"{piston}.a": f"{a} Pa abs", f"{piston}.b": f"{b} Pa abs"}
+        start = drive.core_initial(distinct)
     for column, name in enumerate(inner, start=BELIEF.size):
-        state[:, column] = at_rest(name, (state[:, PRESSURE_A], state[:, PRESSURE_B]), ambient.temperature_k)
+        value = start.get(name)
+        if value is None:
+            state[:, column] = at_rest(name, chambers, ambient.temperature_k)
+        elif value in DISTINCT_PA:
+            state[:, column] = chambers[DISTINCT_PA.index(value)]
+        else:
+            state[:, column] = value
     return state, spread
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from pneudrive import __version__, _core
 from pneudrive.arrays import by_name
-from pneudrive.describe.drive import Drive
+from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import rms, student
 from pneudrive.estimate.profile import intervals as intervals_at
@@ -86,12 +86,12 @@ class DriveFit(Fit, kind="drive"):
         False if residuals are larger than the noise of a channel from sample to sample: the model is incomplete.
     provenance : dict
         Version, hash of the drive, recordings with their hashes, options.
-    start : Drive
-        Drive with the start values of the search.
+    start : Drive or Circuit
+        Description with the start values of the search.
     """
 
     sensors: dict[str, float]
-    start: Drive = field(repr=False)
+    start: Drive | Circuit = field(repr=False)
     fits: bool = True
     solved: Solved | None = field(repr=False, default=None)
 
@@ -124,15 +124,15 @@ class DriveFit(Fit, kind="drive"):
                 found.setdefault(channel, {}).setdefault(kind, []).append(value)
         return {channel: {kind: float(np.mean(v)) for kind, v in kinds.items()} for channel, kinds in found.items()}
 
-    def apply(self, drive: Drive | None = None) -> Drive:
-        """Return a drive with the determined values of this fit, each with its interval and its recordings.
+    def apply(self, drive: Drive | Circuit | None = None) -> Any:  # noqa: ANN401 - a drive or a circuit
+        """Return a drive or a circuit with the determined values of this fit, each with interval and recordings.
 
         The drive is unchanged if the recordings determine no value.
 
         Parameters
         ----------
-        drive : Drive, optional
-            Default: the drive of the start of the search.
+        drive : Drive or Circuit, optional
+            Default: that of the start of the search.
 
         Raises
         ------
@@ -153,6 +153,8 @@ class DriveFit(Fit, kind="drive"):
         )
 
     def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
+        if isinstance(self.start, Circuit):
+            raise FitError(**stated("application", "circuit"))
         return curve_of_drive(self.apply(), speeds_m_s, *gauges_pa)
 
     def _groups(self) -> tuple[dict[str, float], ...]:
@@ -167,9 +169,11 @@ class DriveFit(Fit, kind="drive"):
     @classmethod
     def _fields(cls, file: FitFile) -> Plain:
         sensors = file.groups[1] if len(file.groups) > 1 else {}
+        start = file.content["drive"]
+        described = Circuit if "components" in start else Drive
         return super()._fields(file) | {
             "sensors": {name: entry.value for name, entry in sensors.items()},
-            "start": Drive.model_validate(file.content["drive"]),
+            "start": described.model_validate(start),
             "fits": bool(file.content.get("fits", True)),
         }
 
@@ -283,7 +287,7 @@ SINGULAR_SHARE = 1e-3
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
-def model_errors(drive: Drive, solved: Solved) -> dict[str, float]:
+def model_errors(drive: Drive | Circuit, solved: Solved) -> dict[str, float]:
     """Return the least model error of each free value that has an effect on sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
@@ -314,7 +318,7 @@ def model_errors(drive: Drive, solved: Solved) -> dict[str, float]:
     return by_name(names, floor)
 
 
-def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
+def _held(drive: Drive | Circuit, free: list[Parameter], solved: Solved) -> list[Parameter]:
     """Return the held numbers of the drive that are not derived from free ones, with their values."""
     family = solved.problem.experiments[0].shooter.family
     known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
@@ -469,7 +473,7 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 SENSELESS_PERCENT = 0.0
 
 
-def assembled(drive: Drive, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
+def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
     solved = attempt.solved
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
@@ -514,7 +518,7 @@ def assembled(drive: Drive, attempt: Attempt, options: SearchOptions, steps: int
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive, options: SearchOptions, attempt: Attempt, statistics: dict[str, float]) -> list[str]:
+def _notes(drive: Drive | Circuit, options: SearchOptions, attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     notes, solved = list(options.notes), attempt.solved
     problem = solved.problem
     if not attempt.converged:
@@ -586,7 +590,7 @@ def _fitted(solved: Solved) -> dict[str, FittedData]:
     return out
 
 
-def _provenance(drive: Drive, attempt: Attempt, options: SearchOptions) -> Plain:
+def _provenance(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions) -> Plain:
     problem = attempt.solved.problem
     return {
         "version": __version__,

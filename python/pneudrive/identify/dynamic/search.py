@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array, Interval
+    from pneudrive.describe.system import ShortNames
     from pneudrive.identify.base import Undetermined
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -631,6 +632,8 @@ class SearchOptions:
     last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
     delay: Delay = field(default_factory=Delay)
+    #: Names of a circuit's axis. Its search ends with one segment, as a start does not contain the spool's position.
+    axis: ShortNames | None = None
 
     @property
     def ladder(self) -> tuple[float, ...]:

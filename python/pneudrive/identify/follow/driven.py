@@ -84,12 +84,6 @@ def check_follow(follow: str) -> None:
         raise CommandError(f"follow = {follow!r} is not known", rule='the only value is "motion"')
 
 
-def refuse_circuit(drive: object) -> None:
-    """Refuse a circuit where a drive with a valve command is fitted or validated."""
-    if isinstance(drive, Circuit):
-        raise CommandError(**stated("application", "not_a_drive", name=drive.name))
-
-
 def driven_recordings(
     recordings: Iterable[str | Path | Recording], layout: Layout | str | Path | None = None
 ) -> list[DrivenRecording]:
