@@ -210,11 +210,11 @@ class Described(Shown, BaseModel):
         vars(self)["source_file"] = str(file)
         return self
 
-    def stored(self) -> dict[str, Any]:
+    def stored(self) -> Plain:
         """Return the fields that are not None, by their names: values in SI, tables unchanged."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Write the table as plain values, quantities with units; keys with their default are left out."""
         out: Plain = {}
         for name, field in type(self).model_fields.items():
@@ -225,7 +225,7 @@ class Described(Shown, BaseModel):
             out[field.alias or name] = mark.show(value) if mark is not None else as_tables(value)
         return out
 
-    def with_defaults(self) -> dict[str, Any]:
+    def with_defaults(self) -> Plain:
         """Write the table as `to_dict` does, with the keys that have their default."""
         return {key: _written(value, mark) for key, value, mark in self._all()}
 

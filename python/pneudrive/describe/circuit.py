@@ -170,7 +170,7 @@ class Circuit(Described):
         return cls.from_tables(*toml.read(source), Path(source)).read_from(source)
 
     @classmethod
-    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Circuit:
+    def from_tables(cls, tables: Plain, text: str, path: Path) -> Circuit:
         """Make a circuit from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
 
         Raises
@@ -189,7 +189,7 @@ class Circuit(Described):
                         written.read_file(table, "formula", key, partial(formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
-    def replace(self, changes: dict[str, Any]) -> Circuit:
+    def replace(self, changes: Plain) -> Circuit:
         """Return a checked circuit with some values changed.
 
         Parameters
@@ -300,7 +300,7 @@ class Circuit(Described):
         """The circuit itself, for calls that accept drives (`Drive.circuit`) and circuits."""
         return self
 
-    def circuit_values(self, given: object) -> Mapping[str, Any]:
+    def circuit_values(self, given: object) -> Keyed:
         """Return start values, given as a dict or a text, as a table."""
         return start_values(given)
 
@@ -322,7 +322,7 @@ class Circuit(Described):
         return [(f"components.{name}", f"components.{name}") for name in self.components]
 
     @property
-    def plain_tables(self) -> dict[str, Any]:
+    def plain_tables(self) -> Plain:
         """Tables of the file with values only, without connections."""
         tables = {key: table for key, table in self.to_dict().items() if key not in ("connections", "plugged")}
         return tables | {"components": {name: one.plain() for name, one in self.components.items()}}
@@ -332,7 +332,7 @@ class Circuit(Described):
         """SHA-256 of the simulated values, without name, labels and start state."""
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
-    def core_initial(self, initial: Mapping[str, Any] | None = None) -> dict[str, float]:
+    def core_initial(self, initial: Keyed | None = None) -> dict[str, float]:
         """Return the start state in the core's form, in SI; `initial` overrides `self.initial`.
 
         Raises
@@ -355,7 +355,7 @@ class Circuit(Described):
         starts = Starts(core.start_names, self.components, self.wiring, self.ambient, core.platforms)
         return starts.values(self.initial, initial or {})
 
-    def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-6) -> Session:
+    def start(self, initial: Keyed | str | None = None, *, rtol: float = 1e-6) -> Session:
         """Start a session of the circuit, which the caller advances in time.
 
         Parameters
@@ -385,7 +385,7 @@ class Circuit(Described):
         commands: Commands,
         duration: str | float,
         *,
-        initial: Mapping[str, Any] | str | None = None,
+        initial: Keyed | str | None = None,
         sample_rate: str | float = "1 kHz",
         rtol: float = 1e-6,
         ledger: bool = False,

@@ -75,7 +75,7 @@ class Component(Described):
         return {}
 
     @classmethod
-    def flat(cls, table: Mapping[str, Any]) -> Plain:
+    def flat(cls, table: Keyed) -> Plain:
         """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``, and keep the origin."""
         out: Plain = {}
         keys: list[str] = []
@@ -100,7 +100,7 @@ class Component(Described):
         return out if out.keys() == table.keys() else cls.flat(out)  # cushion = { b = { length = ... } }
 
     @classmethod
-    def over(cls, base: Mapping[str, Any], own: Mapping[str, Any]) -> Plain:
+    def over(cls, base: Keyed, own: Keyed) -> Plain:
         """Merge keys of a user over those of a part, each with its origin.
 
         A size of a flow path, or a friction law, that the user gives in another form replaces that of the part.

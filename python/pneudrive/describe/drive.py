@@ -118,7 +118,7 @@ class Drive(Described):
         return cls.from_tables(*toml.read(source), Path(source)).read_from(source)
 
     @classmethod
-    def from_tables(cls, tables: dict[str, Any], text: str, path: Path) -> Drive:
+    def from_tables(cls, tables: Plain, text: str, path: Path) -> Drive:
         """Make a drive from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
 
         Raises
@@ -144,7 +144,7 @@ class Drive(Described):
         vars(made)["origins"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
         return made.read_from(reference)
 
-    def replace(self, changes: dict[str, Any]) -> Drive:
+    def replace(self, changes: Plain) -> Drive:
         """Return a checked drive with some values changed.
 
         Parameters
@@ -197,7 +197,7 @@ class Drive(Described):
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
 
     @property
-    def plain_tables(self) -> dict[str, Any]:
+    def plain_tables(self) -> Plain:
         """Tables of the file with values only."""
         return self.to_dict()
 
@@ -276,7 +276,7 @@ class Drive(Described):
             return self.circuit.description_hash
         return hashlib.sha256(json.dumps(self.short_form(), sort_keys=True).encode()).hexdigest()
 
-    def short_form(self) -> dict[str, Any]:
+    def short_form(self) -> Plain:
         """Return supply, valve, cylinder, friction and load in SI, without lines, overlap and leakage of the valve."""
         v, spring = self.valve, self.carried.spring
         return {
@@ -318,7 +318,7 @@ class Drive(Described):
         whole = {short_name(name): value for name, value in self.circuit_start(start).items()}
         return whole | {"contact_age_s": start.contact_age_s}
 
-    def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, Any]:
+    def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> Plain:
         """Return the given start values by the names of the circuit, without the age of the contact."""
         values = (read_initial(given) or Initial()).to_dict()
         values.pop("contact_age", None)

@@ -386,7 +386,7 @@ def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
 class OnPaper(Quantity):
     """Annotation of a field for a place in a drawing."""
 
-    def read(self, given: object) -> tuple[float, float] | None:  # type: ignore[override]
+    def read(self, given: object) -> Interval | None:  # type: ignore[override]
         """Check the form."""
         if given is None:
             return None
@@ -395,7 +395,7 @@ class OnPaper(Quantity):
         x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
         return x, y
 
-    def show(self, value: tuple[float, float]) -> list[float]:  # type: ignore[override]
+    def show(self, value: Interval) -> list[float]:  # type: ignore[override]
         """Write the place."""
         return list(value)
 

@@ -501,7 +501,7 @@ class EnsembleDesign(Shown):
         return cls("table", dict(columns))
 
     @classmethod
-    def grid(cls, axes: Mapping[str, Any]) -> EnsembleDesign:
+    def grid(cls, axes: Keyed) -> EnsembleDesign:
         """All combinations of the values of each number. The last number varies fastest.
 
         Parameters

@@ -510,7 +510,7 @@ def simulate_many(
     command: Commands | Sequence[Commands] | Array,
     duration: str | float | Sequence[str | float] | Array,
     *,
-    vary: Mapping[str, Any] | EnsembleDesign,
+    vary: Keyed | EnsembleDesign,
     n: int | None = None,
     outputs: Sequence[str | Output] | None = None,
     initial: Initial | Mapping[str, object] | str | Sequence[Initial | Mapping[str, object] | str] | None = None,

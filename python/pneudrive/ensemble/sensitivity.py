@@ -45,7 +45,7 @@ def sensitivity(
     command: commands.Command,
     duration: str | float,
     *,
-    vary: Mapping[str, Any],
+    vary: Keyed,
     outputs: Sequence[str | Output] | None = None,
     n: int = BASE_POINTS,
     initial: Initial | Mapping[str, object] | str | None = None,

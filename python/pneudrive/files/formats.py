@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
+    Columns = dict[str, NDArray[Any]]
+
 resource: Any = None
 with contextlib.suppress(ImportError):  # not on Windows
     import resource
@@ -57,7 +59,7 @@ class Opened:
     """
 
     names: Callable[[], list[str]]
-    get: Callable[[list[str], frozenset[str], Rows | None], dict[str, NDArray[Any]]]
+    get: Callable[[list[str], frozenset[str], Rows | None], Columns]
     count: Callable[[], int | None]
     metadata: dict[str, str]
     close: Callable[[], None]
@@ -78,7 +80,7 @@ def open_parquet(path: Path) -> Opened:
     def scan() -> pl.LazyFrame:
         return _without_lists(pl.scan_parquet(path))
 
-    def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
+    def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> Columns:
         check_parquet(path, wanted)
         table = scan().select(wanted)
         frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
@@ -137,7 +139,7 @@ def check_parquet(path: Path, wanted: Sequence[str]) -> None:
     check_unpacked(rows * sum(numbers), path.stat().st_size, RecordingError)
 
 
-def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]]:
+def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns]:
     """Read columns of several Parquet files at once; columns that a file lacks are left out.
 
     Files with the same columns are read by one query, because a query takes longer than reading a small file.
@@ -163,7 +165,7 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str
     return found
 
 
-def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]] | None:
+def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
     """Read files with the same columns, including all of `wanted`; None if a value is missing.
 
     Integers with missing values would become floats, also in the other files.
@@ -193,7 +195,7 @@ def open_netcdf(path: Path) -> Opened:
     check_unpacked(unpacked, path.stat().st_size, RecordingError)
     sizes = {v.shape[0] for v in data.variables.values() if v.ndim == 1}
 
-    def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+    def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> Columns:
         found = {name: data[name] for name in wanted}
         if rows is not None:
             found = {name: v[slice(*rows)] if v.ndim else v for name, v in found.items()}
@@ -222,7 +224,7 @@ def open_tdms(path: Path) -> Opened:
     clocked = [name for name, channel in channels.items() if "wf_increment" in channel.properties]
     timed = bool(clocked) and not any(name.rpartition("/")[2] == "time" for name in channels)
 
-    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
         part = slice(*(rows or (None,)))
         found = {name: np.asarray(channels[name][:]) for name in wanted if name in channels}
         times = _waveform_times({name: channels[name] for name in found if name in clocked}) if timed else {}
@@ -254,7 +256,7 @@ def open_mf4(path: Path) -> Opened:
         places.pop("time", None)
         close = stack.pop_all().close
 
-    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
         chosen = [name for name in wanted if name != "time"]
         if not chosen:
             raise RecordingError("the layout names no channel except the time")
@@ -274,7 +276,7 @@ def open_mat(path: Path) -> Opened:
     they are numbered: ``signals[1].values``.
     """
     pymatreader = _optional("pymatreader", "mat")
-    flat: dict[str, NDArray[Any]] = {}
+    flat: Columns = {}
 
     def collect(prefix: str, value: Any) -> None:  # noqa: ANN401 - any content
         if isinstance(value, dict):
@@ -302,7 +304,7 @@ def open_mat(path: Path) -> Opened:
         content = pymatreader.read_mat(path)
     collect("", {key: value for key, value in content.items() if not key.startswith("__")})
 
-    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
+    def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
         part = slice(*(rows or (None,)))
         return {name: flat[name][part] if flat[name].ndim else flat[name] for name in wanted}
 
@@ -382,9 +384,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
     return out
 
 
-def _on_one_clock(
-    times: dict[str, NDArray[np.float64]], values: dict[str, NDArray[Any]]
-) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+def _on_one_clock(times: dict[str, NDArray[np.float64]], values: Columns) -> tuple[NDArray[np.float64], Columns]:
     """Return the times of the fastest channel that covers half of the time span, and all channels at these times.
 
     A channel has NaN before its first sample and after its last one. A channel of texts is unchanged.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the 
 
 
 def steady_flow(
-    parts: Mapping[str, Any], way: Sequence[tuple[str, str, str]], before_pa: float, behind_pa: float, gas: Gas
+    parts: Keyed, way: Sequence[tuple[str, str, str]], before_pa: float, behind_pa: float, gas: Gas
 ) -> float:
     """Return the steady mass flow through components in series between two pressures, kg/s.
 

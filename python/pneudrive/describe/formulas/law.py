@@ -35,7 +35,7 @@ class WrittenState(written.WrittenParameter):
     scale: Any = None
     rate: str
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the state in the core's form, without its key."""
         out = super().core()
         usual = _STATE_UNITS.get(self.unit, ("", None))[1]
@@ -112,7 +112,7 @@ class FrictionLaw(written.Written):
         return written.load(cls.of, path, GUIDE)
 
     @classmethod
-    def of(cls, tables: dict[str, Any]) -> FrictionLaw:
+    def of(cls, tables: Plain) -> FrictionLaw:
         """Make the law from the tables of its file.
 
         Raises
@@ -132,15 +132,15 @@ class FrictionLaw(written.Written):
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
 
     @field_serializer("levels", "states")
-    def _plain_tables(self, value: dict[str, Any]) -> dict[str, Any]:
+    def _plain_tables(self, value: Plain) -> Plain:
         return dict(value)
 
     @cached_property
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Plain:
         """Entry of the law in the form of `friction_laws`: name, title, parameters, states, bristles."""
         return _entry(json.dumps(self.core()))
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the law in the core's form, in SI."""
         named = {level: level for level in LEVELS if level in self.parameters} if not self.levels else self.levels
         states = []
@@ -151,7 +151,7 @@ class FrictionLaw(written.Written):
         out = super().core() | {"levels": dict(named), "states": states, "odd": self.odd}
         return out | {key: getattr(self, key) for key in OUTPUTS}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return the tables of the law's file."""
         odd = {"odd": True} if self.odd else {}
         output = {key: value for key in OUTPUTS if (value := getattr(self, key)) is not None}

@@ -20,7 +20,7 @@ from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest
 from pneudrive.references import entries
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from pneudrive.arrays import Keyed, Plain
 
@@ -56,7 +56,7 @@ class WrittenParameter(Described):
             raise wrong(key, f"{key} = {given!r} is neither a number nor a quantity")
         return Quantity(self.unit).read_at(key, given) if isinstance(given, str) else float(given)
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the parameter in the core's form, without its name."""
         for one, other in (_SIDES[:2], _SIDES[2:]):
             if getattr(self, one) is not None and getattr(self, other) is not None:
@@ -99,7 +99,7 @@ class Written(Described):
         """Raise an error for names that are already used, before the core reads the formulas."""
 
     @classmethod
-    def from_tables(cls, tables: Mapping[str, Any], outputs: tuple[str, ...], unit: str) -> dict[str, Any]:
+    def from_tables(cls, tables: Keyed, outputs: tuple[str, ...], unit: str) -> Plain:
         """Return the tables of a file, with the keys of [output] at the top level; the first output must be given.
 
         Raises
@@ -127,15 +127,15 @@ class Written(Described):
         return {key: value for key, value in tables.items() if key != "output"} | output
 
     @field_serializer("parameters", "let")
-    def _plain(self, value: dict[str, Any]) -> dict[str, Any]:
+    def _plain(self, value: Plain) -> Plain:
         return dict(value)
 
     @cached_property
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Plain:
         """Entry in the core's form: name, title, parameters."""
         raise NotImplementedError
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the formulas in the core's form, in SI."""
         return {
             "name": self.name,
@@ -145,7 +145,7 @@ class Written(Described):
             "lets": [[key, formula] for key, formula in self.let.items()],
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return the tables of the file except [output]."""
         out: Plain = {"name": self.name}
         out |= {key: value for key in ("title", "source") if (value := getattr(self, key))}

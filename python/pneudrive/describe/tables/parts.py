@@ -96,7 +96,7 @@ class Gas(Described):
         """Density at the standard reference atmosphere, kg/m3."""
         return anr_density_kg_m3(self.heat_capacity_ratio, self.gas_constant_j_kg_k)
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the gas in the core's form, in SI."""
         out = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant_j_kg_k": self.gas_constant_j_kg_k}
         if self.model == "ideal" or self.name is None:
@@ -259,7 +259,7 @@ class Cylinder(Described):
         check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
         return self
 
-    def core(self, ambient_k: float) -> dict[str, Any]:
+    def core(self, ambient_k: float) -> Plain:
         """Return the table in the core's form, in SI; without leakage its key is left out."""
         out: Plain = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
         a, b = out.pop("dead_volume_m3")
