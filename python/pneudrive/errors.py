@@ -147,8 +147,11 @@ class PneudriveError(Exception):
         return _rebuild, (type(self), self.what, self.where, self.value, self.rule, self.remedy, self.others)
 
 
+ErrorKind = type[PneudriveError]
+
+
 def _rebuild(
-    kind: type[PneudriveError],
+    kind: ErrorKind,
     what: str,
     where: str | None,
     value: object,
@@ -343,7 +346,7 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 
 @contextmanager
-def naming(name: str, caught: type[PneudriveError] = DescriptionError) -> Iterator[None]:
+def naming(name: str, caught: ErrorKind = DescriptionError) -> Iterator[None]:
     """Put a name in front of the errors of a block.
 
     Raises

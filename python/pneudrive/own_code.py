@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import PneudriveError, nearest
+from pneudrive.errors import ErrorKind, PneudriveError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +36,7 @@ def sha256(source: str) -> str:
         return ""
 
 
-def load(source: str, kind: type[PneudriveError]) -> Callable[..., Any]:
+def load(source: str, kind: ErrorKind) -> Callable[..., Any]:
     """Import code that the user of this run has named.
 
     Parameters
@@ -57,9 +57,7 @@ def load(source: str, kind: type[PneudriveError]) -> Callable[..., Any]:
     return _named(found, source, name, kind)
 
 
-def load_allowed(
-    source: str, allowed: str | None, found_in: str, option: str, kind: type[PneudriveError]
-) -> Callable[..., Any]:
+def load_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> Callable[..., Any]:
     """Import code that a file has named, if the user of this run has allowed it by its hash.
 
     Parameters
@@ -87,7 +85,7 @@ def load_allowed(
     return _named(found, source, name, kind)
 
 
-def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: type[PneudriveError]) -> str:
+def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> str:
     """Refuse code that a file has named, unless the user of this run has allowed it. Return the hash of its file.
 
     Parameters and errors are those of `load_allowed`.
@@ -114,7 +112,7 @@ def check_allowed(source: str, allowed: str | None, found_in: str, option: str, 
     return there
 
 
-def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
+def guarded(source: str, kind: ErrorKind, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
     """Call a user's code. Turn an exception into one message with file and line."""
     try:
         return work()
@@ -124,7 +122,7 @@ def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) ->
         raise kind(f"{source} fails: {type(error).__name__}: {error}", where=place_of(error)) from error
 
 
-def _named(found: ModuleType, source: str, name: str, kind: type[PneudriveError]) -> Callable[..., Any]:
+def _named(found: ModuleType, source: str, name: str, kind: ErrorKind) -> Callable[..., Any]:
     made = getattr(found, name, None)
     if not callable(made):
         known = [key for key, value in vars(found).items() if callable(value) and not key.startswith("_")]
@@ -132,7 +130,7 @@ def _named(found: ModuleType, source: str, name: str, kind: type[PneudriveError]
     return made
 
 
-def _from_file(file: str, expected: str | None, kind: type[PneudriveError]) -> ModuleType:
+def _from_file(file: str, expected: str | None, kind: ErrorKind) -> ModuleType:
     """Run a file as a module from its source. A compiled copy next to it could come from other code."""
     path = Path(file)
     if not path.is_file():

@@ -52,7 +52,7 @@ from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
 #: Column -> kind of a table that has it.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
@@ -185,7 +185,7 @@ def _load_table(path: Path) -> Any:  # noqa: ANN401
     return _dataset(*_frame(path)) if kind else None
 
 
-def _frame(path: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
+def _frame(path: Path) -> tuple[pl.DataFrame, Plain]:
     """Return the columns of numbers of a table that pneudrive wrote, and its provenance."""
     if path.suffix == ".csv":
         names = [name for name in csv_names(path, CommandError) if name != "reason"]
@@ -195,7 +195,7 @@ def _frame(path: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
     return pl.DataFrame(frame), located(json.loads(table.metadata.get("pneudrive", "{}")), path.parent)
 
 
-def _dataset(frame: pl.DataFrame, attrs: dict[str, Any]) -> xr.Dataset:
+def _dataset(frame: pl.DataFrame, attrs: Plain) -> xr.Dataset:
     """Return the members of an ensemble."""
     variables = {}
     for column in frame.columns:

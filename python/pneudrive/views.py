@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from pneudrive.figures import Figure, Numbers, plain_data, thin
 from pneudrive.lazy_names import upper
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
 #: Judgement of a result, a value or a finding, from the best to the worst.
 State: TypeAlias = Literal["good", "open", "bad"]
@@ -272,7 +272,7 @@ class SentView:
     notes: Sequence[str]
 
 
-def view_schema() -> dict[str, Any]:
+def view_schema() -> Plain:
     """Return the JSON schema of the data of a view."""
     from pydantic import TypeAdapter
 
@@ -322,7 +322,7 @@ class View(Shown):
         """Leading values as they are sent, with their limits and states."""
         return [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Plain:
         """Return the view as plain data, for JSON, with the fields of `SentView`."""
         head, table = self.table() if self.rows else ((), [])
         values = list(map(SentValue.of, self.rows))

@@ -432,8 +432,7 @@ class Store:
         try:
             text = lines.read_text("utf-8", "replace") if lines.exists() else ""
         except OSError as error:
-            remedy = "Name another folder as out."
-            raise CommandError(f"{lines} cannot be read", value=error.strerror, remedy=remedy) from None
+            raise CommandError.of("control.not_readable", path=lines, value=error.strerror) from None
         known = {str(key): (score, str(reason)) for score, (key, reason) in _logged(text, "key", "reason")}
         if text and not text.endswith("\n"):
             with open_to_append(lines) as file:
@@ -644,8 +643,7 @@ def _folder(out: object) -> Path:
 def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mismatch, str] | None:
     """Read a spread. A spread and a mismatch exclude each other."""
     if spread is not None and mismatch is not None:
-        remedy = "Write the values of the mismatch into the file of the spread."
-        raise CommandError("a spread and a mismatch cannot be given together", remedy=remedy)
+        raise CommandError.of("control.spread_and_mismatch")
     return None if spread is None else read_mismatch(spread)
 
 

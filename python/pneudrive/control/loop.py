@@ -321,8 +321,7 @@ def _check_jitter(setup: Setup, period_s: float) -> None:
     parts = {f"sensors.{name}": getattr(setup.sensors, name) for name in CHANNEL_UNITS} | {"computer": setup.computer}
     for name, part in parts.items():
         if part is not None and not part.jitter_s < period_s:
-            rule = f"shorter than the period, {1e3 * period_s:g} ms"
-            raise CommandError(f"setup: {name}.jitter = {1e3 * part.jitter_s:g} ms", rule=rule)
+            raise CommandError.of("control.jitter", name=name, jitter_ms=1e3 * part.jitter_s, period_ms=1e3 * period_s)
 
 
 def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:

@@ -17,7 +17,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, number, parameter_quantities, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
-from pneudrive.errors import CommandError, WrongValueError, wrong
+from pneudrive.errors import CommandError, WrongValueError, invalid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -233,8 +233,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     _valves(valves, drawn)
     if mismatch.friction_law is not None:
         if mismatch.friction_law == cylinder["friction"]["law"]:
-            what = f"friction_law: the drive already has {mismatch.friction_law}"
-            raise wrong("friction_law", what, remedy="Choose another law.")
+            raise invalid("friction_law", "control.same_law", law=mismatch.friction_law)
         cylinder["friction"] = _other_law(mismatch.friction_law, cylinder["friction"])
     start = _supply(form, drawn, conductance)
     unseen = set() if setup.sensors.pressure_a is not None else _SENSORS.keys()
@@ -246,8 +245,7 @@ def _valves(valves: list[Plain], drawn: Mapping[str, float]) -> None:
     """Change the valves of a drive in place; a law assumes equal valves."""
     for name, key in OF_VALVE.items():
         if name in drawn and "frequency" not in valves[0]["numbers"]:
-            what = f"{name}: {valves[0]['name']} is a switching valve, whose spool is not modelled"
-            raise wrong(name, what, remedy="Leave it out of the mismatch.")
+            raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
         for numbers in (valve["numbers"] for valve in valves if name in drawn):
             numbers[key] = drawn[name]
     for numbers in (valve["numbers"] for valve in valves):
@@ -258,8 +256,7 @@ def _valves(valves: list[Plain], drawn: Mapping[str, float]) -> None:
 def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: float) -> None:
     has = [key for key in keys if key in numbers]
     if not has:
-        what = f"{name} has no effect: the drive has no {' and no '.join(keys)}"
-        raise wrong(name, what, remedy="Leave it out of the mismatch.")
+        raise invalid(name, "control.no_effect", name=name, keys=" and no ".join(keys))
     for key in has:
         numbers[key] *= factor
 
@@ -275,8 +272,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
         if name in has:
             parameters[name] = has[name]
         elif usual is None:
-            what = f"friction_law: {word} needs {name}, which the friction of the drive does not have"
-            raise wrong("friction_law", what, remedy="Choose a law without that number.")
+            raise invalid("friction_law", "control.law_needs", law=word, name=name)
     lacks = {"formula", "elements"}
     lacks |= set() if law["evolves"] else {"evolution"}
     lacks |= set() if has_stribeck_curve(word) else {"stribeck_shape"}
@@ -379,6 +375,5 @@ def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
     """
     if mismatch.is_spread:
         wide = next(key for key, (low, high) in mismatch.ranges.items() if low < high)
-        what = f"the mismatch {name} is a spread: {wide} has a range"
-        raise CommandError(what, remedy=f"Use --spread {name}, or replace each range by a value.")
+        raise CommandError.of("control.spread", name=name, key=wide)
     return mismatch.drawn(0, 0)

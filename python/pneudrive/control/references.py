@@ -15,7 +15,7 @@ from pneudrive.control import motion
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Choice, Position, Quantity
-from pneudrive.errors import CommandError, DescriptionError, RecordingError, wrong
+from pneudrive.errors import CommandError, DescriptionError, RecordingError, invalid, wrong
 from pneudrive.simulation.trajectory import read_columns
 
 LONGEST_S = 1e6  # of a reference
@@ -95,11 +95,9 @@ class ReferenceFile(Described):
             if move.duration_s is None and self.limits is None:
                 raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
         if self.limits is not None and all(move.duration_s is not None for move in self.moves):
-            rule = "limits are for moves without a duration"
-            raise wrong("limits", "the limits have no effect", rule=rule, remedy="Leave them out.")
+            raise invalid("limits", "control.limits")
         if self.points and self.through == "pass" and self.order != motion.ORDER:
-            what = f"order = {self.order} and a spline through the points, which has order {motion.ORDER}, are given"
-            raise wrong("order", what, remedy='Leave it out, or write through = "stop".')
+            raise invalid("order", "control.spline", order=self.order, of_spline=motion.ORDER)
         return self
 
 
@@ -135,15 +133,13 @@ def reference(given: motion.Reference | str | Path) -> motion.Reference:
     if lower.endswith(RECORDS):
         return _of_record(Path(text))
     if PROGRAM.search(lower):
-        remedy = "Convert it with examples/gcode_reference.py, which writes a record for each axis."
-        raise CommandError(f"the reference {text} is a program of G-code", remedy=remedy)
+        raise CommandError.of("control.program", text=text)
     if not text:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
     if text.lower().startswith("sine"):
         return _sine_of(text)
     if _STANDARD.fullmatch(text):
-        remedy = f'Make it for this drive: pn.control.standard(drive)["{text}"].'
-        raise CommandError(f"the standard reference {text} depends on the drive", remedy=remedy)
+        raise CommandError.of("control.standard", text=text)
     if text.isidentifier():
         raise CommandError(f'there is no reference "{text}"', remedy=f"Give a standard one, R1 to R6, or {FORMS}.")
     return moves_of_text(text, "m")
@@ -169,8 +165,7 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
 def _sine_of(text: str) -> motion.Reference:
     found = _SINE.fullmatch(text)
     if found is None:
-        rule = "sine AMPLITUDE FREQUENCY around CENTRE"
-        raise CommandError(f'reference "{text}" is not a sine', rule=rule, remedy="For instance " + FORMS.split(",")[0])
+        raise CommandError.of("control.sine", text=text, example=FORMS.split(",")[0])
     amplitude, frequency, centre = (
         _quantity(one, unit, text) for one, unit in zip(found.groups(), ("m", "1/s", "m"), strict=True)
     )
@@ -246,17 +241,14 @@ def _of_record(path: Path) -> motion.Reference:
     table = None if path.suffix.lower() == ".csv" else open_table(path, "parquet")
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
-        shown = f"columns: {', '.join(there)}"
-        rule = "time_s in s, position_m in m"
-        raise CommandError(f"the record {path} lacks a column", value=shown, rule=rule, remedy=CSV_FORM)
+        raise CommandError.of("control.record_columns", path=path, columns=", ".join(there), remedy=CSV_FORM)
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)
     else:
         time, position = read_columns(path, names, table=table).values()
     if len(time) <= motion.REST:
-        rule = f"more than {motion.REST} samples"
-        raise CommandError(f"the record {path} is too short", value=f"{len(time)} samples", rule=rule)
+        raise CommandError.of("control.record_short", path=path, count=len(time), least=motion.REST)
     rises = np.diff(time, prepend=-1.0) > 0.0
     for bad, rule in (
         (~(np.isfinite(time) & np.isfinite(position)), "a finite time and a finite position in each sample"),
@@ -341,12 +333,8 @@ def check_reach(of: motion.Reference, stroke_m: float, speed_m_s: float) -> None
         factor = reach.fastest_m_s / speed_m_s
         slower = of.stretched(factor).text
         by = f"Stretch it in time by {motion.rounded_up(factor):g}"
-        raise CommandError(
-            f"reference: {reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s is faster than the drive",
-            value=of.text,
-            rule=f"at most {speed_m_s:.3g} m/s, the steady speed at full opening",
-            remedy=f"{by}." if of.pieces or len(slower) >= LONGEST_REMEDY else f"{by}: {slower}",
-        )
+        remedy = f"{by}." if of.pieces or len(slower) >= LONGEST_REMEDY else f"{by}: {slower}"
+        raise CommandError.of("control.too_fast", reach=reach, speed_m_s=speed_m_s, value=of.text, remedy=remedy)
 
 
 # --- Standard references, by which laws are compared.

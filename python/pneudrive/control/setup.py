@@ -14,7 +14,7 @@ from pneudrive import _core, units
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.errors import WrongValueError, nearest, package_table, wrong
+from pneudrive.errors import WrongValueError, invalid, nearest, package_table, wrong
 from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
 _Kind = TypeVar("_Kind", bound=Described)
@@ -87,8 +87,7 @@ class ControlSensors(Described):
     def _both_pressures(self) -> ControlSensors:
         if (self.pressure_a is None) != (self.pressure_b is None):
             one, other = "ba" if self.pressure_a is None else "ab"
-            what = f"sensors.pressure_{one} is given without sensors.pressure_{other}"
-            raise wrong(f"pressure_{one}", what, remedy="Give both, or none: the law then computes the pressures.")
+            raise invalid(f"pressure_{one}", "control.one_pressure", one=one, other=other)
         return self
 
 
@@ -117,8 +116,7 @@ class LimitSwitches(Described):
     @model_validator(mode="after")
     def _ordered(self) -> LimitSwitches:
         if not self.low_m < self.high_m:
-            what = f"switches.high = {1e3 * self.high_m:g} mm"
-            raise wrong("switches.high", what, rule=f"above low = {1e3 * self.low_m:g} mm")
+            raise invalid("switches.high", "control.switches", low_mm=1e3 * self.low_m, high_mm=1e3 * self.high_m)
         return self
 
 
@@ -217,13 +215,10 @@ class Setup(Described):
         times = [one.at_s for one in self.disturbances]
         for number, (before, after) in enumerate(pairwise(times), start=1):
             if not after > before:
-                what = f"disturbances: {after:g} s follows {before:g} s"
-                raise wrong(f"disturbances.{number}.at", what, rule="times rise")
+                raise invalid(f"disturbances.{number}.at", "control.disturbances", before=before, after=after)
         for number, fault in enumerate(self.faults):
             if fault.channel is not None and getattr(self.sensors, fault.channel) is None:
-                what = f"faults: the setup has no sensor {fault.channel} that could fail"
-                remedy = f"Give [sensors.{fault.channel}], or leave the fault out."
-                raise wrong(f"faults.{number}.channel", what, remedy=remedy)
+                raise invalid(f"faults.{number}.channel", "control.fault", channel=fault.channel)
         return self
 
     def short_of(self, supply_pa: float, ambient_pa: float) -> list[str]:
@@ -308,15 +303,12 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
     """
     if isinstance(given, kind):
         return given, "own"
+    name = kind.__name__.lower()
     if not isinstance(given, (str, Path)):
-        name = kind.__name__.lower()
-        raise wrong(
-            "", f"{name} is a {type(given).__name__}", remedy=f"Give a name, a file, or a pn.control.{kind.__name__}."
-        )
+        raise invalid("", "control.not_read", name=name, given=type(given).__name__, kind=kind.__name__)
     path = ready.get(str(given), Path(given))
     if not path.suffix and not path.exists():
-        what = f'there is no {kind.__name__.lower()} "{given}"'
-        raise wrong("", what, remedy=f"{nearest(str(given), ready)} Or give a TOML file.")
+        raise invalid("", "control.not_known", name=name, given=given, known=nearest(str(given), ready))
     tables, text = toml.read(path, start=start)
     with toml.locating(path, text):
         found = kind.model_validate(tables)
@@ -356,8 +348,7 @@ class SupplyReaction(marks.Choice):
     def read(self, given: object) -> str:
         """Check the name."""
         if given == "slow":
-            remedy = 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.'
-            raise WrongValueError('the reaction "slow" was removed', remedy=remedy)
+            raise WrongValueError.of("control.slow")
         return super().read(given)
 
 

@@ -108,15 +108,12 @@ def export(
         if is_name and to == "st" and name.upper() in RESERVED:
             is_name, rule = False, "structured text reserves this word"
         if not is_name:
-            what = f'the controller cannot have the name "{name}"'
-            raise CommandError(what, rule=rule, remedy='Write "left_axis".')
+            raise CommandError.of("control.name_of_code", name=name, rule=rule)
     if precision != "double" and (to, precision) != ("c", "single"):
-        rule = 'C has the precision "double" or "single", other languages "double"'
-        raise CommandError(f'{to} cannot have the precision "{precision}"', rule=rule, remedy="Leave it out.")
+        raise CommandError.of("control.precision", to=to, precision=precision)
     is_nmpc = to == "fmu" and tuning.law == "nmpc"
     if is_nmpc and along is None:
-        remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
-        raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
+        raise CommandError.of("control.nmpc_alone")
     if not is_nmpc and along is not None:
         raise CommandError(f"{to} of {tuning.law} gets the reference as an input", remedy="Leave the reference out.")
     if to == "fmu":
@@ -200,8 +197,7 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     if tuning.own is not None:
         raise CommandError("a custom law cannot be part of an FMU", remedy="Choose a controller of pneudrive.")
     if tuning.valves:
-        what = "the FMU of a controller has one command, but this drive has several or switching valves"
-        raise CommandError(what, remedy="Tune the controller for one proportional 5/3 valve.")
+        raise CommandError.of("control.fmu_of_valves")
     form = setup.core(0, tuning.belief.ambient.pressure_pa)
     rest_pa = tuning.belief.ambient.pressure_pa
     given = [

@@ -20,7 +20,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
-from pneudrive.errors import CommandError, DescriptionError, WrongValueError, nearest, warn, within, wrong
+from pneudrive.errors import CommandError, DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -513,8 +513,7 @@ def tune(
 def alone(tuning: Tuning, **others: object) -> Tuning:
     """Return a tuning, and reject arguments that the tuning already has."""
     for name in (name for name, one in others.items() if one is not None):
-        what = f"{name} and a tuning of {tuning.law} for {tuning.belief.name} cannot be given together"
-        raise CommandError(what, remedy="Give only the tuning: it contains the controller and its model of the drive.")
+        raise CommandError.of("control.beside_tuning", name=name, law=tuning.law, drive=tuning.belief.name)
     return tuning
 
 
@@ -539,8 +538,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
         {named} if table.law == OWN and isinstance(law, OwnLaw) else set()
     )
     if named is not None and not {named, _beside(str(named), Path())} & fits:
-        what = f'law = "{named}" contradicts the controller file, which has law = "{table.law}"'
-        raise CommandError(what, where=where, remedy="Give only one of them.")
+        raise CommandError.of("control.two_laws", law=named, of_file=table.law, where=where)
     if table.law == OWN and named is None:
         raise CommandError(f'law = "{OWN}" needs a custom law', where=where, remedy="Pass it as the argument law.")
     return table, folder, path, text
@@ -580,8 +578,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     plant["left_out"] += unknown_numbers(belief)
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
     if table.valves and not ruled[1]:
-        what = "the controller has a table [valves], but the drive has one proportional 5/3 valve"
-        raise wrong("valves", what, rule="[valves] is for several or switching valves", remedy="Leave it out.")
+        raise invalid("valves", "control.table_of_valves")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
     chosen = factors_form(table.factors)
     if chosen:

@@ -22,7 +22,7 @@ from pneudrive.simulation.session import Session
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe.circuit import Circuit
     from pneudrive.simulation.session import Linear
 
@@ -138,7 +138,7 @@ def _proportional(kind: str, table: Plain) -> Plain:
     return out | {"flow_table": points, "flow_shape": "straight"}
 
 
-def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:
+def positions_of(kind: str, table: Keyed) -> dict[float, float]:
     """Return the commands to try for a valve, each with the command of the proportional valve that replaces it."""
     if kind == LOCK:
         return {0.0: 0.0}  # open

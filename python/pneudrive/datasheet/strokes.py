@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +15,11 @@ from pneudrive.simulation.trajectory import columns as columns_of
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed
     from pneudrive.describe.drive import Drive
 
 #: Shares of the way: the piston has departed, has risen from and to, is nearly there (conventions).
@@ -129,12 +129,12 @@ def moving_mass(drive: Drive) -> float:
 
 
 def stroke_numbers(
-    columns: Mapping[str, Any],
+    columns: Keyed,
     stroke_m: float,
     mass_kg: float = math.nan,
     begin_s: float = 0.0,
     end_s: float = math.inf,
-    impacts: Sequence[Mapping[str, Any]] = (),
+    impacts: Sequence[Keyed] = (),
     direction: int = 0,
 ) -> StrokeNumbers:
     """Return the numbers of one stroke from columns of a trajectory or a recording.
@@ -203,7 +203,7 @@ def stroke_numbers(
     )
 
 
-def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[str, Array]:
+def _samples(columns: Keyed, begin_s: float, end_s: float) -> dict[str, Array]:
     """Return the samples of a stroke. The first one is at its beginning, interpolated if necessary."""
     every = {name: np.asarray(values, dtype=float) for name, values in columns.items() if np.ndim(values)}
     time = every["time_s"]

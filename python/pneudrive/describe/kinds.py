@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.describe.tables import valve_flow
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from pneudrive.arrays import Keyed, Plain
 
 #: Unit of an absolute or gauge pressure in the core's list; a pressure difference has the plain unit.
 STATED = "Pa abs"
@@ -21,7 +21,7 @@ FLOW = (RATIO, "subsonic_index")
 
 
 @lru_cache(maxsize=1)
-def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
+def component_kinds() -> MappingProxyType[str, Plain]:
     """Return the core's entry of each kind of component, by name.
 
     Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
@@ -31,7 +31,7 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
     return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
 
 
-def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
+def is_needed(parameter: Keyed, given: Keyed | None = None) -> bool:
     """Return whether a description must give a parameter: it has no default and does not follow from others.
 
     Some parameters are needed unless another key or choice is given. They count as not needed if `given` is missing.
@@ -44,7 +44,7 @@ def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = No
     return given.get(key) != option if equals else given.get(key) is None
 
 
-def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
+def acts(parameter: Keyed, given: Keyed) -> bool:
     """Return whether a parameter has an effect with these numbers and choices."""
     key, equals, option = parameter["only"].partition(" = ")
     if key.startswith("no "):
@@ -52,12 +52,12 @@ def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
     return not key or (given.get(key) == option if equals else bool(given.get(key)))
 
 
-def is_bare(parameter: Mapping[str, Any]) -> bool:
+def is_bare(parameter: Keyed) -> bool:
     """Return whether a parameter has no default and does not follow from others."""
     return parameter["default"] is None and not parameter["follows"]
 
 
-def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
+def flow_keys(entry: Keyed, key: str) -> tuple[str, ...]:
     """Return the alternative keys of a flow path's size. For other parameters, return the key itself."""
     keys = {p["key"] for p in entry["parameters"]}
     if key.endswith("conductance") and keys.issuperset(FLOW):

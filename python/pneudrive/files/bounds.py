@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from functools import lru_cache
 
-from pneudrive.errors import CommandError, PneudriveError, nearest, package_table
+from pneudrive.errors import CommandError, ErrorKind, nearest, package_table
 
 VARIABLE = "PNEUDRIVE_BOUNDS"
 
@@ -71,7 +71,7 @@ def _raised(text: str) -> dict[str, float]:
     return out
 
 
-def within(name: str, value: float, what: str, kind: type[PneudriveError], where: str | None = None) -> None:
+def within(name: str, value: float, what: str, kind: ErrorKind, where: str | None = None) -> None:
     """Raise an error for a value beyond a bound.
 
     Parameters

@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
-from pneudrive.errors import PneudriveError, package_table
+from pneudrive.errors import ErrorKind, PneudriveError, package_table
 from pneudrive.files.bounds import bound, within
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _JSON_TOKENS = re.compile(r'"(?:\\.|[^"\\])*"?|[\[\]{}]', re.DOTALL)
 LARGEST_WHOLE = 2**63 - 1  # of TOML
 
 
-def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes", folder: str | None = None) -> bytes:
+def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> bytes:
     """Read a whole file.
 
     Parameters
@@ -74,7 +74,7 @@ def read_bytes(path: Path, kind: type[PneudriveError], most: str = "text_bytes",
     return data
 
 
-def check_file(path: Path, kind: type[PneudriveError], most: str = "file_bytes", folder: str | None = None) -> int:
+def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: str | None = None) -> int:
     """Check that a path is a file and not too large, before it is read; return its size in bytes.
 
     Raises
@@ -102,7 +102,7 @@ def exists(path: Path) -> bool:
         return False
 
 
-def unreadable(path: Path, error: OSError | ValueError, kind: type[PneudriveError]) -> PneudriveError:
+def unreadable(path: Path, error: OSError | ValueError, kind: ErrorKind) -> PneudriveError:
     """Return the error for an exception of the operating system."""
     if isinstance(error, FileNotFoundError):
         return kind("there is no such file", where=str(path))
@@ -112,7 +112,7 @@ def unreadable(path: Path, error: OSError | ValueError, kind: type[PneudriveErro
     return kind(f"the file cannot be read: {reason}", where=str(path))
 
 
-def text_of(data: bytes, where: str, kind: type[PneudriveError]) -> str:
+def text_of(data: bytes, where: str, kind: ErrorKind) -> str:
     """Return the text of a file in UTF-8, without a byte order mark.
 
     Raises
@@ -129,17 +129,17 @@ def text_of(data: bytes, where: str, kind: type[PneudriveError]) -> str:
         raise kind("the file is not text in UTF-8", where=f"{where}:{line}") from None
 
 
-def read_text(path: Path, kind: type[PneudriveError], most: str = "text_bytes", folder: str | None = None) -> str:
+def read_text(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> str:
     """Read a text file in UTF-8; see `read_bytes` and `text_of`."""
     return text_of(read_bytes(path, kind, most, folder), str(path), kind)
 
 
-def read_json(path: Path, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - any content
+def read_json(path: Path, kind: ErrorKind) -> Any:  # noqa: ANN401 - any content
     """Read a JSON file; see `read_text` and `parse_json`."""
     return parse_json(read_text(path, kind), str(path), kind)
 
 
-def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noqa: ANN401 - any content
+def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 - any content
     """Read JSON.
 
     Raises
@@ -160,7 +160,7 @@ def parse_json(text: str, where: str, kind: type[PneudriveError]) -> Any:  # noq
         raise kind(f"this is not JSON: {error}", where=where) from None
 
 
-def check_nesting(text: str, where: str, kind: type[PneudriveError]) -> None:
+def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
     """Check the nesting of brackets and the number of parts of keys in TOML, before it is parsed.
 
     Raises
@@ -186,7 +186,7 @@ def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
         yield brackets + parts, token.start()
 
 
-def _check_depth(depths: Iterable[tuple[int, int]], kind: type[PneudriveError], where: str) -> None:
+def _check_depth(depths: Iterable[tuple[int, int]], kind: ErrorKind, where: str) -> None:
     most = bound("nesting")
     deep = next((place for depth, place in depths if depth > most), None)
     if deep is not None:
@@ -194,7 +194,7 @@ def _check_depth(depths: Iterable[tuple[int, int]], kind: type[PneudriveError], 
         within("nesting", most + 1, what, kind, where)
 
 
-def check_depth(value: object, where: str, kind: type[PneudriveError]) -> None:
+def check_depth(value: object, where: str, kind: ErrorKind) -> None:
     """Check the nesting of parsed tables and lists, and the size of their whole numbers.
 
     Parts of keys add to the depth of brackets. TOML allows whole numbers of 64 bits, but Python reads longer ones.
@@ -260,7 +260,7 @@ PIECE = 1 << 22
 SMALL = 1e8  # bytes that every machine has: a small file of constants may unpack to more than the usual factor
 
 
-def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, size: int = PIECE) -> Iterator[bytes]:
+def pieces(path: Path, kind: ErrorKind, folder: str | None = None, size: int = PIECE) -> Iterator[bytes]:
     """Yield the bytes of a file in pieces, unpacked according to its suffix.
 
     Parameters
@@ -297,7 +297,7 @@ def pieces(path: Path, kind: type[PneudriveError], folder: str | None = None, si
         raise unreadable(path, error, kind) from None
 
 
-def check_unpacked(size: int, packed: int, kind: type[PneudriveError], where: str | None = None) -> None:
+def check_unpacked(size: int, packed: int, kind: ErrorKind, where: str | None = None) -> None:
     """Raise an error for a file that unpacks to too many bytes.
 
     Raises

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.errors import PneudriveError
+    from pneudrive.errors import ErrorKind
 
 
 LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
@@ -35,7 +35,7 @@ def spreadsheet_text(text: str) -> str:
     return f"'{text}"
 
 
-def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
+def csv_names(path: Path, kind: ErrorKind) -> list[str]:
     """Return the fields of a file's first line; fields of a binary file are arbitrary.
 
     Raises
@@ -53,7 +53,7 @@ def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:
 
 
 def read_csv(
-    path: Path, types: Mapping[str, type[pl.DataType]], kind: type[PneudriveError], wanted: Sequence[str] | None = None
+    path: Path, types: Mapping[str, type[pl.DataType]], kind: ErrorKind, wanted: Sequence[str] | None = None
 ) -> pl.DataFrame:
     """Read columns of a CSV file.
 

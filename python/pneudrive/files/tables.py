@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.batching import in_advance
-from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.errors import ErrorKind, PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
 from pneudrive.files.content import check_file, unreadable
@@ -62,7 +62,7 @@ class Table:
     path: Path
     opened: Opened
     is_sealed: bool
-    kind: type[PneudriveError]
+    kind: ErrorKind
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -113,7 +113,7 @@ class Table:
 
 
 @contextlib.contextmanager
-def clear_errors(path: Path, kind: type[PneudriveError]) -> Iterator[None]:
+def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
     """Raise errors of polars about a Parquet file as errors of `kind`. Its panics are not ordinary exceptions."""
     import polars as pl
 
@@ -129,11 +129,11 @@ def clear_errors(path: Path, kind: type[PneudriveError]) -> Iterator[None]:
         raise kind(what, where=str(path), value=reason[:LONGEST_REASON]) from None
 
 
-def _of_kind(error: PneudriveError, path: Path, kind: type[PneudriveError]) -> PneudriveError:
+def _of_kind(error: PneudriveError, path: Path, kind: ErrorKind) -> PneudriveError:
     return kind(error.what, where=str(path), value=error.value, rule=error.rule, remedy=error.remedy)
 
 
-def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingError) -> Table:
+def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table:
     """Open a file of columns.
 
     Parameters
@@ -175,7 +175,7 @@ class Text:
     sealed: bool
 
 
-def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> Iterator[Text | PneudriveError]:
+def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Text | PneudriveError]:
     """Read one text of the metadata of many Parquet files.
 
     Parameters
@@ -199,7 +199,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
         yield from found
 
 
-def _text(path: Path, key: str, kind: type[PneudriveError]) -> Text | PneudriveError:
+def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
     try:
         looked = _look(path, kind)
         text = seal.footer_text(looked.end, key) if looked.end else None
@@ -211,9 +211,7 @@ def _text(path: Path, key: str, kind: type[PneudriveError]) -> Text | PneudriveE
     return Text(text, looked.is_sealed)
 
 
-def read_columns(
-    paths: Iterable[Path], wanted: Sequence[str], kind: type[PneudriveError]
-) -> Iterator[Columns | PneudriveError]:
+def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
     """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
     for some in _batches(paths, kind):
         sealed = iter(_read([path for path, looked in some if looked.is_sealed], wanted, kind))
@@ -226,7 +224,7 @@ def read_columns(
                 yield from _read([path], wanted, kind)
 
 
-def _read(paths: Sequence[Path], wanted: Sequence[str], kind: type[PneudriveError]) -> list[Columns | PneudriveError]:
+def _read(paths: Sequence[Path], wanted: Sequence[str], kind: ErrorKind) -> list[Columns | PneudriveError]:
     """Read columns of files at once; if that fails, one by one."""
     try:
         with clear_errors(paths[0] if paths else Path(), kind):
@@ -250,7 +248,7 @@ def _parts(paths: Iterable[Path]) -> Iterator[list[Path]]:
     return iter(lambda: list(islice(rest, LOOKED_AT)), [])
 
 
-def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list[tuple[Path, _Looked]]]:
+def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, _Looked]]]:
     """Check files in batches, limited in number and bytes."""
 
     def looked(path: Path) -> _Looked:
@@ -270,7 +268,7 @@ def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list
         yield batch
 
 
-def _look(path: Path, kind: type[PneudriveError]) -> _Looked:
+def _look(path: Path, kind: ErrorKind) -> _Looked:
     """Check a Parquet file.
 
     Raises
@@ -297,7 +295,7 @@ class _Reader:
         self._connection: Connection | None = None
         self._owner = 0
 
-    def ask(self, path: Path, kind: type[PneudriveError], request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
+    def ask(self, path: Path, kind: ErrorKind, request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
         """Send a request for a file, and return the answer.
 
         Raises
@@ -357,7 +355,7 @@ class _Reader:
             process.wait()
 
 
-def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: type[PneudriveError]) -> PneudriveError:
+def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: ErrorKind) -> PneudriveError:
     name = FORMATS[form]
     if status == ALARM:
         return kind(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive._core import Session as CoreSession
+    from pneudrive.arrays import Plain
     from pneudrive.describe import Circuit, Initial
 
 #: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
@@ -223,7 +224,7 @@ def _named(core: str, is_short: bool) -> tuple[str, str, str]:
     return meaning(short_name(core) if is_short else core)
 
 
-def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
+def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
     components = {one["name"]: one for one in form["components"]}
     for core, unit, bounds, what in session.inputs:
         of, _, last = core.rpartition(".")
@@ -254,7 +255,7 @@ def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator
             )
 
 
-def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[FmuVariable]:
+def _parameters(described: Drive | Circuit, form: Plain) -> Iterator[FmuVariable]:
     """Yield the numbers of the circuit, by their keys in the drive file."""
     places = {one["name"]: i for i, one in enumerate(form["components"])}
     if described.system.names is None:
@@ -290,7 +291,7 @@ def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[Fm
         yield FmuVariable(f"ambient.{key}", unit, what, "parameter", role, float(form["ambient"][place]))
 
 
-def _friction(entry: dict[str, Any], own: dict[str, Any], prefix: str, path: str) -> Iterator[FmuVariable]:
+def _friction(entry: Plain, own: Plain, prefix: str, path: str) -> Iterator[FmuVariable]:
     rows = {row["key"]: row for row in entry["parameters"]}
     for key, value in own["parameters"].items():
         row = rows[key]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive
 
     Described = Drive | Circuit
@@ -353,7 +353,7 @@ class Actuators:
         data: Any = None,  # noqa: ANN401
         *,
         zero: Mapping[str, str | float] | None = None,
-        initial: Mapping[str, Any] | None = None,
+        initial: Keyed | None = None,
         couplings: Mapping[str, str | float] | None = None,
         setup: Setup | str | Path = "real",
         seed: int = 0,

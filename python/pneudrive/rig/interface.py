@@ -29,7 +29,7 @@ from pydantic import (
 )
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest, package_table
+from pneudrive.errors import DescriptionError, ErrorKind, RigError, nearest, package_table
 from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.units import LARGEST
 
@@ -453,7 +453,7 @@ def read_table(
     data: Any,  # noqa: ANN401 - JSON
     cls: type[T],
     where: str,
-    kind: type[PneudriveError] = RigError,
+    kind: ErrorKind = RigError,
     path: str = "",
     **usual: Any,  # noqa: ANN401 - values of absent keys
 ) -> tuple[T, list[str]]:
@@ -506,11 +506,11 @@ def read_table(
 _adapter = cache(TypeAdapter)
 
 
-def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
+def identity_of(data: Any, where: str, kind: ErrorKind = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
     """Return the identity of a rig from plain data, and notes on unknown keys; errors as for `read_table`."""
     return read_table(data, Identity, where, kind, name="unnamed rig")
 
 
-def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> Envelope:  # noqa: ANN401 - JSON
+def envelope_of(data: Any, where: str, kind: ErrorKind = RigError) -> Envelope:  # noqa: ANN401 - JSON
     """Return the envelope of a rig from plain data; errors as for `read_table`."""
     return read_table(data, Envelope, where, kind)[0]

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools
 
+    Lines = list[str]  # of a file
+    Fields = list[str]  # of a line
+
 NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # largest share of rows that are not numbers
 MISSING = ("", "na", "n/a", "#n/a", "null", "none", "-", "--", "---")  # fields without a value, in lower case
@@ -117,7 +120,7 @@ def decode(data: bytes, path: Path) -> str:
         return data.decode("latin-1")
 
 
-def split_row(line: str, delimiter: str | None) -> list[str]:
+def split_row(line: str, delimiter: str | None) -> Fields:
     """Return the fields of one line, without white space and quotes around them."""
     if delimiter is None:
         return [part.strip('"') for part in line.split()]
@@ -160,13 +163,13 @@ def is_number(text: str, form: TextForm) -> bool:
     return _BEGIN.match(text) is not None and re.match(number_pattern(form), text) is not None
 
 
-def is_words(fields: list[str], form: TextForm) -> bool:
+def is_words(fields: Fields, form: TextForm) -> bool:
     """Return whether no field of a line is a number: a header or a row of units."""
     there = [text for text in fields if text.lower() not in MISSING]
     return any(fields) and not any(is_number(text, form) for text in there)
 
 
-def is_row_of_numbers(fields: list[str], form: TextForm, texts: Collection[int] = ()) -> bool:
+def is_row_of_numbers(fields: Fields, form: TextForm, texts: Collection[int] = ()) -> bool:
     """Return whether a row holds numbers, dates and empty fields, except in columns of texts."""
     own = [text for at, text in enumerate(fields) if at not in texts]
     return any(own) and all(is_number(text, form) for text in own)
@@ -229,7 +232,7 @@ def read_text(
     )
 
 
-def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str], list[str]]:
+def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fields]:
     """Return the line below the header, the names and the units of the columns."""
     start = form.skip_lines
     if not form.header:
@@ -240,7 +243,7 @@ def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str
         raise RecordingError("there is no header line", where=str(path))
     start = _below_remarks(lines, start, form)
     names = split_row(lines[start].lstrip(form.comment), form.of_header)
-    units: list[str] = []
+    units: Fields = []
     for row in lines[start + 1 : start + 1 + HEADER_ROWS]:
         line = row.lstrip(form.comment)
         words = split_row(line, form.of_header)
@@ -250,7 +253,7 @@ def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str
     return start + 1, names, units
 
 
-def _below_remarks(lines: list[str], start: int, form: TextForm) -> int:
+def _below_remarks(lines: Lines, start: int, form: TextForm) -> int:
     """Return the line of a header below remarks with a comment sign, or the first remark if it is the header."""
     plain = (at for at in range(start, len(lines)) if lines[at].strip() and lines[at].lstrip()[0] != form.comment)
     header, below = next(plain, None), next(plain, None)
@@ -262,7 +265,7 @@ def _below_remarks(lines: list[str], start: int, form: TextForm) -> int:
 
 
 def without_headers(
-    lines: list[str], rows: list[int], form: TextForm, last_of_header: str | None
+    lines: Lines, rows: list[int], form: TextForm, last_of_header: str | None
 ) -> tuple[list[int], list[int]]:
     """Return the rows of numbers, without the headers of further segments, and the first row of each segment.
 
@@ -285,7 +288,7 @@ def without_headers(
     return kept, [kept.index(at) for mark in marks if (at := next((row for row in kept if row > mark), 0))]
 
 
-def column_number(column: int | str, names: list[str], width: int, path: Path, *, is_text: bool = False) -> int:
+def column_number(column: int | str, names: Fields, width: int, path: Path, *, is_text: bool = False) -> int:
     """Return the number of a column given by name or number; reject a missing column."""
     if isinstance(column, str):
         if column not in names:
@@ -325,7 +328,7 @@ def _parse(
     return columns, good.to_numpy()
 
 
-def _fields(rows: list[str], form: TextForm, places: dict[str, int]) -> pl.DataFrame:
+def _fields(rows: Lines, form: TextForm, places: dict[str, int]) -> pl.DataFrame:
     """Return the fields of some columns, by name and number, as texts; null in rows that are too short."""
     import polars as pl
 
@@ -402,7 +405,7 @@ class Preamble:
 
     steps_s: tuple[float, ...] = ()
     starts_s: dict[int, float] = field(default_factory=dict)
-    units: list[str] = field(default_factory=list)
+    units: Fields = field(default_factory=list)
     source: str = ""
 
     @property
@@ -423,8 +426,8 @@ class FileForm:
 
     format: str
     form: TextForm
-    names: list[str]
-    units: list[str]
+    names: Fields
+    units: Fields
     columns: int
     dates: dict[int, str] = field(default_factory=dict)
     words: dict[int, int] = field(default_factory=dict)
@@ -488,7 +491,7 @@ def sniff_text(path: Path) -> FileForm:
     raise RecordingError.of("signals.no-table", where=str(path), value=first)
 
 
-def _sample(tail: list[str]) -> list[str]:
+def _sample(tail: Lines) -> Lines:
     """Return lines from all parts of a file; fewer lines if they are long."""
     if not tail:
         return []
@@ -498,7 +501,7 @@ def _sample(tail: list[str]) -> list[str]:
     return tail[len(tail) // 10 :: step][:count] or tail
 
 
-def _candidates(sample: list[str]) -> list[TextForm]:
+def _candidates(sample: Lines) -> list[TextForm]:
     forms = []
     for delimiter in DELIMITERS:
         fields = [text for line in sample for text in split_row(line, delimiter)]
@@ -515,7 +518,7 @@ def _candidates(sample: list[str]) -> list[TextForm]:
     return forms
 
 
-def _read(sample: list[str], form: TextForm) -> _Reading:
+def _read(sample: Lines, form: TextForm) -> _Reading:
     """Return the fraction of numeric lines with the usual number of columns, this number, and text columns."""
     if len(sample) > 2 * FEW_LINES:
         few = _read(sample[:: len(sample) // FEW_LINES], form)
@@ -538,7 +541,7 @@ def _is_of_words(texts: list[str], form: TextForm) -> bool:
     return bool(there) and all(_WORD.match(text) and not is_number(text, form) for text in there)
 
 
-def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
+def _told(fit: list[_Reading], sample: Lines, path: Path) -> _Reading:
     """Return the valid interpretation of numbers such as 10,307, which can mean 10.307 or 10307.
 
     Raises
@@ -560,7 +563,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     raise RecordingError.of("signals.decimals-or-thousands", where=str(path), number=marked[0][0])
 
 
-def _with_header(lines: list[str], reading: _Reading) -> FileForm:
+def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     """Find the first row of numbers and the header above it."""
     form, width = replace(reading.form, header=True), reading.width
     first = _first_of_numbers(lines, reading)
@@ -576,7 +579,7 @@ def _with_header(lines: list[str], reading: _Reading) -> FileForm:
     return FileForm("csv", form, names, units or preamble.units, width, dates, words, preamble)
 
 
-def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
+def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
     """Return the first line of the table.
 
     This row must be followed by further rows of numbers, because a preamble may also contain numbers.
@@ -596,7 +599,7 @@ def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
     return longest[1]
 
 
-def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int, TextForm]:
+def _names_above(above: Lines, form: TextForm, width: int) -> tuple[Fields, Fields, int, TextForm]:
     """Return names and units of the columns, the number of lines above the names, and the form with its header.
 
     The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
@@ -610,14 +613,14 @@ def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str
         return [], [], 0, replace(form, header=False)
     places = [row[0] for row in rows if row[1] is units]
 
-    def rank(row: tuple[int, list[str], TextForm]) -> tuple[int, bool, int]:
+    def rank(row: tuple[int, Fields, TextForm]) -> tuple[int, bool, int]:
         return sum(role_of(name) is not None for name in row[1]), bool(places) and row[0] < places[0], row[0]
 
     place, names, form = max(named, key=rank)
     return names, units, place, form
 
 
-def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[int, list[str], TextForm]]:
+def _rows_above(above: Lines, form: TextForm, width: int) -> Iterator[tuple[int, Fields, TextForm]]:
     """Yield the rows of words above the numbers, beginning with the lowest, with their number and form."""
     filled = [at for at, line in enumerate(above) if line.strip()]
     for at in reversed(filled[-HEADER_ROWS:]):
@@ -639,7 +642,7 @@ def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[
             yield at, [text.strip() for text in loose], replace(form, header=False)
 
 
-def _are_units(fields: list[str]) -> bool:
+def _are_units(fields: Fields) -> bool:
     """Return whether most filled fields are units, and at least one is of a known quantity.
 
     An unknown unit makes only its own column doubtful, not the whole row.
@@ -649,7 +652,7 @@ def _are_units(fields: list[str]) -> bool:
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
-def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
+def _dates(lines: Lines, form: TextForm, width: int) -> dict[int, str]:
     """Find the columns of dates and times, and their formats."""
     rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
     found = {}
@@ -661,13 +664,13 @@ def _dates(lines: list[str], form: TextForm, width: int) -> dict[int, str]:
     return found
 
 
-def read_preamble(lines: list[str], form: TextForm, width: int) -> Preamble:
+def read_preamble(lines: Lines, form: TextForm, width: int) -> Preamble:
     """Read the lines above a table; the last line of each kind counts."""
     steps: tuple[float, ...] = ()
     source = ""
     starts: dict[int, float] = {}
     clocks: dict[int, float] = {}
-    units: list[str] = []
+    units: Fields = []
     for line in lines:
         label, *cells = split_row(line, form.delimiter)[:width] or [""]
         word = label.strip(" #%:").lower()
@@ -690,7 +693,7 @@ def read_preamble(lines: list[str], form: TextForm, width: int) -> Preamble:
     return Preamble(steps, starts if any(starts.values()) else {}, units, source)
 
 
-def _numbers(cells: list[str], form: TextForm) -> dict[int, float]:
+def _numbers(cells: Fields, form: TextForm) -> dict[int, float]:
     """Return the numbers of a labelled line by column; empty if a cell is a text."""
     texts = {at: cell.replace(form.decimal, ".") for at, cell in enumerate(cells, 1) if cell}
     try:
@@ -699,7 +702,7 @@ def _numbers(cells: list[str], form: TextForm) -> dict[int, float]:
         return {}
 
 
-def _clocks(cells: list[str]) -> dict[int, float]:
+def _clocks(cells: Fields) -> dict[int, float]:
     """Return the times of day of a labelled line, by column."""
     texts = {at: cell.replace(",", ".") for at, cell in enumerate(cells, 1) if cell}
     are_clocks = bool(texts) and all(map(looks_like_date_time, texts.values()))

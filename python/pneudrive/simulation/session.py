@@ -8,7 +8,7 @@ from _ctypes import CFuncPtr
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
+from pneudrive.errors import CommandError, ErrorKind, PneudriveError, SimulationError, nearest
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
@@ -402,7 +402,7 @@ def _address(controller: object) -> int:
     return ctypes.cast(code, ctypes.c_void_p).value or 0
 
 
-def core_error(error: Exception, kind: type[PneudriveError]) -> PneudriveError:
+def core_error(error: Exception, kind: ErrorKind) -> PneudriveError:
     """Return an error of the core with its rule and remedy. An error with a rule concerns an input."""
     what, _, rest = str(error).partition(_RULE)
     rule, _, remedy = rest.partition(_REMEDY)

@@ -23,7 +23,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Plain
     from pneudrive.sizing.task import SizingTask
 
 
@@ -501,7 +501,7 @@ class SizedDrive:
         """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
         return rank_of(self.open_checks, self.air, self.margin, tuple(self.sizes), self.name)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Return plain data."""
         return asdict(self)
 

@@ -19,6 +19,7 @@ from pneudrive.errors import wrong
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pneudrive.arrays import Keyed, Plain
     from pneudrive.sizing.task import SizingTask
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
@@ -206,7 +207,7 @@ def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
     return [DriveChoice(*parts) for parts in product(*(found[slot] for slot in SLOTS))]
 
 
-def _choice(entry: Entry, given: Mapping[str, Any], assumed: Mapping[str, tuple[Any, str]]) -> PartChoice:
+def _choice(entry: Entry, given: Keyed, assumed: Mapping[str, tuple[Any, str]]) -> PartChoice:
     """Return a part whose values are overridden by those of the task and completed by assumed ones."""
     check(entry)
     kind = component_class(entry.kind)
@@ -222,7 +223,7 @@ def _choice(entry: Entry, given: Mapping[str, Any], assumed: Mapping[str, tuple[
     return _read(entry, table)
 
 
-def _read(entry: Entry, table: Mapping[str, Any]) -> PartChoice:
+def _read(entry: Entry, table: Keyed) -> PartChoice:
     """Read a table as a component."""
     made = component_class(entry.kind).model_validate(table)
     core = made.core(0.0)
@@ -266,7 +267,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
             assumed |= {f"cushion_{end}_{key}": one for key, one in cushion.items()}
             assumed[f"cushion_{end}_port_volume"] = (_cm3((1.0 - share) * volume), "two fifths of the dead volume")
         assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
-    over: dict[str, Any] = {"incline": units.write(task.incline_rad, "rad", "deg")}
+    over: Plain = {"incline": units.write(task.incline_rad, "rad", "deg")}
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
         why = "a contact without rebound, which ends the stroke"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
     from pneudrive.sizing.strokes import DriveStrokes
@@ -437,7 +437,7 @@ def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
 
 
-def _summary(result: SizingResult) -> dict[str, Any]:
+def _summary(result: SizingResult) -> Plain:
     """Return the result as plain data."""
     return {
         "task": result.task.to_dict(),

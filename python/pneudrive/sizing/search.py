@@ -29,7 +29,7 @@ from pneudrive.sizing.tune import tune_all
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed
 
 #: Draws of each leader, and of those that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
@@ -63,7 +63,7 @@ def is_of_command(asked: Mapping[str, int]) -> bool:
 
 
 def size(
-    task: SizingTask | Mapping[str, Any] | str | Path,
+    task: SizingTask | Keyed | str | Path,
     *,
     least: int = LEAST,
     most: int = MOST,
@@ -128,7 +128,7 @@ def size(
         return Search(read, least, most, asked, threads, Watch(progress, cancel), folder).result(provisional)
 
 
-def _read(task: SizingTask | Mapping[str, Any] | str | Path) -> SizingTask:
+def _read(task: SizingTask | Keyed | str | Path) -> SizingTask:
     if isinstance(task, SizingTask):
         return task
     return SizingTask.load(task) if isinstance(task, str | Path) else SizingTask.model_validate(task)

@@ -28,7 +28,7 @@ from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, PartChoic
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.sizing.task import SizingTask
 
 #: What is drawn, in the order of the columns of a draw.
@@ -428,13 +428,13 @@ def _around(
     choice: DriveChoice,
     task: SizingTask,
     setting: Setting,
-    valve: Mapping[str, Any],
+    valve: Keyed,
     joined: tuple[str, ...],
     ends: tuple[str, str],
 ) -> Circuit:
     """Return the circuit around a valve with two ends."""
     cylinder = dict(choice.cylinder.table)
-    components: dict[str, Any] = {
+    components: Plain = {
         "supply": {"kind": "reservoir", "pressure": str(task.supply.pressure)},
         **valve,
         "tube_a": dict(choice.tube.table),
@@ -458,7 +458,7 @@ def _around(
     )
 
 
-def _opened(part: PartChoice, key: str, share: float) -> dict[str, Any]:
+def _opened(part: PartChoice, key: str, share: float) -> Plain:
     table = {name: one for name, one in part.table.items() if not name.startswith(f"{key}_")}
     return table | {f"{key}_conductance": _opened_value(part.numbers[f"{key}_conductance"], share)}
 

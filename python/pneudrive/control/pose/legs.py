@@ -128,10 +128,8 @@ def check_path(
     times = needs.times_s
     row = int(np.argmin(needs.singular_values))
     if needs.singular_values[row] < least:
-        what = f"the path of {platform.name} reaches a nearly singular pose at t = {times[row]:.4g} s"
-        value = f"smallest singular value {needs.singular_values[row]:.3g}"
-        rule = f"at least {least:g}"
-        raise CommandError(what, value=value, rule=rule, remedy="Tilt less, or move the path to mid stroke.")
+        smallest = {"at_s": times[row], "size": needs.singular_values[row]}
+        raise CommandError.of("control.singular", platform=platform.name, **smallest, least=least)
     coupled = float(np.abs(needs.couplings).max())
     if coupled > MOST_COUPLED:
         said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
@@ -278,8 +276,7 @@ def leg_tunings(
         own = leg_circuit(circuit, platform, i, float(needs.masses_kg[0, i]), float(needs.loads_n[0, i]))
         tuning = tune(own, law, believes=own, **told)
         if tuning.own is not None:
-            what = f"{leg.name}: {tuning.law} cannot be given the mass and load of a leg"
-            raise CommandError(what, remedy="Choose a controller of pneudrive.")
+            raise CommandError.of("control.own_law_of_leg", leg=leg.name, law=tuning.law)
         out.append(tuning)
     return out
 

@@ -15,7 +15,7 @@ from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, Re
 from pneudrive.control.references import moves_of_text
 from pneudrive.control.scores import event_table, run_title
 from pneudrive.describe.files import toml
-from pneudrive.errors import DescriptionError, PneudriveError, nearest, wrong
+from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
 
@@ -160,8 +160,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
     if isinstance(given, (str, Path)):
         remedy = 'For instance heave = "sine 30 mm 0.5 Hz around 470 mm".'
         if Path(given).suffix.lower() != ".toml":
-            rule = "a TOML file with a line for each coordinate"
-            raise DescriptionError(f'"{given}" is not a reference of a platform', rule=rule, remedy=remedy)
+            raise DescriptionError.of("control.not_of_platform", given=given, remedy=remedy)
         tables, text = toml.read(str(given), start=remedy)
         name = str(given)
     else:
@@ -172,10 +171,9 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         tables.pop("schema", None)
         unknown = next((key for key in tables if key not in platform.coordinates), None)
         if unknown is not None:
-            rule = f"coordinates of {platform.name}: {', '.join(platform.coordinates)}"
-            raise wrong(
-                unknown, f"{unknown} is not a coordinate", rule=rule, remedy=nearest(unknown, platform.coordinates)
-            )
+            names = {"of": platform.name, "coordinates": ", ".join(platform.coordinates)}
+            remedy = nearest(unknown, platform.coordinates)
+            raise invalid(unknown, "control.coordinate", key=unknown, **names, remedy=remedy)
         lines = []
         pairs: dict[str, list[str]] = {"circle": [], "square": []}
         for k, key in enumerate(platform.coordinates):
@@ -189,8 +187,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
             lines.append(line)
         for kind, keys in pairs.items():
             if len(keys) not in (0, 2):
-                what = f"{keys[0]}: a {kind} of {len(keys)} coordinates"
-                raise wrong(keys[0], what, rule="two coordinates", remedy=f"Give the {kind} for two coordinates.")
+                raise invalid(keys[0], "control.pair", key=keys[0], kind=kind, count=len(keys))
         return PosePath(name, platform.coordinates, platform.units, tuple(lines))
 
 
@@ -214,8 +211,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         edge = 0.0 if wave[4] is None else units.parse(wave[4], "s")
         longest = 0.25 / frequency
         if (kind == "square") != (wave[4] is not None) or (kind == "square" and not 0.0 < edge <= longest):
-            rule = f'only a square has "in DURATION", at most a quarter of its period, here {longest:.4g} s'
-            raise DescriptionError(f'"{text}" has no valid duration of its edges', rule=rule)
+            raise DescriptionError.of("control.edges", text=text, longest=longest)
         return CoordinatePath(kind, centre, amplitude, 1.0 / frequency, edge)
     every, period = _EVERY.search(text), math.inf
     if every is not None:

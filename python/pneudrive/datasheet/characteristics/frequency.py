@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear
@@ -424,7 +424,7 @@ def _metres(given: Sequence[str | float], what: str) -> list[float]:
     return sorted({positive(one, "m", what) for one in given})
 
 
-def _with_tubes(drive: Drive, tubing: dict[str, Any]) -> Drive:
+def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
     tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
     return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
 

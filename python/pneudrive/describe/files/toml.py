@@ -8,7 +8,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import DescriptionError, PneudriveError, together, tomllib
+from pneudrive.errors import DescriptionError, ErrorKind, together, tomllib
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the lea
 
 def read(
     path: str | Path,
-    kind: type[PneudriveError] = DescriptionError,
+    kind: ErrorKind = DescriptionError,
     start: str = "`pneudrive catalogue` lists example drives.",
 ) -> tuple[Plain, str]:
     """Read a TOML file.
@@ -64,7 +64,7 @@ def read(
     return parse(text, str(path), kind), text
 
 
-def parse(text: str, origin: str, kind: type[PneudriveError] = DescriptionError) -> Plain:
+def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
     """Read TOML text; `origin` is its name in messages.
 
     Raises
@@ -164,7 +164,7 @@ def has(source: str | Path, key: str) -> bool:
 
 
 @contextmanager
-def locating(path: str | Path, text: str, kind: type[PneudriveError] = DescriptionError) -> Iterator[None]:
+def locating(path: str | Path, text: str, kind: ErrorKind = DescriptionError) -> Iterator[None]:
     """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`."""
     try:
         yield

@@ -132,7 +132,7 @@ class FrictionLaw(written.Written):
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
 
     @field_serializer("levels", "states")
-    def _plain_tables(self, value: Plain) -> Plain:
+    def _plain_tables(self, value: dict[str, Any]) -> dict[str, Any]:
         return dict(value)
 
     @cached_property

@@ -127,7 +127,7 @@ class Written(Described):
         return {key: value for key, value in tables.items() if key != "output"} | output
 
     @field_serializer("parameters", "let")
-    def _plain(self, value: Plain) -> Plain:
+    def _plain(self, value: dict[str, Any]) -> dict[str, Any]:
         return dict(value)
 
     @cached_property
