@@ -97,16 +97,7 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
     report = Path(lines[-1].removeprefix("Report: "))
     assert report == demonstration.folder / "report.html"
     page = report.read_text(encoding="utf-8")
-    for key in (
-        "result",
-        "measured",
-        "recovered",
-        "paper",
-        "stick-slip",
-        "chambers",
-        "controlled-axis",
-        "provenance",
-    ):
+    for key in ("result", "measured", "recovered", "paper", "stick-slip", "chambers", "controlled-axis", "provenance"):
         assert f'<section id="{key}">' in page
     for name in ("map.parquet", "map.csv", "fit-PK.toml"):
         assert (demonstration.folder / name).stat().st_size > 500

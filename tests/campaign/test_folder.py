@@ -92,11 +92,7 @@ def test_every_damage_is_found_and_others_stay_valid(folder):
 
 @pytest.mark.parametrize(
     ("content", "what"),
-    [
-        (b"", "empty"),
-        (b"time;force\n1;2\n" * 10, "not a Parquet file"),
-        (None, "has no head"),
-    ],
+    [(b"", "empty"), (b"time;force\n1;2\n" * 10, "not a Parquet file"), (None, "has no head")],
 )
 def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
     path = folder / "cycles" / "00009-foreign.parquet"

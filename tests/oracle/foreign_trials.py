@@ -30,10 +30,7 @@ Rng = np.random.Generator
 def _remarks(lines: Lines, rng: Rng) -> Lines:
     return [
         f"# remark {at}: {'bench 3' if at else 'Channel 1: Range: 10 V/div'}" for at in range(rng.integers(1, 9))
-    ] + [
-        "",
-        *lines,
-    ]
+    ] + ["", *lines]
 
 
 def _preamble(lines: Lines, rng: Rng) -> Lines:

@@ -182,12 +182,7 @@ volume = "0.1 l"
 
 
 FAULTS = {
-    "a length": (
-        ('length = "2 m"', 'length = "2 bar"'),
-        'tube_a.length: unit "bar" is a',
-        '"2 bar"',
-        "a length",
-    ),
+    "a length": (('length = "2 m"', 'length = "2 bar"'), 'tube_a.length: unit "bar" is a', '"2 bar"', "a length"),
     "a key": (('throttles = "out"', 'throtles = "out"'), "flow_control_a.throtles is not", "throtles", "throttles"),
     "a chamber": (("\nb = { nominal", "\nc = { nominal"), "flow_control.c is not a known key", "c = { nominal", "a, b"),
     "one size twice": (

@@ -57,10 +57,7 @@ def d_optimal_weights(candidates):
 
 @pytest.mark.parametrize(
     ("law", "support"),
-    [
-        ("stribeck gaussian", [0.001, 0.012, 0.0335, 0.45]),
-        ("stribeck free", [0.001, 0.0073, 0.0155, 0.036, 0.45]),
-    ],
+    [("stribeck gaussian", [0.001, 0.012, 0.0335, 0.45]), ("stribeck free", [0.001, 0.0073, 0.0155, 0.036, 0.45])],
 )
 def test_d_optimal_weights_have_the_known_support_and_satisfy_the_equivalence_theorem(truth, law, support):
     speeds = np.geomspace(*RANGE, 300)

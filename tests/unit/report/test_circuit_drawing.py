@@ -252,12 +252,7 @@ def test_a_place_of_ones_own(tmp_path, capsys):
 
 
 FAULTS = {
-    "together": (
-        'kind = "reservoir"\nat = [41, 5]',
-        "mains and tank overlap",
-        'kind = "tank"',
-        "Move tank",
-    ),
+    "together": ('kind = "reservoir"\nat = [41, 5]', "mains and tank overlap", 'kind = "tank"', "Move tank"),
     "form": ('kind = "reservoir"\nat = "left"', "mains.at: 'left' is not a place", "at = ", "at = [12, 0]"),
     "number": ('kind = "reservoir"\nat = [1, "2 m"]', "mains.at: '2 m' is not a number", "at = ", "without unit"),
     "far": ('kind = "reservoir"\nat = [1, 1e9]', "mains.at: 1000000000.0 is out of bounds", "at = ", "not more"),

@@ -105,11 +105,7 @@ def test_every_value_of_the_default_rig_states_its_source():
     ("old", "new", "message"),
     [
         ('value = "25 mm"', 'value = "25"', "(?s)25"),
-        (
-            'bore = { value = "25 mm", source = "assumed"',
-            'bore = { value = "25 mm"',
-            "cylinder.bore has no source",
-        ),
+        ('bore = { value = "25 mm", source = "assumed"', 'bore = { value = "25 mm"', "cylinder.bore has no source"),
         ("stroke =", "strok =", "(?s)cylinder.strok is not a known key.*Did you mean 'stroke'"),
         ("[encoder]", "[encoder]\ncolour = 1", "encoder.colour is not a known key"),
         ("[encoder]", "[magnet]\nx = 1\n[encoder]", "magnet is not a known key"),
