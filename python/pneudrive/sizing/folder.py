@@ -22,6 +22,7 @@ from pneudrive.sizing.tune import Tuned
 if TYPE_CHECKING:
     from types import TracebackType
 
+    from pneudrive.arrays import Plain
     from pneudrive.sizing.task import SizingTask
 
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
@@ -68,7 +69,7 @@ class SizingFolder:
         else:
             self._begin(path, about)
 
-    def _begin(self, path: Path, about: dict[str, Any]) -> None:
+    def _begin(self, path: Path, about: Plain) -> None:
         make_result_folder(self.folder)
         self._lock()
         write_whole(path, json.dumps(about, indent=1))
@@ -94,7 +95,7 @@ class SizingFolder:
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.release()
 
-    def _resume(self, path: Path, about: dict[str, Any]) -> None:
+    def _resume(self, path: Path, about: Plain) -> None:
         try:
             begun = json.loads(path.read_text("utf-8"))
         except (OSError, ValueError) as error:
@@ -133,7 +134,7 @@ def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
     stages: dict[tuple[str, int], tuple[str, Any]] = {}
     for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
         with suppress(ValueError, KeyError, TypeError):
-            content: dict[str, Any] = json.loads(line)
+            content: Plain = json.loads(line)
             if "short" not in content:
                 drive = read_drive(content)
                 stages[drive.name, drive.draws] = line, drive
@@ -155,9 +156,9 @@ def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
     return list(drives.values()), sum(not draws and stage.nominal < 0.0 for (_, draws), (_, stage) in stages.items())
 
 
-def read_drive(content: dict[str, Any]) -> SizedDrive:
+def read_drive(content: Plain) -> SizedDrive:
     """Return a simulated drive from plain data; earlier versions wrote no intervals."""
-    read: dict[str, Any] = content | {"sizes": tuple(content["sizes"])}
+    read: Plain = content | {"sizes": tuple(content["sizes"])}
     for name in ("worst", "intervals"):
         read[name] = {key: tuple(values) for key, values in content.get(name, {}).items()}
     return SizedDrive(**read)
