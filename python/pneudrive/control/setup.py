@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
+from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -68,7 +69,7 @@ class PressureSensor(Described):
     lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
-    def core(self, ambient_pa: float) -> dict[str, Any]:
+    def core(self, ambient_pa: float) -> Plain:
         """Return the pressure sensor in the core's form, in SI, with absolute pressures."""
         ends = [ambient_pa - BELOW_ZERO * self.range_pa, ambient_pa + self.range_pa]
         own = {name: getattr(self, name) for name in ("noise_pa", "zero_pa", "gain_error", "lag_s")}
@@ -154,7 +155,7 @@ class ControlFault(Described):
         self.core()
         return self
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the fault in the core's form, in SI."""
         unit = FAULTS[self.kind][1]
         si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
@@ -238,13 +239,13 @@ class Setup(Described):
             if (late := [one.at_s for one in each if one.at_s >= end_s])
         ]
 
-    def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
+    def core(self, seed: int, ambient_pa: float) -> Plain:
         """Return the instrumentation in the core's form, SI, with the seed of all noise and the ambient pressure."""
         a, b = self.sensors.pressure_a, self.sensors.pressure_b
         jitter = [self.sensors.position.jitter_s, 0.0, 0.0, self.computer.jitter_s]
         if a is not None and b is not None:
             jitter[1:3] = [a.jitter_s, b.jitter_s]
-        wrongs: dict[str, Any] = {"jitter_s": jitter} if any(jitter) else {}
+        wrongs: Plain = {"jitter_s": jitter} if any(jitter) else {}
         if self.faults:
             wrongs["faults"] = [one.core() for one in self.faults]
         if self.switches is not None:
@@ -416,7 +417,7 @@ class Supervision(NamedTuple):
                 lines += ["", f"[{table.table_name}]", *given]
         return lines
 
-    def core(self, ambient_pa: float) -> dict[str, Any]:
+    def core(self, ambient_pa: float) -> Plain:
         """Return the supervisor in the core's form, in SI with absolute pressures."""
         limits, motion, fault = self
         pressure = limits.pressure
@@ -439,7 +440,7 @@ class Supervision(NamedTuple):
 USUAL = Supervision()
 
 
-def told(events: list[tuple[float, str, float]]) -> list[dict[str, Any]]:
+def told(events: list[tuple[float, str, float]]) -> list[Plain]:
     """Return the events of a supervisor as records of time_s, kind, value, its unit, and text."""
     known = {key: (unit, text) for key, unit, text in _core.control_events()} if events else {}
     return [

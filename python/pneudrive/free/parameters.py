@@ -288,7 +288,8 @@ def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
         upper = np.inf if about["upper"] is None else about["upper"]
         unit = "1" if about["unit"] == "-" else about["unit"]
         return Parameter(f"friction.{key}", f"cylinder.{path}", unit, value, lower, upper, abs(value) or 1.0)
-    stem, unit = _without_unit(key)
+    stem = key.removesuffix("_per_m")
+    stem, unit = (stem, "1/m") if stem != key else units.without_unit(key, _UNITS)
     if stem.endswith(("_a", "_b")):
         stem = f"{stem[:-2]}.{stem[-1]}"
     name = f"{head}.{stem}" if head else stem
@@ -309,11 +310,6 @@ def _of_component(name: str, path: str, value: float, entry: Plain) -> Parameter
         return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED.get(name, abs(value) or 1.0))
     bounds = (entry["lower"], entry["upper"])
     return Parameter(name, path, unit, value, *bounds, abs(value), discrete=entry["discrete"])
-
-
-def _without_unit(key: str) -> tuple[str, str]:
-    bare = key.removesuffix("_per_m")
-    return (bare, "1/m") if bare != key else units.without_unit(key, _UNITS)
 
 
 #: Relative step for derivatives of a derived value by its sources.

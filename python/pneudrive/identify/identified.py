@@ -61,11 +61,7 @@ _ANY = "record motion that depends on it, or fix it"
 def remedy_for(name: str) -> str:
     """Return the recording that would determine a value, in words."""
     plain = name.partition(" [")[0]
-    names = (plain, plain.partition(".")[2])  # a circuit has its component in front
-    for pattern, text in sentences("remedies").items():
-        if any(fnmatchcase(one, pattern) for one in names):
-            return text
-    return _ANY
+    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
 
 
 # --- Measured values and those of a model, and their figure.

@@ -86,9 +86,7 @@ def _values(test: Test, *, repeated: bool) -> list[ShownValue]:
     If several series of stops have the same test, the note of the series is added to its name.
     """
     name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
-    beyond = {True: "yes", False: "no", None: ""}[test.beyond_repeatability]
     texts = {"p": chance(test.p), "p corrected": chance(test.adjusted_p), "different": cell(test.different, "shown")}
-    texts["beyond repeatability"] = beyond
     size = [] if e is None else [ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))]
     return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
 

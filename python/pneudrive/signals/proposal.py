@@ -114,7 +114,8 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
             record = read_drive_recordings([path], layout)[0]
             strokes = tuple(find_strokes(record.name, record.time_s, record["position_m"]))
         else:
-            recording = _first_recording(path, layout)
+            file = RecordingFile(path, layout, stem(path))
+            recording = next(find_cycles(file).recordings()) if file.has_cycles else file.read()
             strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
     except PneudriveError as error:
         problem = error.what
@@ -164,11 +165,6 @@ def _one_pressure(guesses: list[Guess]) -> list[Guess]:
     first = next((g for g in guesses if g.role.startswith("pressure")), None)
     kept = [g for g in guesses if g.role in ("time", "command")]
     return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]
-
-
-def _first_recording(path: Path, layout: Layout) -> Recording:
-    file = RecordingFile(path, layout, stem(path))
-    return next(find_cycles(file).recordings()) if file.has_cycles else file.read()
 
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:

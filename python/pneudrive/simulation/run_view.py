@@ -13,7 +13,7 @@ from pneudrive.views import Finding, LeadingValue, ShownValue, View
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pneudrive.arrays import Array, Keyed
+    from pneudrive.arrays import Keyed
     from pneudrive.describe import Circuit, Drive
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
@@ -34,6 +34,8 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
     described : Drive or Circuit, optional
         Simulated drive or circuit, whose gas defines the volume at the reference atmosphere (ANR). Default: air.
     """
+    import numpy as np
+
     time, steps = columns["time_s"], (provenance.get("statistics") or {}).get("steps")
     title = f"{provenance.get('title', 'run')}: {len(time)} samples to {time[-1]:g} s"
     impacts: list[Keyed] = list(provenance.get("impacts") or ())
@@ -41,7 +43,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
     is_hazard = any(finding.state == "bad" for finding in findings)
     flows = [values for name, values in columns.items() if _CHAMBER_FLOW.fullmatch(name)]
     density = ANR_DENSITY_KG_M3 if described is None else described.gas.anr_density_kg_m3
-    litres = sum(_gained(time, flow) for flow in flows) / density / LITRE
+    litres = sum(float(np.trapezoid(np.maximum(flow, 0.0), time)) for flow in flows) / density / LITRE
     air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", litres)
     peaks = list(_peaks(columns))
     begun = {number: _begun(provenance, impact) for number, impact in enumerate(impacts)}
@@ -99,10 +101,3 @@ def _peaks(columns: Keyed) -> Iterator[ShownValue]:
         name, unit, _ = meaning(column)
         if unit == "Pa":
             yield ShownValue(f"{name}.peak", name, "peak pressure, absolute", float(values.max()), "Pa")
-
-
-def _gained(time: Array, flow: Array) -> float:
-    """Return the integral of the positive part of a flow."""
-    import numpy as np
-
-    return float(np.trapezoid(np.maximum(flow, 0.0), time))

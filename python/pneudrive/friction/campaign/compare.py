@@ -331,10 +331,6 @@ def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
     )
 
 
-#: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
-REPEATABILITY_FACTOR = 2.77
-
-
 @dataclass(frozen=True)
 class Test:
     """Statistical test of one property.
@@ -349,8 +345,6 @@ class Test:
     adjusted_p : float
         After Holm's correction for the number of tests.
     different : bool
-    beyond_repeatability : bool or None
-        The difference exceeds that of two cycles of either campaign; None if not applicable.
     note : str
     """
 
@@ -359,7 +353,6 @@ class Test:
     p: float
     adjusted_p: float = np.nan
     different: bool = False
-    beyond_repeatability: bool | None = None
     note: str = ""
 
 
@@ -425,7 +418,7 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     found, pairs = compare_curves(*both, _gain(both, abouts)), tuple(_pairs(both))
     why, curves = (found, None) if isinstance(found, str) else ("", found)
     tests = [
-        *(() if curves is None else _curve_tests(both, curves)),
+        *(() if curves is None else _curve_tests(curves)),
         *(test for pair in pairs for test in _dwell_tests(*pair)),
         *_drift_test(both),
     ]
@@ -460,13 +453,10 @@ def _gain(both: Both, abouts: list[Row]) -> float:
 # --- tests ---------------------------------------------------------------------------------------------------------
 
 
-def _curve_tests(both: Both, curves: CurveComparison) -> Iterator[Test]:
+def _curve_tests(curves: CurveComparison) -> Iterator[Test]:
     mean = curves.mean.scaled(float(curves.friction_n.mean()), "N")
-    within = [found.repeatability.within for found in both if found.repeatability is not None]
-    limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
-    beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
     note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"
-    yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
+    yield Test("friction over speed", mean, curves.shape.p, note=note)
     if curves.pressure is not None:
         note = "growth of friction with pressure, as a fraction of friction"
         yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
@@ -503,9 +493,8 @@ def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
         slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
         levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
     level, slope = levels[1] - levels[0], slopes[1] - slopes[0]
-    beyond = abs(level.value) > REPEATABILITY_FACTOR * max(a.scatter_n, b.scatter_n)
     where, span = f"{a.name}, at {at:.3g} s", f"{a.name}, mean from {low:.3g} to {high:.3g} s"
-    yield Test("breakaway after a stop", level, level.p, beyond_repeatability=beyond, note=where)
+    yield Test("breakaway after a stop", level, level.p, note=where)
     yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
 
 
@@ -531,11 +520,3 @@ def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
             yield say("repeatability.not_in_tests")
     if (found.first.dwell or found.second.dwell) and not found.dwell:
         yield say("stops.not_comparable")
-    for test in found.tests:
-        if test.different and test.beyond_repeatability is False:
-            yield say("repeatability.small_difference", what=capitalised(test.what))
-    mean = next((t.difference for t in found.tests if t.what == "friction over speed" and t.different), None)
-    for one in (found.first, found.second):
-        moved = float(np.ptp(one.drift.drift_n)) if one.drift is not None else 0.0
-        if mean is not None and moved > abs(mean.value):
-            yield say("drift.more_than_difference", name=one.name, moved=moved)

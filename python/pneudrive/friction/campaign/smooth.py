@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Ints
 
 
 #: Speed above which stretched speed is proportional to speed; below, to its logarithm (assumed).
@@ -378,7 +378,9 @@ def _path(data: CurveData) -> list[_Taken]:
         rows, off, far = _off(data, taken, sd)
         z = np.abs(off) / far
         usual = max(robust_deviation(off / far), 1e-12)
-        large = (np.abs(off) > LEAST_SHARE * data.level) & _spare(data, rows)
+        curve = data.curve[rows]
+        has_others = np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1
+        large = (np.abs(off) > LEAST_SHARE * data.level) & has_others
         suspect = (z > SUSPECT * usual) & large
         if not suspect.any():
             # Among few cycles, two outliers hide each other by their scatter: neither is visible before both are
@@ -418,9 +420,3 @@ def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     rows, off, far = _off(data, [i for i in taken if i != one], sd)
     at = int(np.searchsorted(rows, one))
     return abs(float(off[at])) / float(far[at]) if abs(off[at]) > LEAST_SHARE * data.level else 0.0
-
-
-def _spare(data: CurveData, rows: NDArray[np.intp]) -> Bools:
-    """Mark cycles whose curve has further cycles."""
-    curve = data.curve[rows]
-    return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

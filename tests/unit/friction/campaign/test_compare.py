@@ -95,7 +95,6 @@ def test_slopes_of_breakaway_are_compared(tmp_path):
     slope = differ["slope of breakaway per decade of stop"]
     assert slope.different
     assert slope.difference.low <= worlds[1].mean_slope((0, 0)) - worlds[0].mean_slope((0, 0)) <= slope.difference.high
-    assert differ["breakaway after a stop"].beyond_repeatability
     assert not compare_campaigns(found[0], found[2]).different
 
 
