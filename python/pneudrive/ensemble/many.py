@@ -551,9 +551,9 @@ def simulate_many(
         For a circuit, a name has a component and a key, such as ``left.bore`` or ``initial.left.position``. The names
         ``ambient.pressure`` and ``ambient.temperature`` vary the surroundings. A `pn.EnsembleDesign` in place of the
         mapping has a Latin hypercube, a correlation, or the posterior of a fit. Values that depend on a varied number
-        change with it.
+        follow it.
     n : int, optional
-        Number of members of distributions.
+        Members of distributions.
     outputs : sequence of str or Output, optional
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
@@ -580,9 +580,9 @@ def simulate_many(
     errors : str
         What follows from a failed member. ``"keep"``: it has NaN, a status and a reason. ``"raise"``: the study ends.
     max_members_in_memory : int
-        Larger studies need `out`. The returned data set then does not contain the members.
+        Larger studies need `out`. The returned data set then lacks the members.
     threads : int, optional
-        Default: all processors, or one for each chunk with an executor.
+        Default: all processors; one for each chunk of an executor.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
 

@@ -55,9 +55,8 @@ def transforms_of(
     The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of these forces is held, it
     limits the other.
     """
-    names = [p.name for p in parameters]
+    names, numbers = [p.name for p in parameters], numbers_of(drive)
     every = [*parameters, *sensors]
-    numbers = numbers_of(drive)
     keys = ("coulomb", "breakaway")
     upper = np.array([p.upper for p in every])
     of = next((name.rpartition(".")[0] for name in names if name.endswith(FORCES)), "friction")

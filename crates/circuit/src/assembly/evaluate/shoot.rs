@@ -43,7 +43,8 @@ pub struct Shooting {
     pub threads: usize,
 }
 
-/// Number of commands before a segment that determine the state of its valves.
+/// Number of commands before a segment that determine the state of its valves: at one a millisecond, 1 s, more than any
+/// dead time and travel (assumed).
 const RECALLED: usize = 1000;
 
 /// The result; arrays row by row, derivatives last.
