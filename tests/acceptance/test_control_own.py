@@ -76,7 +76,7 @@ WRONG = {
     "no arguments": (["--law", "mine.py:Alone"], "step cannot be called", "step(t, sample, preview)"),
     "input": (["--law", "mine.py:Asks"], "there is no input 'positon'", "'position'"),
     "inputs": (["--law", "mine.py:Text"], "inputs is the text 'position'", "inputs = ('position',)"),
-    "no law": (["--law", "mine.py:Nothing"], "is not a control law: it has no inputs", "velocity"),
+    "no law": (["--law", "mine.py:Nothing"], "is not a controller: it has no inputs", "velocity"),
     "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
     "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
     "a library": (["--law", "yours.so:law"], "is a compiled library", "ctypes"),

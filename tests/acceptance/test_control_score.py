@@ -276,7 +276,7 @@ WRONG = {
         "limits have no effect",
     ),
     "p.toml": (LIMITED + 'duration = "1 s"\n', "limits have no effect"),
-    "q.toml": (POINTS.format("pass").replace("schema = 1", "schema = 1\norder = 9"), "order = 9 and a spline"),
+    "q.toml": (POINTS.format("pass").replace("schema = 1", "schema = 1\norder = 9"), "order = 9 is given, but"),
     "n.csv": (
         "time_s,position_m\n0,0.2\n0.1,0.25\n0.2,0.2\n0.3,0.25\n3,0.2\n3.1,0.25\n3.2,0.2\n",
         "no sample from 0.3 s to 3 s",

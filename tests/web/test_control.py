@@ -90,7 +90,7 @@ def test_what_a_terminal_warns_of_is_told(served: Served, monkeypatch: pytest.Mo
     """A deviation without a number is one all the same."""
     head, _ = asked(served, mismatch="load-step")
     assert not [table for table in head["view"]["tables"] if "True drive" in table["caption"]]
-    assert head["mismatch"] == ["load-step", "A force of 20 N that comes and goes; assumed."]
+    assert head["mismatch"] == ["load-step", "A force of 20 N from 6.2 s to 13.3 s; assumed."]
     monkeypatch.chdir(served.folder)
     with pytest.warns(PneudriveWarning) as told:
         exec(head["python"], {})

@@ -498,7 +498,7 @@ def test_times_that_fall_within_a_block_are_said(served: Served, fault: float) -
         read(served, name)
         query = {"path": name, "from": 0, "to": 9, "pixels": 99, "columns": "x", "beside": "other.parquet"}
         head, _ = unpack(window(served, query | {"shift": 0.0}))
-        assert f"{Path(name).name} counts samples, other.parquet seconds" in head["problems"][0]["what"]
+        assert f"{Path(name).name} only counts samples, but other.parquet has times" in head["problems"][0]["what"]
 
 
 def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

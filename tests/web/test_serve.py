@@ -207,7 +207,7 @@ def test_what_does_not_arrive_whole_or_does_not_fit_leaves_nothing(
     assert (served.folder / "x.csv").read_bytes() == b"theirs"
     usage = namedtuple("usage", "free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(free=drop.RESERVE + 10))
-    assert "too little room" in put(served, "y.csv", b"1" * 11, 400)["problems"][0]["what"]
+    assert "too little free space" in put(served, "y.csv", b"1" * 11, 400)["problems"][0]["what"]
     assert put(served, "z.csv", b"1" * 10)["size"] == 10
     assert left_over(served) == []
 

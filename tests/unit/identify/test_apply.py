@@ -151,7 +151,7 @@ def test_coulomb_drive_takes_the_whole_law_or_nothing(drive, good, make_map, fri
 def test_a_breakaway_force_that_stays_is_told(drive, make_map, recwarn):
     """A fit of one level knows no Stribeck part; that of the drive stays, and is not what was measured."""
     flat = fit_friction(make_map(SPEED, np.full(20, 10.0), 0.1), law="coulomb")
-    with pytest.warns(PneudriveWarning, match=r"keeps its 45 N with the fitted Coulomb force of 10 N"):
+    with pytest.warns(PneudriveWarning, match=r"its breakaway force of 45 N. With the fitted Coulomb force of 10 N"):
         changed = flat.apply(drive)
     assert changed.friction.parameters["breakaway"] == 45.0
     recwarn.clear()

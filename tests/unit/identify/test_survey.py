@@ -240,8 +240,8 @@ def test_breakaway_and_stribeck_velocity_are_not_separable_from_the_tail(make_ma
     noise = 0.002 * np.random.default_rng(3).standard_normal(20)
     fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.002))
     assert {"breakaway", "stribeck_velocity"} <= set(lost(fit))
-    assert "lies above 2 vs" in lost(fit)["breakaway"].reason
-    assert "add levels at and below" in lost(fit)["breakaway"].remedy
+    assert "is above 2 vs" in lost(fit)["breakaway"].reason
+    assert "add speeds at and below" in lost(fit)["breakaway"].remedy
     assert {"coulomb", "viscous"} <= set(fit.determined)
 
 
@@ -347,4 +347,4 @@ def test_two_pressures_give_the_slope_and_leave_the_viscous_part_out(make_map):
     assert fit.parameters["coulomb_b"] == pytest.approx(0.5e-5, rel=0.01)
     assert "2 independent values, fewer than the law has parameters" in lost(fit)["viscous"].reason
     assert np.isfinite(fit.intervals["coulomb_b"]).all()
-    assert any("a further run may lie far outside" in note for note in fit.notes)
+    assert any("a further run may be far outside" in note for note in fit.notes)

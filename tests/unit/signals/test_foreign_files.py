@@ -160,7 +160,7 @@ def test_measurement_files_without_a_column_of_times_and_in_segments(table, tmp_
     again[400:, 0] -= again[400, 0]
     (tmp_path / "c.lvm").write_text(lvm(again, "One", segment=200))
     text = propose_layout(tmp_path / "b.lvm").text
-    with pytest.raises(RecordingError, match="the time begins again in segment 3"):
+    with pytest.raises(RecordingError, match="the time restarts in segment 3"):
         check(tmp_path / "c.lvm", text)
 
 
