@@ -36,7 +36,7 @@ def test_validate_says_what_is_wrong_and_writes_report_and_numbers(bench, capsys
     said = capsys.readouterr().out
     assert "less conductance C of the valve" in said
     page = (out / "report.html").read_text()
-    assert "Why is the model off?" in page
+    assert "Why does the model deviate?" in page
     assert page.count("<figure>") >= 3
     assert not re.search(r"(src|href)=\"https?:", page)
     kept = toml.tomllib.loads((out / "validation.toml").read_text())
