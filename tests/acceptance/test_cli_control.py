@@ -262,19 +262,6 @@ def test_a_controller_goes_to_another_folder_with_what_it_names(tmp_path):
     assert pn.control.tune(drive, mine, controller=own).law == mine
 
 
-def test_a_controller_for_a_drive_of_other_names_gives_one_message(tmp_path, capsys):
-    """A cylinder or a valve of another name in what the law believes, with and without a mismatch."""
-    text = AXIS.read_text()
-    for word in ("cylinder", "valve"):
-        renamed = text.replace(f"{word}.", "other.").replace(f"components.{word}", "components.other")
-        (tmp_path / "other.toml").write_text(renamed)
-        (tmp_path / "own.toml").write_text('schema = 1\nlaw = "inversion"\ndrive = "other.toml"\n')
-        for mismatch in ([], ["--mismatch", "all"]):
-            told = ["control", "run", str(AXIS), "--reference", STEP, "--controller", str(tmp_path / "own.toml")]
-            assert run([*told, *mismatch]) == 2
-            assert "the controller is for another drive" in capsys.readouterr().err
-
-
 def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(tmp_path, capsys):
     file = tmp_path / "longer.toml"
     file.write_text(f'schema = 1\nlaw = "inversion"\nperiod = "8 ms"\ndrive = {str(AXIS)!r}\n')  # a stroke of 500 mm

@@ -222,10 +222,3 @@ def test_members_without_a_value_are_counted_beside_the_quantiles(tmp_path, caps
     said = capsys.readouterr().out
     assert "stroke_time has no value in 2 of 4 members" in said
     assert f"{np.nanmedian(times):.5g}" in said
-
-
-def test_a_correlation_without_effect_is_refused(tmp_path, capsys):
-    for vary in ("load.mass = grid(1 kg, 2 kg)", "load.mass = 1 kg, 2 kg"):
-        pair = ["--correlation", "load.mass, friction.coulomb = 0.5"]
-        assert run([*HEAD, "--vary", vary, *pair, "--out", str(tmp_path / "a.csv")]) == 2
-        assert "--correlation has no effect" in capsys.readouterr().err

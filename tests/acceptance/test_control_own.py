@@ -168,29 +168,6 @@ def test_a_comparison_does_not_take_a_law_for_one_that_reads_something_else(tmp_
     assert compared("0.1")[f"{law}:Law"][1] == first[f"{law}:Law"][1]
 
 
-class NoInputs:
-    @property
-    def inputs(self):
-        raise RuntimeError("no sensors")
-
-    def step(self, t, sample, preview):
-        return 0.0
-
-
-class NoStep:
-    inputs = ()
-
-    @property
-    def step(self):
-        raise RuntimeError("no sensors")
-
-
-@pytest.mark.parametrize("law", [NoInputs, NoStep])
-def test_a_law_whose_properties_fail_gives_one_message(law, axis):
-    with pytest.raises(CommandError, match=rf"{law.__name__} fails: RuntimeError: no sensors"):
-        pn.control.run(axis, law(), reference=STEP)
-
-
 def test_ctrl_c_within_a_law_ends_the_run(axis):
     law = types.SimpleNamespace(inputs=(), step=lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
@@ -258,11 +235,6 @@ def _check_structured_text(folder, samples):
         found = block.run(**dict(zip(block.inputs[: len(given)], given, strict=True)))
         assert found["command"] == pytest.approx(out[0], abs=1e-10)  # its tanh is made of exponentials
         assert found["velocity"] == pytest.approx(out[1], abs=1e-10)
-
-
-def test_an_fmu_follows_a_standard_reference(tmp_path):
-    told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
-    assert run(["control", "export", "nmpc", *told]) == 0
 
 
 @needs_gcc

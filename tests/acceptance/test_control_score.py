@@ -100,16 +100,6 @@ def test_a_wrong_pressure_sensor_that_is_not_there_is_no_deviation(axis):
     assert found.attrs["deviations"] == {"overlap": 0.03}
 
 
-def test_another_law_takes_the_place_of_formulas(axis):
-    """Of a friction law of one's own: the bits of the drive with that law."""
-    own = axis.replace({"components.cylinder.friction.law": f"file:{AXIS.parent / 'laws' / 'lugre.toml'}"})
-    other = axis.replace({"components.cylinder.friction.law": "elasto-plastic"})
-    told = {"reference": STEP, "duration": "0.6 s"}
-    expected = pn.control.run(other, "inversion", believes=own, **told)
-    found = pn.control.run(own, "inversion", mismatch="other-friction", **told)
-    assert found.drop_vars(CLOCKS).equals(expected.drop_vars(CLOCKS))
-
-
 ELEMENTS = [{"stiffness": "3e4 N/m", "share": 0.15}, {"stiffness": "7e4 N/m", "share": 0.85}]
 SLIDES = {"coulomb": "30 N", "breakaway": "45 N", "stribeck_velocity": "20 mm/s", "viscous": "40 N s/m"}
 
@@ -420,16 +410,6 @@ def test_a_run_that_was_read_again_has_its_score(axis, tmp_path):
         pn.control.score(made.isel(time=slice(500)))  # the air, for one, is that of all of it
 
 
-def test_a_reference_that_leaves_the_stroke_is_not_feasible(axis, capsys):
-    beyond = "220 mm; 1 s: 560 mm in 1 s"
-    found = pn.control.feasibility(pn.control.tune(axis), pn.control.reference(beyond))
-    assert (found.is_feasible, found.factor, found.slowed) == (False, None, None)
-    assert run(["control", "reference", beyond, "--drive", str(AXIS)]) == 2
-    said = capsys.readouterr()
-    assert "no: it leads to 560 mm; within the stroke, 0 mm to 500 mm" in said.out
-    assert "it leads to 560 mm" in said.err
-
-
 def test_a_verdict_says_what_the_model_leaves_out(axis, tmp_path, capsys):
     """Behind needles of a fifth of the valve the drive is far off along what the model alone calls feasible."""
     needle = 'needle_conductance = "0.4 dm3/(s bar)"'
@@ -510,20 +490,6 @@ def test_wrong_spreads_give_one_message(case, tmp_path, capsys, monkeypatch):
     shutil.rmtree("out", ignore_errors=True)
 
 
-OBJECTS = {
-    "setup is a dict": {"setup": {"converter": {"bits": 12}}},
-    "mismatch is a dict": {"mismatch": {"moving_mass": 1.3}},
-    "believes is a str": {"believes": "drive.toml"},
-    "rtol = fine is out of bounds": {"rtol": "fine"},
-}
-
-
-@pytest.mark.parametrize("message", OBJECTS)
-def test_an_object_of_another_kind_gives_one_message(message, axis):
-    with pytest.raises(pn.errors.PneudriveError, match=message):
-        pn.control.run(axis, reference="R6", **OBJECTS[message])
-
-
 WRONG_CALLS = {
     "drive is a NoneType": lambda _: pn.control.tune(None),
     "out is a NoneType": lambda axis: pn.control.benchmark(axis, "inversion", [STEP], out=None),
@@ -557,11 +523,6 @@ WRONG_CALLS = {
 def test_a_wrong_call_gives_one_message(message, axis):
     with pytest.raises(pn.errors.PneudriveError, match=re.escape(message)):
         WRONG_CALLS[message](axis)
-
-
-def test_whole_numbers_may_be_those_of_numpy(axis):
-    found = pn.control.run(axis, "inversion", reference=STEP, duration="20 ms", seed=np.int64(3))
-    assert found.attrs["seed"] == 3
 
 
 def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, tmp_path):

@@ -265,21 +265,6 @@ def test_parameters_and_starts_are_those_of_another_drive_file(made):
     assert tool.get("position")[0] == session.read("position_m")
 
 
-def test_a_contact_that_has_stood_before_the_start_is_as_old_in_the_fmu(tmp_path):
-    drive, start = pn.Drive.load("catalogue:starter"), {"position": "100 mm", "contact_age": "1000 s"}
-    path = str(pn.export_fmu(drive, tmp_path / "starter.fmu", initial=start).path)
-    seen = []
-    for values in ({}, {"start__contact_age": 0.0}):
-        tool = Tool(path).begin(command=0.05, **values)
-        tool.fmu.doStep(0.0, 0.2)
-        seen.append(tool.get("position")[0])
-    session = drive.start(start, rtol=1e-7)
-    session.set("command", 0.05)
-    session.advance(0.2)
-    assert seen[0] == session.read("position_m")
-    assert seen[1] > seen[0], "a younger contact breaks away earlier"
-
-
 def test_tubes_begin_in_the_fmu_as_in_a_session(tmp_path):
     """Their gas follows the pressure of its chamber, not the temperature; so does the age of the contact."""
     control = {"needle_conductance": "0.07 dm3/(s bar)", "throttles": "out"}

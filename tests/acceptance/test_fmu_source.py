@@ -16,7 +16,6 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 import pneudrive as pn
-from pneudrive.errors import CommandError
 
 AXIS = pn.Circuit.load("examples/controlled_axis.toml")
 LAWS = ("pid", "fuzzy", "sliding-mode", "super-twisting", "inversion")
@@ -92,19 +91,6 @@ def _along_a_move(law):
     return tuning, run["command"].values, given
 
 
-def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
-    _, commands, given = _along_a_move("inversion")
-    tool, put, get = _begun(_written(tmp_path, "inversion", "2.0", "ideal"), "2.0")
-    found = []
-    for k, row in enumerate(given.tolist()):
-        put(row)
-        tool.doStep(k * 1e-3, 1e-3)
-        found.append(get()[0])
-    # Time steps of a run are differences of times, which round.
-    assert found == pytest.approx(commands.tolist(), abs=1e-10)
-    assert get()[-1] == 0.0
-
-
 @pytest.mark.parametrize("law", LAWS[2:])
 def test_code_in_single_precision_commands_what_the_simulated_controller_does(tmp_path, law):
     """Single samples at the bound of the dead band differ by more than the others."""
@@ -118,8 +104,3 @@ def test_code_in_single_precision_commands_what_the_simulated_controller_does(tm
         code.own_step(code.own_tuned, memory, row.ctypes, answer.ctypes)
     middle, most, worst = np.quantile(np.abs(found[:, 0] - commands), (0.5, 0.99, 1.0))
     assert (0 < middle < 5e-4, most < 5e-3, worst < 0.1) == (True, True, True)
-
-
-def test_a_controller_in_c_has_its_reference_as_an_input(tmp_path):
-    with pytest.raises(CommandError, match="gets the reference as an input"):
-        pn.control.export(pn.control.tune(AXIS, "pid"), "fmu", tmp_path / "law.fmu", along="R1")

@@ -115,14 +115,6 @@ def test_gaps_are_counted(found):
     assert gaps["Kidney_lc_2bar"] == 0
 
 
-def test_a_copy_under_another_name_counts_once(found, tmp_path):
-    copy = tmp_path / "Copy_1bar.csv"
-    copy.write_bytes(lzma.decompress(FILES[0].read_bytes()))
-    again = characterise_recordings([FILES[0], copy], DATA / "layout.toml")
-    assert [r.name for r in again.recordings] == ["Kidney_1bar"]
-    assert again.skipped == (("Copy_1bar", "identical to Kidney_1bar"),)
-
-
 def test_source_paper_protocol_is_close_where_friction_is_even(found):
     seals = ("NAPN_1bar", "NAPN_3bar", "O-ring_1bar", "PK_1bar", "PK_3bar")
     paper = characterise_recordings([p for p in FILES if p.name.startswith(seals)], protocol=SourcePaper())

@@ -22,7 +22,6 @@ AMBIENT_PA = 101325.0
 BAR = 1e5
 LAWS = ("gauss", "exponential", "lorentz", "viscous")
 ROOM_K = 293.15
-HOUR_S = 3600.0
 TARE_S, PAUSE_S = 5.0, 2.0
 LEAST_ACCURACY = 1e-4  # of the range, that is stated of a force sensor without a gain error
 

@@ -6,9 +6,9 @@ import json
 
 from playwright.sync_api import expect
 
-from page.conftest import DRIVE, Server, Tab
+from page.conftest import Server, Tab
 from page.test_journeys import Open
-from page.test_nothing_lost import EDITOR, go, type_at_end
+from page.test_nothing_lost import EDITOR, go
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.task import SizingTask
 from web.test_lineage import PROTOCOL
@@ -65,18 +65,6 @@ def test_a_drive_that_deviates_is_not_said_to_be_as_described(tab: Tab) -> None:
     tab.check()
 
 
-def test_a_page_that_is_loaded_again_has_its_jobs(tab: Tab) -> None:
-    page = tab.page
-    job = {"number": 1, "command": "", "kind": "control", "out": "results/laws", "state": "running", "tail": ""}
-    page.route("**/api/jobs*", lambda route: route.fulfill(json={"jobs": [{**job, "progress": None}]}))
-    for view in ("control", "campaign"):
-        go(page, view)
-        page.reload()
-        page.click(".tray summary:has-text('1 running')")
-        page.wait_for_selector("button:text-is('Cancel results/laws')")
-    tab.check()
-
-
 def test_what_a_job_wrote_is_in_the_lists(server: Server, tab: Tab) -> None:
     page = tab.page
     job = {"number": 1, "command": "", "kind": "design", "out": "next.toml", "tail": "", "progress": None}
@@ -89,27 +77,6 @@ def test_what_a_job_wrote_is_in_the_lists(server: Server, tab: Tab) -> None:
     page.wait_for_selector("[role=status]:text-is('next.toml: done')", state="attached")
     page.wait_for_selector("option:text-is('next.toml')", state="attached")
     tab.check()
-
-
-def test_a_resume_that_is_refused_says_so_as_long_as_it_is(tab: Tab) -> None:
-    page = tab.page
-    told = {"title": "Assumed", "state": "good"} | {
-        key: [] for key in ("leading", "findings", "head", "table", "rows", "curves", "tables", "figures", "notes")
-    }
-    card = {
-        "spread": "", "total": 2, "finished": False, "done": 0, "laws": ["pid"], "references": [], "measures": [],
-        "cells": [], "each": [], "failed": [], "told": told, "command": "", "python": "",
-    }  # fmt: skip
-    busy = dict.fromkeys(("line", "key", "value", "rule", "remedy")) | {"what": "2 jobs are running"}
-    page.route("**/api/comparison?*", lambda route: route.fulfill(json=card))
-    page.route("**/api/comparisons", lambda route: route.fulfill(status=400, json={"problems": [busy]}))
-    go(page, "control", "results/laws")
-    page.click("button:text-is('Resume')")
-    page.wait_for_selector(".problem >> text=2 jobs are running")
-    with page.expect_response("**/api/comparison?*"):
-        pass
-    page.wait_for_timeout(100)
-    expect(page.locator(".problem >> text=2 jobs are running")).to_have_count(1)
 
 
 def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -> None:
@@ -153,34 +120,3 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     go(page, "validation", "results/none/validation.toml")
     page.click("text=A new validation, and all of them")
     page.wait_for_selector("h2:text-is('Does my model hold?')")
-
-
-def test_who_saves_by_keyboard_stays_where_they_are(server: Server, tab: Tab) -> None:
-    page = tab.page
-    go(page, "drive", "axis.toml")
-    page.wait_for_selector(EDITOR)
-    type_at_end(page, "# mine")
-    page.focus("button:text-is('Save')[aria-disabled=false]")
-    page.keyboard.press("Enter")
-    page.wait_for_selector("[role=status] >> text=Saved axis.toml.")
-    assert page.evaluate("() => document.activeElement.textContent") == "Save"
-    page.keyboard.press("Enter")
-    assert (server.folder / "axis.toml").read_text() == f"{DRIVE}# mine"
-    tab.check()
-
-
-def test_a_name_that_is_refused_is_forgotten_with_the_next(tab: Tab) -> None:
-    page = tab.page
-    page.goto(f"{tab.origin}/#/drive/catalogue:reference")  # as people write it
-    name = page.locator("input[placeholder='axis.toml']")
-    for wrong, said in (("../x.toml", "not a file of this workspace"), ("axis.toml", "axis.toml is there already")):
-        name.fill(wrong)
-        page.click("text=Save as a new file")
-        page.wait_for_selector(f"[role=status] >> text={said}")
-    page.wait_for_selector(".problem", state="detached")
-    name.fill("mine.toml")
-    page.click("text=Save as a new file")
-    page.wait_for_selector("h2:text-is('mine.toml')")
-    page.wait_for_timeout(200)
-    expect(page.locator("[role=status] >> text=Saved mine.toml.")).to_have_count(1)
-    assert page.evaluate("() => location.hash") == "#/drive/mine.toml"

@@ -394,25 +394,6 @@ def reach(page: object, selector: str) -> None:
     raise AssertionError(f"Tab does not reach {selector}")
 
 
-def test_everything_by_keyboard(tab: Tab) -> None:
-    page = tab.page
-    reach(page, "a:text-is('axis.toml')")
-    page.keyboard.press("Enter")
-    page.wait_for_selector("[data-end=position_m]")
-    settled(tab)
-    before = at_end(tab, "pressure_b_pa")
-    reach(page, "#slider-supply\\.pressure")
-    for _ in range(5):
-        page.keyboard.press("ArrowRight")
-    settled(tab)
-    assert at_end(tab, "pressure_b_pa") > before
-    assert "bar" in page.get_attribute("[id='slider-supply.pressure']", "aria-valuetext")
-    page.locator("figure.plot summary >> nth=0").focus()
-    page.keyboard.press("Enter")
-    page.wait_for_selector("figure.plot td")
-    tab.check()
-
-
 def test_the_server_is_killed_while_a_slider_is_dragged(own_server: Server, open_tab: Open) -> None:
     tab = open_tab(own_server.address)
     page = tab.page

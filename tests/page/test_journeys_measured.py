@@ -17,7 +17,6 @@ from page.test_journeys import Open, reach, violations
 MEASURED = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 MOST_CLICKS = 12
 LONG = 180_000  # ms; a job on a busy machine
-STEPS = "0 s: 0.3, 0.5 s: -0.3, 1 s: 0.2"
 
 
 class Hand:

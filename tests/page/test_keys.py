@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-import xarray as xr
 from playwright.sync_api import expect
 
 from page.conftest import Server, Tab
 from page.test_journeys import Open, at_end, settled, violations
 from page.test_nothing_lost import go
-from pneudrive.characterise import write_map
-from web.maps import WIDE, friction_map, stribeck
 
 FOUND = ".palette [role=option]"
 AT_END = "[data-end=position_m]"
@@ -104,38 +100,4 @@ def test_sliders_choices_and_values_are_undone(tab: Tab) -> None:
     page.keyboard.type("9")
     page.keyboard.press("Control+Z")
     expect(page.locator(".cm-content").first).to_contain_text("28 N")
-    tab.check()
-
-
-def test_a_choice_that_the_address_keeps_is_undone_and_not_on_another_object(server: Server, open_tab: Open) -> None:
-    seals = []
-    for seal, more in (("O-ring", 0.0), ("Kidney", 9.0)):
-        part = friction_map(lambda v, g, more=more: stribeck(v, g) + more, WIDE, (0.0, 2e5), 0.2)
-        seals.append(part.assign(seal=("row", np.full(part.sizes["row"], seal))))
-    write_map(xr.concat(seals, dim="row", combine_attrs="override"), server.folder / "map.parquet")
-    tab = open_tab(server.address)
-    page = tab.page
-    go(page, "friction", "map.parquet")
-    choice = page.locator("label:has-text('Seal or mounting') select")
-    first = choice.input_value()
-    page.wait_for_selector("main [data-leading=lowest]")
-    page.keyboard.press("Control+K")
-    page.wait_for_selector(".palette[open]")
-    page.keyboard.type("lowest friction")
-    page.keyboard.press("Enter")  # a leading value of the open result
-    page.wait_for_function("() => document.activeElement.dataset.leading === 'lowest'")
-    choice.select_option("Kidney" if "Kidney" not in first else "O-ring")
-    page.wait_for_function("() => location.hash.includes('seal=')")
-    address = page.url
-    page.keyboard.press("Control+Z")
-    page.wait_for_function("(address) => location.href !== address", arg=address)
-    expect(choice).to_have_value(first)
-    page.keyboard.press("Control+Y")
-    page.wait_for_function("(address) => location.href === address", arg=address)
-    go(page, "drive", "axis.toml")
-    page.wait_for_selector(".cm-content >> text=28 N")
-    page.keyboard.press("Control+Z")
-    go(page, "friction", "map.parquet")
-    choice.wait_for()
-    assert page.url == page.url.split("?")[0]
     tab.check()

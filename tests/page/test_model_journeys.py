@@ -10,11 +10,10 @@ import pytest
 from playwright.sync_api import expect
 
 import pneudrive as pn
-from page.conftest import PICTURES, ROOT, Server, Tab
+from page.conftest import PICTURES, Server, Tab
 from page.test_journeys import Open, settled, violations
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.simulation.trajectory import save_columns
-from waiting import until
 from web.test_sizing import TASK
 
 STEPS = "0 s: 0.3, 0.7 s: -0.3, 1.4 s: 0.2, 2.2 s: -0.25"
@@ -237,51 +236,6 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     tab.check()
 
 
-def test_from_a_task_to_its_data_sheet_in_four_clicks(server: Server, open_tab: Open) -> None:
-    (server.folder / "push.toml").write_text(TASK)
-    page = open_tab(server.address).page
-    page.click("a[title='push.toml']")
-    page.click("button:text-is('Size'):enabled")
-    page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
-    expect(page.locator(".answer-card h2").first).to_contain_text(
-        "Not ready to order: one check of the best choice is open."
-    )
-    check = page.inner_text(".findings li.open:has-text('side load')")
-    assert "not decided" in check
-    assert 'guide = "ball"' in check
-    page.click("button:text-is('Data sheet of the best')")
-    page.wait_for_selector("[data-sheet=done]", timeout=3 * LONG)
-    with page.context.expect_page() as opened:
-        page.click("[data-sheet] >> text=Open the data sheet")
-    opened.value.wait_for_selector("#numbers td")
-    assert "datasheet" in opened.value.title()
-
-
-def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> None:
-    (server.folder / "lift.toml").write_text((ROOT / "examples" / "sizing" / "lift.toml").read_text())
-    tab = open_tab(server.address)
-    page = tab.page
-    page.click("a[title='lift.toml']")
-    page.wait_for_selector("text=No problems.")
-    page.fill("label:has-text('Into results/') input", "lift")
-    page.fill("label:has-text('Samples of each') input", "8")
-    page.click("button:text-is('Size')")
-    page.wait_for_selector("progress[aria-label='Progress of the search'][max]", timeout=LONG)
-    lines = server.folder / "results" / "lift" / "choices.jsonl"
-    until(lambda: lines.is_file() and len(lines.read_text().splitlines()) > 3)
-    page.click("text=Cancel the search")
-    page.wait_for_selector("[data-state=stopped][data-simulated]", timeout=LONG)
-    kept = lines.read_text().splitlines()
-    tab.picture("sizing-stopped")
-    page.click("button:text-is('Resume')")
-    until(lambda: len(lines.read_text().splitlines()) > len(kept))
-    assert lines.read_text().splitlines()[: len(kept)] == kept
-    page.wait_for_selector("[data-state=running][data-simulated]")
-    page.click("text=Cancel the search")
-    page.wait_for_selector("[data-state=stopped][data-simulated]", timeout=LONG)
-    tab.check()
-
-
 def test_a_task_that_nothing_does_is_answered_in_words_light_and_dark(server: Server, open_tab: Open) -> None:
     text = TASK.replace('"2 kg"', '"200 kg"\nincline = "90 deg"')
     (server.folder / "push.toml").write_text(text)
@@ -303,22 +257,3 @@ def test_a_task_that_nothing_does_is_answered_in_words_light_and_dark(server: Se
         assert violations(tab) == []
         tab.check()
         page.close()
-
-
-def test_a_validation_in_the_dark(server: Server, open_tab: Open) -> None:
-    drive = pn.Drive.load("catalogue:reference")
-    run = pn.simulate(drive, "0 s: 0.1, 0.3 s: -0.1, 0.6 s: 0", "1 s")
-    folder = server.folder / "results" / "same"
-    folder.mkdir(parents=True)
-    pn.validate(drive, run).write(folder)
-    tab = open_tab(server.address, "dark")
-    page = tab.page
-    page.click("a[title='results/same/validation.toml']")
-    page.wait_for_selector("[data-leading=position].good")
-    settled(tab)
-    page.wait_for_selector("text=Synthetic")
-    expect(page.locator("main").first).to_contain_text("The balances close")
-    assert violations(tab) == []
-    tab.picture("validation-dark")
-    shutil.rmtree(folder)
-    tab.check()

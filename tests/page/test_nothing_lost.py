@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +11,10 @@ from playwright.sync_api import expect
 
 from page.conftest import DRIVE, ROOT, Server, Tab
 from page.test_journeys import Open, at_end, settled
-from waiting import until
 from web.test_sizing import TASK
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    pass
 
 EDITOR = ".cm-content"
 
@@ -86,27 +83,6 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(tab: Tab) -> Non
     tab.check()
 
 
-def test_frozen_curves_have_names_and_lines_of_their_own(tab: Tab) -> None:
-    page = tab.page
-    go(page, "simulate", "axis.toml")
-    page.wait_for_selector("[data-end=position_m]")
-    command = "label:has-text('Command, -1 to 1') input"
-    for text in ("0 s: 0.2", "0 s: 0.3", "0 s: 0.4"):
-        page.fill(command, text)
-        settled(tab)
-        page.click("text=Freeze the curves")
-    page.click("text=Freeze the curves")
-    pressures = page.locator("figure[data-plot^=Pressure]")
-    names = pressures.locator(".legend .name").all_inner_texts()
-    assert len(set(names)) == len(names) == 10
-    assert "pressure a (as described; 0 s: 0.2)" in names
-    assert "pressure a (as described; 0 s: 0.4; 2)" in names
-    marks = pressures.locator(".swatch").evaluate_all("all => all.map((one) => one.style.background)")
-    assert len(set(marks[:8])) == 8  # as many as there are looks
-    assert page.locator("figure[data-plot=Position] .swatch").first.bounding_box()["width"] > 30
-    tab.check()
-
-
 def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_tab: Open) -> None:
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
     tab = open_tab(server.address)
@@ -135,18 +111,6 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
     expect(page.locator("button:text-is('Save')").first).to_have_attribute("aria-disabled", "true")
     assert (server.folder / "axis.toml").read_text().endswith("# mine")
     tab.check()
-
-
-def test_the_editor_of_a_task_outlives_its_text(server: Server, open_tab: Open) -> None:
-    (server.folder / "push.toml").write_text(TASK)
-    page = open_tab(server.address).page
-    go(page, "sizing", "push.toml")
-    page.click(EDITOR)
-    page.keyboard.press("ControlOrMeta+A")
-    page.keyboard.press("Delete")
-    page.wait_for_selector("section[aria-label=Task] .problem")
-    page.keyboard.type("name = 1")
-    expect(page.locator(EDITOR).first).to_have_text("name = 1", use_inner_text=True)
 
 
 def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Open) -> None:
@@ -219,46 +183,6 @@ def test_what_is_typed_while_the_server_is_away_comes_into_the_text(own_server: 
     assert tab.foreign == []
 
 
-def test_a_tab_for_which_the_server_has_no_room_says_so(own_server: Server, open_tab: Open) -> None:
-    tabs = [open_tab(own_server.address)]
-    tabs[0].page.wait_for_selector("text=axis.toml")
-    for _ in range(9):
-        tabs.append(open_tab(f"{tabs[0].origin}/#/simulate/axis.toml"))
-        tabs[-1].page.wait_for_selector("h2 >> text=my axis")
-    tabs[-1].page.wait_for_selector("[data-connection=full] >> text=Close another tab")
-    tabs[1].page.close()
-    tabs[-1].page.wait_for_selector("[data-end=position_m]")
-    tabs[-1].page.wait_for_selector("[data-connection=open]", state="attached")
-
-
-def test_the_skip_link_stays_in_the_view_and_tabs_have_titles(tab: Tab) -> None:
-    page = tab.page
-    go(page, "simulate", "axis.toml")
-    page.wait_for_selector("[data-end=position_m]")
-    assert page.title() == "axis.toml · Simulate · pneudrive"
-    page.focus("a.skip")
-    page.keyboard.press("Enter")
-    page.wait_for_timeout(100)
-    assert page.evaluate("document.activeElement.id") == "main"
-    assert page.url.endswith("#/simulate/axis.toml")
-    expect(page.locator("[data-end=position_m]")).to_have_count(1)
-    tab.check()
-
-
-def test_what_is_not_copied_is_not_said_to_be(tab: Tab) -> None:
-    page = tab.page
-    go(page, "simulate", "axis.toml")
-    page.wait_for_selector("[data-end=position_m]")
-    page.click("text=Copy as command or Python")
-    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error('denied')); }")
-    page.click("text=Copy the command")
-    page.wait_for_selector(".copied >> text=Not copied")
-    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.resolve(); }")
-    page.click("text=Copy the command")
-    page.wait_for_selector(".copied >> text=Copied the command.")
-    tab.check()
-
-
 def test_long_names_and_lines_stay_within_the_page(server: Server, open_tab: Open) -> None:
     long = f"{'x' * 180}.toml"
     (server.folder / long).write_text(f"{DRIVE}# {'a long line ' * 40}\n")
@@ -276,105 +200,6 @@ def test_long_names_and_lines_stay_within_the_page(server: Server, open_tab: Ope
             go(page, view, long if view == "drive" else "")
             page.wait_for_selector(wait)
             assert page.evaluate("document.documentElement.scrollWidth") <= width, (view, width)
-    tab.check()
-
-
-def test_another_recording_is_not_shown_with_the_spectrum_of_the_last_one(server: Server, open_tab: Open) -> None:
-    rng = np.random.default_rng(1)
-    for name in ("one", "two"):
-        table = pl.DataFrame({"time": np.arange(4000) * 1e-3, "level": rng.standard_normal(4000)})
-        table.write_parquet(server.folder / f"{name}.parquet")
-    tab = open_tab(server.address)
-    page = tab.page
-    go(page, "recording", "one.parquet")
-    page.check("text=spectrum of the view")
-    page.wait_for_selector("figure[data-plot^=Spectrum]")
-    held: list = []
-    page.route("**/api/spectrum*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
-    with page.expect_request("**/api/spectrum?path=two*"):
-        go(page, "recording", "two.parquet")
-    expect(page.locator("figure[data-plot^=Spectrum]")).to_have_count(0)
-    held[-1].continue_()
-    page.wait_for_selector("figure[data-plot^=Spectrum]")
-    tab.check()
-
-
-def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, open_tab: Open) -> None:
-    words = ["control", "benchmark", "axis.toml", "--laws", "pid,inversion", "--references", "R1,R3", "--seeds", "6"]
-    out = server.folder / "results" / "laws"
-    running = subprocess.Popen(
-        [sys.executable, "-m", "pneudrive", *words, "--out", "results/laws"],
-        cwd=server.folder,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        tab = open_tab(server.address)
-        page = tab.page
-        until((out / "comparison.json").is_file)
-        go(page, "control", "results/laws")
-        page.wait_for_selector("[data-done]")
-        assert running.wait(60) == 0
-        page.wait_for_selector("[data-done]", state="detached")
-        expect(page.locator("text=Resume")).to_have_count(0)
-    finally:
-        running.kill()
-        running.wait()
-
-
-def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open) -> None:
-    (server.folder / "other.toml").write_text(DRIVE.replace("my axis", "the other"))
-    tab = open_tab(server.address)
-    page = tab.page
-    held: list = []
-
-    def through(own: object) -> None:
-        there = own.connect_to_server()
-        own.on_message(there.send)
-        there.on_message(lambda message: held.append((own, message)))
-
-    page.route_web_socket("**/api/live", through)
-    go(page, "control")
-    until(lambda: len(held) >= 1, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
-    with page.expect_response("**/api/control?path=other.toml"):
-        page.select_option("label.choice:has-text('Drive') >> nth=0 >> select", "other.toml")
-    page.wait_for_timeout(200)
-    own, message = held[0]
-    own.send(message)
-    until(lambda: len(held) >= 2, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
-    expect(page.locator("[data-score]")).to_have_count(0)
-    own, message = held[1]
-    own.send(message)
-    page.wait_for_selector("summary:has-text('for the other, every')")
-
-
-def test_curves_follow_the_scheme_of_the_system(tab: Tab) -> None:
-    page = tab.page
-    go(page, "simulate", "axis.toml")
-    page.wait_for_selector("[data-end=position_m]")
-    mark = page.locator("figure[data-plot=Position] .swatch").first
-    assert "42, 80, 232" in mark.evaluate("(one) => one.style.background")
-    page.emulate_media(color_scheme="dark")
-    page.wait_for_function("() => document.querySelector('.swatch').style.background.includes('97, 135, 255')")
-    tab.check()
-
-
-def test_files_that_come_while_others_are_copied_are_copied_too(server: Server, open_tab: Open, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        (tmp_path / f"{name}.toml").write_text(DRIVE)
-    tab = open_tab(server.address)
-    page = tab.page
-    page.wait_for_selector("text=axis.toml")
-    held: list = []
-    page.route("**/api/drop?path=one.toml", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
-    with page.expect_request("**/api/drop?path=one.toml"):
-        page.set_input_files("input[type=file]", tmp_path / "one.toml")
-    page.set_input_files("input[type=file]", tmp_path / "two.toml")
-    page.wait_for_selector("text=Copying one.toml")
-    held[0].continue_()
-    for name in ("one", "two"):
-        page.wait_for_selector(f"ul.files >> text={name}.toml")
-        assert (server.folder / f"{name}.toml").read_text() == DRIVE
     tab.check()
 
 
@@ -409,17 +234,3 @@ def test_what_does_not_count_is_said(server: Server, open_tab: Open) -> None:
         page.select_option("label:has-text('Drive or') select", "axis.toml")
         page.wait_for_selector(said)
     tab.check()
-
-
-def test_views_that_are_left_at_once_leave_nothing_behind(server: Server, open_tab: Open) -> None:
-    (server.folder / "push.toml").write_text(TASK)
-    tab = open_tab(server.address)
-    page = tab.page
-    page.wait_for_selector("text=axis.toml")
-    for pause in (0, 5, 20, 60, 150):
-        for view, path in (("drive", "axis.toml"), ("studies", ""), ("sizing", "push.toml"), ("drive", "none.toml")):
-            go(page, view, path)
-            page.wait_for_timeout(pause)
-    go(page, "drive", "axis.toml")
-    page.wait_for_selector(f"{EDITOR} >> text=28 N")
-    assert [one for one in tab.complaints if "400" not in one] == []  # there is no none.toml

@@ -221,19 +221,6 @@ def test_a_circuit_is_edited_in_the_drawing_and_in_the_text(server: Server, open
     tab.check()
 
 
-def test_a_drive_is_opened_as_a_circuit(tab: Tab) -> None:
-    page = tab.page
-    go(page, "drive", "axis.toml")
-    page.click("button:text-is('Edit the circuit')")
-    page.click("button:text-is('Open it as a circuit')")
-    page.click("[aria-label='Port cylinder.a']")
-    page.select_option("[aria-label='Component to add']", "flow-control")
-    page.click("button:text-is('Add here')")
-    page.wait_for_selector("g[data-key=flow_control]")
-    page.wait_for_selector(".cm-content >> text=valve.4 -> flow_control -> cylinder.a")
-    tab.check()
-
-
 def test_a_run_moves_the_drawing(server: Server, tab: Tab) -> None:
     page = tab.page
     go(page, "drive", "axis.toml")

@@ -17,12 +17,10 @@ from page.conftest import Server, Tab
 from page.results import MEASURED, RECORDING
 from page.test_journeys import Open, settled, violations
 from page.test_nothing_lost import go
-from page.test_views import VIEWS
 from pneudrive.characterise import write_map
 from web.maps import WIDE, friction_map, stribeck
 
 LONG = 120_000  # ms; a search on a busy machine
-VIEW_NAMES = tuple(dict.fromkeys(address.partition("/")[0] for address in VIEWS))[1:]
 
 
 @pytest.fixture
@@ -185,23 +183,3 @@ def test_a_recording_of_another_rig_gets_its_own_layout(server: Server, open_tab
     page.wait_for_selector("text=darker: towards +x")
     assert (server.folder / "other" / "other.csv.xz").is_file()
     assert (server.folder / "layout.toml").read_text() == text
-
-
-def test_no_view_is_empty(tab: Tab) -> None:
-    page = tab.page
-    for view in (
-        "drive",
-        "simulate",
-        "recording",
-        "friction",
-        "validation",
-        "sizing",
-        "campaign",
-        "control",
-        "datasheet",
-        "handover",
-    ):
-        go(page, view)
-        page.wait_for_selector("main h2")
-        page.wait_for_selector("main a[href], main button, main select")
-    tab.check()

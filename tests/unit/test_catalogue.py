@@ -224,12 +224,6 @@ def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
 
 
 SHELF_FAULTS = {
-    "no source": (
-        (', source = "sheet" }\nstroke', " }\nstroke"),
-        "bore has neither a source nor a reason",
-        ":5",
-        "Write",
-    ),
     "both": (
         ('assumed = "ordered so"', 'assumed = "x", source = "sheet"'),
         "stroke has both a source and",
@@ -245,9 +239,7 @@ SHELF_FAULTS = {
     "key": (("title", "tilte"), "tilte is not a known key", ":1", "Did you mean 'title'?"),
     "unknown kind": (("cylinder/rodless", "cylinder/rodles"), "kind = 'cylinder/rodles' is not known", ":4", "rodless"),
     "no key of the kind": (("bore =", "bor ="), "ours: bor is not a known key", ":5", "Did you mean 'bore'?"),
-    "unit": (('"20 mm"', '"20 bar"'), 'ours: bore: unit "bar" is a pressure', ":5", ""),
     "inside a table": (('"5 cm3"', '"5 cm2"'), 'ours: dead_volume_b: unit "cm2" is an area', ":7", ""),
-    "bounds": (('"9 N"', '"-9 N"'), "ours: friction.coulomb", ":8", ""),
     "no kind": (
         ('kind = { value = "cylinder/rodless", source = "sheet" }\n', ""),
         "ours: kind is missing",

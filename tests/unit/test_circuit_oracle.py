@@ -223,13 +223,6 @@ def test_what_is_told_of_commands_and_starts():
         circuit.start("tnak = 3 bar abs")
 
 
-def test_what_was_assumed_goes_with_the_run():
-    run = pn.Circuit.load(EXAMPLE).simulate(None, "1 ms")
-    assert "fc_la.cracking_pressure = 0.1 bar, a usual spring" in run.attrs["assumed"]
-    assert "left.wall_temperature follows the ambient temperature" in run.attrs["assumed"]
-    assert "iso6358-2013" in run.attrs["citations"]
-
-
 def test_commands_take_every_form_that_a_drive_takes(tmp_path):
     circuit = pn.Circuit.load(EXAMPLE).replace({"components.valve_l.command": "0 V .. 10 V"})
     file = tmp_path / "moves.csv"

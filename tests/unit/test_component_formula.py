@@ -173,10 +173,3 @@ def test_wrong_points_are_told(points, said):
     text = TABLES.replace('[{ position = "0 mm", force = "10 N" }, { position = "0.1 m", force = "30 N" }]', points)
     with pytest.raises(DescriptionError, match=said):
         pn.Circuit.load(text)
-
-
-def test_the_schema_knows_points():
-    alternatives = circuit_schema()["properties"]["components"]["additionalProperties"]["oneOf"]
-    (one,) = [form for form in alternatives if form["properties"].get("kind", {}).get("const") == "force/position"]
-    assert one["properties"]["points"]["items"]["required"] == ["position", "force"]
-    assert "points" in one["required"]

@@ -109,38 +109,19 @@ WRONG = [
     ('"1.013 bar abs"', '"0 bar gauge"', "ambient.pressure", "abs"),
     ('"7 bar abs"', '"-7 bar abs"', "supply.pressure", "greater than 0"),
     ('"7 bar abs"', '"-2 bar gauge"', "supply.pressure is below vacuum", "gauge + ambient > 0"),
-    (
-        'kind = "rodless"',
-        'kind = "single-rod"\nrod_diameter = "50 mm"',
-        "50 mm must be smaller than cylinder.bore = 25 mm",
-        "swapped",
-    ),
     ('kind = "rodless"', 'kind = "through-rod"', "cylinder.rod_diameter is missing", "has a rod"),
     ('kind = "rodless"', 'kind = "rodless"\nrod_diameter = "5 mm"', "has no rod", "rod_diameter"),
     ('kind = "rodless"', 'kind = "single-acting"', "is a component of circuits", "components.cylinder"),
-    ('"25 mm"', '"-25 mm"', "out of bounds", "greater than 0"),
-    ('"2 kg"', '"inf kg"', "is not finite", "moving_mass"),
     ('"2 kg"', '"nan kg"', "is not finite", "moving_mass"),
-    ('"2 kg"', "nan", "nan has no unit", "moving_mass"),
     ("ratio = 0.3", "ratio = 1.0", "valve.critical_pressure_ratio: 1.0 is out of bounds", "less than 1"),
-    ("ratio = 0.3", "ratio = 0", "valve.critical_pressure_ratio: 0 is out of bounds", "greater than 0"),
-    ("ratio = 0.3", "ratio = nan", "valve.critical_pressure_ratio: nan is out of bounds", "finite"),
     ("ratio = 0.3", 'ratio = "0.3"', "is not a number", "without unit and quotes"),
     ("_ratio = 1.4", "_ratio = inf", "gas.heat_capacity_ratio: inf is out of bounds", "finite"),
     ('"45 N"', '"5 N"', "friction.breakaway = 5 N must not be below friction.coulomb = 30 N", "swapped"),
     ('coulomb = "30 N"\n', "", 'friction.coulomb is missing; law "lugre" needs it', "[friction]"),
-    ('"30 N"', '"-30 N"', "friction.coulomb", "greater than 0"),
     ('coulomb = { a = "1.0 N/bar"', 'coulomb = { a = "1.0 N"', "friction.pressure.coulomb.a", "a force per pressure"),
-    (
-        'dead_volume = { a = "10 cm3", b = "10 cm3" }',
-        'dead_volume = { a = "10 cm3" }',
-        "chamber b is missing",
-        "dead_volume",
-    ),
     ('(s bar)"', '(s bar)"\ncv = 0.5', "flow path is given 2 times: conductance, cv", "Keep one"),
     ('conductance = "2 dm3/(s bar)"\n', "", "valve.conductance is missing", "exactly one of"),
     ("schema = 1", "schema = 2", "schema = 2 is not known", "1"),
-    ('stroke = "500 mm"\n', "", "cylinder.stroke is missing", "a length is needed"),
     ("[supply]", "[supply", "the file is not TOML", "[supply"),
     ("schema = 1", 'drive = "catalogue:refrence"', "the catalogue has no drive 'refrence'", "Did you mean 'reference'"),
 ]
@@ -259,14 +240,6 @@ def test_a_text_in_place_of_a_file_is_told():
         pn.Drive.load(text)
     with pytest.raises(DescriptionError, match="there is no file"):
         pn.Drive.load(f"folder/{'x' * 5000}/drive.toml")
-
-
-def test_a_kind_of_circuits_is_named_as_one(tmp_path):
-    text = pn.Drive.load("catalogue:reference").to_toml().replace('"proportional-5/3"', '"valve/switching-5/2"')
-    (tmp_path / "drive.toml").write_text(text + "\n", encoding="utf-8")
-    with pytest.raises(DescriptionError, match="is a component of circuits") as caught:
-        pn.Drive.load(tmp_path / "drive.toml")
-    assert "[components.valve]" in str(caught.value)
 
 
 @pytest.mark.parametrize("size", [{"nominal_flow": "300 l/min ANR"}, {"kv": 0.3}, {"cv": 0.3}])

@@ -62,15 +62,6 @@ def test_a_notebook_that_is_not_trusted_keeps_the_texts_apart(drive):
     assert "valve C 2 dm³/(s bar) b 0.3 cylinder bore 25 mm stroke 500 mm Reference rodless drive Symbols" in left
 
 
-def test_a_long_name_of_a_drive_is_wrapped_above_its_figure(drive):
-    name = f"Starter: {'rodless cylinder, ' * 6}whose friction depends on pressure, direction and stops"
-    figure = pn.report.plot(pn.simulate(drive.replace({"name": name}), 0.1, 0.01))
-    figure.draw_without_rendering()
-    (title,) = figure.texts
-    assert title.get_window_extent().x1 <= figure.bbox.x1
-    assert title.get_text().replace("\n", " ") == f"{name} (simulated)"
-
-
 def test_one_unit_converts_all_columns_of_its_quantity(run):
     shown = run.pneu.to("bar", "mm", "degC", "ms")
     assert shown.pressure_a.to_numpy() == pytest.approx(run.pressure_a.to_numpy() / 1e5)
@@ -186,9 +177,3 @@ def test_a_run_with_derivatives_is_used_and_written_as_any_other(drive, tmp_path
             save(run, tmp_path / name)
     save(plain, tmp_path / "plain.csv")
     assert (tmp_path / "run.csv").read_bytes() == (tmp_path / "plain.csv").read_bytes()
-
-
-def test_one_slider_needs_no_list(drive):
-    assert [one["key"] for one in pn.explore(drive, sliders="friction.coulomb").begin()["sliders"]] == [
-        "friction.coulomb"
-    ]

@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import repr_tables, units
+from pneudrive import repr_tables
 from pneudrive.cli.main import run
 from pneudrive.cli.terminal import show_view
 from pneudrive.describe.base import Described
 from pneudrive.errors import DescriptionError
 from pneudrive.figures import MODEL, Figure, Line, Markers, Panel, Rule
-from pneudrive.identify.files import read_fit
 from pneudrive.report.page import Report, view_section
 from pneudrive.report.render import draw_figure
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, View, Viewed
@@ -143,7 +142,6 @@ def test_more_than_five_leading_values_are_refused():
 # --- A bare name shows a short table, escaped; a quantity shows its unit and computes as the SI number that it is.
 
 REFERENCE = Path(__file__).parents[2] / "docs/reference/python.md"
-OLD = Path(__file__).parents[1] / "old_files"
 #: No card is longer, whatever it shows.
 MOST = 12_000
 
@@ -216,22 +214,6 @@ def test_a_card_is_short_and_escaped():
     assert "default" in repr(drive.cylinder)
 
 
-def test_long_lists_are_cut_and_say_so():
-    card = repr_tables.Card("t", rows=[(str(n), "x") for n in range(1000)], notes=["n"] * 100)
-    text = repr_tables.text_of(card)
-    assert len(text.splitlines()) < 50
-    assert "970 more" in text
-    assert "92 more" in text
-
-
-def test_every_parameter_of_a_fit_is_a_row_of_its_card():
-    """The longest name, not determined, fell out of the table."""
-    fit = read_fit(OLD / "4f85f3b" / "map-fit.toml")
-    shown = {row[0]: row[1:] for row in fit._card().rows}
-    assert shown.keys() >= {"coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"}
-    assert "not determined" in shown["stribeck_velocity"]
-
-
 def results():
     """Dataclasses of the reference that hold arrays, data sets or others that do."""
     big = ("ndarray", "Array", "xr.Dataset", "CampaignCharacteristics", "Recording")
@@ -247,11 +229,3 @@ def test_public_results_show_a_card():
     found = set(results())
     assert len(found) >= 13
     assert not [kind for kind in found if not issubclass(kind, repr_tables.Shown)]
-
-
-def test_arrays_are_shown_by_their_shape():
-    made = repr_tables.brief(np.zeros((1000, 2)))
-    assert made == "array (1000, 2)"
-    assert len(repr_tables.brief({str(k): np.zeros(3) for k in range(999)})) < 100
-    assert (repr_tables.brief(17), repr_tables.brief(True)) == ("17", "True")
-    assert repr_tables.brief(units.UnitFloat(0.025, "m", "mm")) == "25 mm"

@@ -182,24 +182,6 @@ def test_what_a_worn_seal_adds_is_found_with_its_band(maps: Served) -> None:
     assert np.mean(inside) > 0.8
 
 
-def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A map with two pressures of both chambers."""
-    many = maps.folder / "results" / "many" / "map.parquet"
-    many.parent.mkdir()
-    both = [friction_map(stribeck, WIDE, GAUGES, 0.2), friction_map(stribeck, WIDE, GAUGES, 0.2)]
-    both[1]["pressure_a_pa"] = both[1]["pressure_a_pa"] + 1e5
-    both[1]["recording"] = both[1]["recording"] + "h"
-    write_map(xr.concat(both, "row", combine_attrs="override"), many)
-    pn.fit_friction(both[0], pressure_dependence=True).to_toml(many.with_name("fit.toml"))
-    monkeypatch.chdir(maps.folder)
-    cut = get(maps, "/api/slice", path="results/many/map.parquet", speed="0.03")
-    assert len(cut["groups"]) == 2
-    names: dict = {}
-    exec(cut["python"], names)
-    for group, said in zip(cut["groups"], names["found"], strict=True):
-        assert list(said.friction_n) == group["curve"]["friction"]
-
-
 def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
     maps: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:

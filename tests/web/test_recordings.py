@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-import threading
 import traceback
 from pathlib import Path
 
@@ -112,16 +111,6 @@ def test_a_layout_above_the_folder_is_told_of_and_not_read(served: Served) -> No
     assert read(served, "run.parquet")["notes"] == []  # it needs none
 
 
-def test_a_simulated_run_is_a_recording(served: Served) -> None:
-    run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.2, 2 s: -0.2, 4 s: 0.2", "6 s")
-    pn.save(run, served.folder / "run.parquet")
-    found = read(served, "run.parquet")
-    assert found["time"]
-    units = {one["column"]: one["unit"] for one in found["channels"]}
-    assert units["position_m"] == "m"
-    assert len(get(served, "/api/strokes", path="run.parquet")["strokes"]) >= 2
-
-
 @pytest.mark.parametrize("name", ["../layout.toml", "axis.toml", "layout.parquet/../../x.csv"])
 def test_what_is_no_recording_is_said(served: Served, name: str) -> None:
     assert get(served, "/api/recording", 400, path=name)["problems"]
@@ -145,12 +134,6 @@ def test_a_view_out_of_bounds_is_refused(served: Served) -> None:
         query = {"path": "few.csv", "from": 0, "to": 1, "pixels": 100, "columns": "force_n"} | wrong
         assert unpack(window(served, query))[0]["problems"]
     assert unpack(window(served, query | {"path": 3, "key": 3}))[0]["problems"]
-
-
-def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
-    (served.folder.parent / "layout.toml").write_text("[columns]\nsecret = 1\n")
-    (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
-    assert read(served, "few.csv")["layout"] is None
 
 
 def test_two_recordings_aligned_and_measured(served: Served) -> None:
@@ -434,21 +417,6 @@ def test_a_reading_that_fails_in_a_way_nobody_foresaw_ends(
         monkeypatch.setattr(recordings, "_opened", failing)
         assert told[:20] in read(served, "log.csv")["problems"][0]["what"]
     assert "KeyError: 'x'" in capfd.readouterr().err
-
-
-def test_strokes_of_a_file_that_is_being_read_are_none(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    go_on, opened = threading.Event(), recordings._opened
-
-    def slow(*given: object) -> object:
-        go_on.wait(10.0)
-        return opened(*given)
-
-    monkeypatch.setattr(recordings, "_opened", slow)
-    in_si(served.folder / "run.parquet")
-    assert "share" in get(served, "/api/recording", path="run.parquet")
-    assert get(served, "/api/strokes", path="run.parquet") == {"strokes": [], "faults": {}}
-    go_on.set()
-    assert read(served, "run.parquet")["samples"] == len(TO_AND_FRO["time"])
 
 
 @pytest.mark.parametrize("kind", ["dates", "texts", "nanoseconds"])

@@ -24,7 +24,6 @@ from web.test_friction import post
 from web.test_recordings import get
 
 WRITTEN = "results/friday/validation.toml"
-LAW = Path(__file__).parents[2] / "examples/laws/lugre.toml"
 ASKED = {"kind": "validate", "drive": "axis.toml", "recordings": ["friday.parquet"], "name": "friday"}
 LONG_S = 15.0
 BEGIN_S = 512.0  # of the clock of the logger
@@ -198,15 +197,6 @@ def test_a_job_writes_into_folders_of_the_workspace_alone(validated: Served) -> 
     post(validated, "/api/jobs", ASKED, 400)
     assert validated.jobs == []
     assert not list(outside.iterdir())
-
-
-def test_a_changed_value_names_no_file(validated: Served) -> None:
-    """A law of one's own outside of the folder is not even opened."""
-    place = validated.folder.parent / "law.toml"
-    place.write_bytes(LAW.read_bytes())
-    head, _ = asked_frame(validated, changes={"friction.law": f"file:{place}"}, drive="axis.toml")
-    assert "names a file" in head["problems"][0]["what"]
-    assert "own-lugre" not in json.dumps(head)
 
 
 def test_a_suspect_is_identified_applied_and_traced(validated: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -70,22 +70,6 @@ def test_page_command_and_python_give_the_same_bits(served: Served, monkeypatch:
     assert not np.array_equal(drawn["position_m"], unchanged.position.to_numpy())  # the sliders count
 
 
-def test_a_circuit_is_copied_too(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    drive = pn.Drive.load(served.folder / "axis.toml")
-    (served.folder / "pair.toml").write_text(drive.circuit.to_toml())
-    changes = {"components.cylinder.moving_mass": "3 kg"}
-    asked = {"path": "pair.toml", "changes": changes, "command": ["valve: 0 s: 1"], "duration": "0.1 s"}
-    _, drawn = unpack(answer(Workspace.at(served.folder), json.dumps(asked)))
-    copied = post(served, "/api/copy", asked)
-    monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(copied["python"], names)
-    assert run_command(shlex.split(copied["command"])[1:]) == 0
-    at_end = drawn["cylinder.position_m"][-1]
-    assert at_end == names["run"]["cylinder.position"].to_numpy()[-1]
-    assert at_end == pl.read_parquet("pair.parquet")["cylinder.position_m"][-1]
-
-
 def test_the_newest_of_waiting_requests_is_answered(served: Served) -> None:
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         for number in range(1, 41):

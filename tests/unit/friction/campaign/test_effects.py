@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from oracle.campaigns import BAR, Friction, gauges, hits
-from pneudrive.friction.campaign.statements import still_changing
 
 CROSSED = ((0.0, 0.0), (BAR, 0.0), (0.0, BAR), (BAR, BAR), (2.0 * BAR, BAR))
 SPEEDS = tuple(np.geomspace(2e-3, 0.3, 6))
@@ -231,14 +228,3 @@ def test_conditions_are_named_as_people_say_them(measured, quick):
     found = measured(quick(gauges_pa=((0.5 * BAR, 0.0),), levels=({"seal": "NBR"},), speeds_m_s=SPEEDS))
     assert found.curves[0].condition.label(101325.0) == "a 0.5 bar, b 0 bar, NBR"
     assert gauges(found.curves[0].condition) == (0.5 * BAR, 0.0)
-
-
-@pytest.mark.parametrize(("rate", "last", "expected"), [(1.0, 0.0, True), (0.0, 0.3, False), (0.0, 0.0, False)])
-def test_friction_still_changes_at_the_end_is_no_matter_of_one_cycle(measured, quick, rate, last, expected):
-    drift = measured(quick()).drift
-    assert drift is not None
-    time = np.linspace(0.0, 1.0, 40)
-    value = rate * time
-    value[-1] += last
-    changed = replace(drift, time_s=time, drift_n=value, low_n=value - 0.15, high_n=value + 0.15)
-    assert bool(list(still_changing(changed))) == expected

@@ -11,12 +11,9 @@ import pytest
 import pneudrive as pn
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
-from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.characterise import SourcePaper, read_map
+from pneudrive.characterise import read_map
 from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
 from pneudrive.describe.files.toml import tomllib
-from pneudrive.friction.campaign.reading import read_campaign
-from pneudrive.friction.strokes import Settled
 
 TRUE = Friction(coulomb=20.0, breakaway=32.0, stribeck_m_s=0.012, viscous=40.0, lip_a=2.0)
 GAUGES = ((0.0, 0.0), (1.5 * BAR, 0.0))
@@ -128,18 +125,6 @@ def test_cycles_of_different_settled_ways_are_brought_to_one(measured, quick):
     assert np.ptp(error) < 0.004
 
 
-def test_the_source_papers_protocol_keeps_the_ramps(quick, tmp_path):
-    world = quick(**QUIET, acceleration_m_s2=2.0)
-    folder = write_campaign(tmp_path / "campaign", world, 1)
-    settled, paper = campaign_friction(folder), campaign_friction(folder, SourcePaper())
-    assert paper.protocol == "source-paper"
-    fast, slow = -1, 0
-    true = world.truth(settled.curves[0].speed_m_s, (0.0, 0.0))
-    assert settled.curves[0].friction_n[fast] == pytest.approx(true[fast], rel=0.01)
-    assert paper.curves[0].friction_n[slow] == pytest.approx(true[slow], rel=0.01)
-    assert paper.curves[0].friction_n[fast] < 0.97 * true[fast]  # slow parts of the ramp count as fast
-
-
 def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
     from pneudrive.friction.campaign import reading
 
@@ -167,28 +152,3 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
         assert (b.high_n - b.low_n)[a.measured] / 2.0 == pytest.approx(reach[a.measured], rel=0.4)
         assert b.cycles.tolist() == a.cycles.tolist()
     assert condensed.repeatability.within.value == pytest.approx(whole.repeatability.within.value, rel=0.3)
-
-
-def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_path, monkeypatch):
-    """The number of points that are fitted has a bound, whatever the plan; blocks are told from cycles all the same."""
-    from pneudrive.friction.campaign import points as module
-
-    world = quick(
-        levels=({},) * 16, repeats=1, cycle_share=0.01, block_share=0.03, speeds_m_s=tuple(np.geomspace(5e-3, 0.4, 9))
-    )
-    folder = write_campaign(tmp_path / "campaign", world, 4)
-    points = module.points_of(read_campaign(Campaign.open(folder), Settled(), 1))
-    whole = campaign_friction(folder, processes=1)
-    monkeypatch.setattr(module, "MOST_CYCLES", 60)
-    monkeypatch.setattr(module, "MOST_CELLS", 50)
-    assert len(points.condensed()) <= 50 + 60 < len(points)
-    joined = campaign_friction(folder, processes=1)
-    for name, share in (("within", 0.3), ("between", 0.5)):
-        one, other = (getattr(found.repeatability, name).value for found in (whole, joined))
-        assert other == pytest.approx(one, rel=share)
-    monkeypatch.setattr(module, "MOST_CELLS", 6)
-    few = points.condensed()
-    assert len(set(few["level"].tolist())) <= 6
-    assert sum(len(some) for some in few.members) == len(points)
-    told = few.level_speeds_m_s[few["level"]]
-    assert np.all(np.abs(few["speed_m_s"] / told - 1.0) < 0.5)

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
+from oracle.stop_campaigns import AMBIENT_PA, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import campaign_friction
@@ -41,8 +41,7 @@ def rise(time_s, increment_n, stiffness=2e5, speed=1e-3, length_m=3e-4):
     return -0.2 * np.logaddexp(-spring / 0.2, -contact / 0.2)
 
 
-@pytest.mark.parametrize("increment_n", [0.0, 0.5, 4.0])
-@pytest.mark.parametrize("noise_n", [0.05, 0.3])
+@pytest.mark.parametrize(("increment_n", "noise_n"), [(0.5, 0.05), (4.0, 0.3)])
 def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
     time = np.arange(0.0, 0.4, 2e-4)
     rng = np.random.default_rng(1)
@@ -86,7 +85,7 @@ def test_little_noise_does_not_make_a_corner_surer_than_it_is(noise_n, stiffness
     assert np.median(doubt) < 0.02
 
 
-@pytest.mark.parametrize("bandwidth_hz", [60.0, 200.0, 500.0])
+@pytest.mark.parametrize("bandwidth_hz", [60.0, 500.0])
 def test_what_the_lag_of_the_sensor_takes_off_a_peak_is_in_its_doubt(bandwidth_hz):
     step, rng = 2e-6, np.random.default_rng(3)
     fine = np.arange(0.0, 0.3, step)
@@ -164,7 +163,7 @@ def test_direction_and_missing_steps_change_nothing(tmp_path):
     assert np.ptp(means, axis=0) == pytest.approx([0.0, 0.0], abs=0.5)
 
 
-@pytest.mark.parametrize("law", list(LAWS))
+@pytest.mark.parametrize("law", ["log", "stretched", "exponential", "none"])
 def test_slope_per_decade_under_every_law(tmp_path, law):
     world = StopWorld(law=law, repeats=4, samples=600)
     _, _, series, _ = found(tmp_path, world, 3)

@@ -134,17 +134,3 @@ def test_memory_does_not_grow_with_the_length(make, tmp_path):
         assert strokes == 100 * times
         assert np.isfinite(peak[times])
     assert peak[8] < 1.1 * peak[2]
-
-
-def test_a_trend_over_very_many_strokes_needs_no_more_memory_than_over_a_thousand():
-    import tracemalloc
-
-    from pneudrive.friction.bins import spread_of
-
-    values = 5.0 + 1e-5 * np.arange(20_000) + 0.01 * np.random.default_rng(0).standard_normal(20_000)
-    tracemalloc.start()
-    spread = spread_of(values)
-    assert tracemalloc.get_traced_memory()[1] < 1e8
-    tracemalloc.stop()
-    assert spread.slope_n == pytest.approx(1e-5, rel=0.02)
-    assert spread.has_trend

@@ -12,7 +12,7 @@ from pneudrive.characterise import characterise_recordings, read_map
 from pneudrive.cli.main import run
 from pneudrive.friction.bins import pair_stderr, profile_stderr, spread_of
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.friction.strokes import StrokeUse, stroke_notes
+from pneudrive.friction.strokes import StrokeUse
 
 
 def test_spread_of_independent_strokes_is_the_textbook_standard_error():
@@ -194,9 +194,3 @@ def test_terminal_map_and_report_say_the_same(partial, tmp_path, capsys):
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "9 of 16 strokes are used" in page
     assert "6 across less than a quarter of the window" in page
-
-
-def test_many_partial_recordings_have_one_sentence_for_the_rest():
-    notes = list(stroke_notes({f"r{i}": StrokeUse(10, {"window": 10 - i % 9}) for i in range(40)}))
-    assert len(notes) == 13
-    assert notes[-1].startswith("28 more recordings: ")

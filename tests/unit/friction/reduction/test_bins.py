@@ -31,11 +31,6 @@ def test_a_bin_has_the_mean_of_the_chosen_samples_of_all_parts_within_it() -> No
     assert np.isnan(found[3])
 
 
-def test_parts_lie_within_the_samples() -> None:
-    with pytest.raises(ValueError, match="lie within"):
-        bin_means(np.zeros(3), np.zeros(3), np.linspace(0.0, 1.0, 3), [slice(1, 4)])
-
-
 # --- Breakaway peaks after a reversal, and what spoils them.
 
 PEAK = 3.0  # N above sliding friction
