@@ -16,6 +16,8 @@ for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudri
     import_module(name)
 load_rig("default").identity()
 
+PROTOCOL = (Path(__file__).parents[1] / "data" / "killed.toml").read_text("utf-8")
+
 
 def run(folder: str, protocol: str) -> None:
     """Begin the campaign, or go on with it, as the command does; end with its status."""

@@ -70,7 +70,7 @@ def test_every_damage_is_found_and_others_stay_valid(folder):
     whole, rng = path.read_bytes(), random.Random(7)
     head, samples = read_head(path), CycleFile(path, read_head(path)).samples()
     harmless = 0
-    for attempt in range(300):
+    for attempt in range(150):
         damaged = bytearray(whole)
         if attempt % 2:
             damaged[rng.randrange(len(whole))] ^= 1 << rng.randrange(8)
@@ -168,8 +168,7 @@ def test_a_folder_with_something_else_is_not_touched(tmp_path):
         Campaign.open(tmp_path)
 
 
-@pytest.mark.parametrize("speed_m_s", [1e-3, 1e-2, 0.45])
-@pytest.mark.parametrize("stop_s", [0.1, 15.0])
+@pytest.mark.parametrize(("speed_m_s", "stop_s"), [(1e-3, 0.1), (0.45, 15.0)])
 def test_steps_are_told_from_the_motion(speed_m_s, stop_s):
     """Out, a stop in the middle of the way, on, and back: 0 1 2 3, whatever the rate of the samples."""
     rng = np.random.default_rng(0)
@@ -196,16 +195,6 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
     assert set(samples.pressure_b_pa) == {1.5e5}
     assert np.isnan(samples.temperature_k).all()
     assert "digest is ignored" in str(Campaign.open(folder).problems()[0])
-
-
-def test_status_opens_each_file_once(folder, monkeypatch):
-    """A seal proves samples and head together: a second reading would prove nothing more."""
-    opened = []
-    look = seal.look
-    monkeypatch.setattr(seal, "look", lambda path, size: opened.append(path.name) or look(path, size))
-    found = status_of(folder)
-    assert sorted(opened) == [file.path.name for file in found.files]
-    assert not found.problems
 
 
 def test_status_says_whose_samples_no_checksum_proves(folder):
@@ -263,34 +252,6 @@ def test_a_damaged_file_costs_no_other(folder, monkeypatch, damage):
     assert [file.head.index for file in files] == [1, 3]
     assert [problem.where for problem in problems] == ["cycles/00002-b1_sweep_v2_r1.parquet"]
     assert "Parquet" in str(problems[0])
-
-
-def test_cycles_of_our_own_are_read_with_one_query(folder, monkeypatch):
-    """One query costs more than the samples of a short cycle. One file with other columns costs only the haste."""
-    calls = []
-    alike = formats._read_alike
-    monkeypatch.setattr(formats, "_read_alike", lambda paths, wanted: calls.append(len(paths)) or alike(paths, wanted))
-    files, _ = Campaign.open(folder).scan()
-    together = list(read_samples(files))
-    assert calls == [3]
-    head = replace(files[1].head, sha256="")
-    frame = pl.read_parquet(files[1].path).drop("temperature_k")
-    files[1].path.write_bytes(seal.sealed_parquet(frame, {"pneudrive": head.to_json()}))
-    files[1] = CycleFile(files[1].path, head, sealed=True)
-    again = list(read_samples(files))
-    for one, other in zip(together, again, strict=True):
-        assert np.array_equal(one.time_s, other.time_s)
-        assert np.array_equal(one.force_n, other.force_n)
-    assert np.isnan(again[1].temperature_k).all()
-
-
-def test_the_head_of_a_sealed_file_is_found_without_a_library(folder):
-    path = Campaign.open(folder).files()[0]
-    data = path.read_bytes()
-    assert seal.footer_text(data, "pneudrive") == pl.read_parquet_metadata(path)["pneudrive"]
-    assert seal.footer_text(data, "pneumatic") is None
-    twice = seal.sealed_parquet(pl.DataFrame({"a": [1]}), {"x": "\x18\x09pneudrive\x18", "pneudrive": "{}"})
-    assert seal.footer_text(twice, "pneudrive") is None
 
 
 def test_a_file_that_is_taken_away_meanwhile_costs_no_other(folder, monkeypatch):

@@ -22,8 +22,6 @@ from pneudrive.characteristics import characterise
 from pneudrive.cli.main import run
 from pneudrive.errors import RigError
 from pneudrive.rig import Changeable, Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
-from pneudrive.rig.opcua.nodes import load_map
-from pneudrive.rig.opcua.server import RigServer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_rig.py"
 PROTOCOL = """
@@ -42,27 +40,6 @@ def test_a_campaign_on_the_example(tmp_path):
     assert [file.head.cycle.speed_m_s for file in files] == pytest.approx([0.1, 0.3])
     assert all(not file.head.flags for file in files)
     assert Campaign.open(tmp_path / "there").identity.name == "Bench 3"
-
-
-def test_the_example_behind_opc_ua():
-    rig = load_rig(f"{EXAMPLE}:make_rig")
-    with RigServer(rig, load_map(), port=0) as server:
-        there = load_rig(server.url)
-        assert isinstance(there, Rig)
-        assert not isinstance(there, Reproducible)
-        assert (there.identity(), there.limits()) == (rig.identity(), rig.limits())
-        there.set_pressure(1.5e5, 1.5e5)
-        there.home()
-        steps = [Move(0.2, 0.3), Hold(1.0), Move(0.1, 0.3)]
-        samples = Samples.join(list(there.acquire(steps, Sampling())))
-        assert samples.position_m.max() == pytest.approx(0.2)
-        assert samples.position_m[-1] == pytest.approx(0.1)
-        assert list(dict.fromkeys(samples.step.tolist())) == [0, 1, 2]
-        with pytest.raises(RigError, match="one regulator for both chambers"):
-            there.set_pressure(1.2e5, 1.5e5)
-        there.stop()
-        assert there.state().pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa)
-        there.close()
 
 
 MISTAKES = [

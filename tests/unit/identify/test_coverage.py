@@ -23,7 +23,7 @@ from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify import fit_friction
 from pneudrive.identify.identified import Identified, apply_identified
 
-RUNS = 200
+RUNS = 100
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 EXACT = "exact standard errors"
 CASES = {
@@ -33,7 +33,6 @@ CASES = {
         "sigma": lambda v: 0.2 + 2.0 * v,
         "strokes": 6,
     },
-    "few levels": {"levels": 10, "sigma": lambda v: 0.3 + 0.0 * v, "strokes": None},
 }
 
 
@@ -67,7 +66,7 @@ def hold_the_truth(fits, truth, case):
     bound = half_widths(NAMES, truth, speed, CASES[case]["sigma"](speed))
     assert len(fits) == RUNS
     for name, least in zip(NAMES, bound, strict=True):
-        assert 180 <= inside[name] <= 198, (name, inside)
+        assert 88 <= inside[name] <= 100, (name, inside)
         assert np.median(half_width[name]) <= 1.5 * least, name
 
 
@@ -82,8 +81,6 @@ def test_intervals_and_predictions_hold_the_truth_as_often_as_stated(make_map, t
     law, new, fits = np.zeros(4), np.zeros(4), []
     for fit, rng in drawn(make_map, truth, EXACT):
         fits.append(fit)
-        if len(fits) > 100:
-            continue
         band = fit.predict(at)
         law += (band.lower_n <= wanted) & (wanted <= band.upper_n)
         band = fit.predict(at, stderr_n=0.5)
@@ -95,9 +92,9 @@ def test_intervals_and_predictions_hold_the_truth_as_often_as_stated(make_map, t
 
 
 def test_free_exponent_holds_its_truth():
-    """The bar is 92 to 98 % of 1000 runs (``python -m oracle.fit_coverage``); of 120 at 95 % these are 107 to 120."""
-    for name, share in coverage(COVERED["exponent free"], 120).items():
-        assert 107 / 120 <= share <= 1.0, name
+    """The bar is 92 to 98 % of 1000 runs (``python -m oracle.fit_coverage``); of 60 at 95 % these are 52 to 60."""
+    for name, share in coverage(COVERED["exponent free"], 60).items():
+        assert 52 / 60 <= share <= 1.0, name
 
 
 def test_intervals_of_forces_cover_the_choice_among_shapes_that_fit_as_well(make_map):

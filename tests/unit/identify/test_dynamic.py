@@ -201,12 +201,11 @@ def test_a_search_that_is_interrupted_keeps_the_best_so_far() -> None:
     assert abs(fit.values["friction.coulomb"] - 30.0) < 5.0
 
 
-@pytest.mark.parametrize("law", ["lugre", "elasto-plastic"])
-def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str, tmp_path: Path) -> None:
+def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(tmp_path: Path) -> None:
     from pneudrive.identify.dynamic.fit import _simulated_loop
 
     table = {k: v for k, v in reference().friction.to_dict().items() if k != "law"}
-    drive = reference().replace({"friction": {"law": law, **table}})
+    drive = reference().replace({"friction": {"law": "elasto-plastic", **table}})
     loops = []
     for speed in (1e-3, 3e-3):
         time, position, friction = _simulated_loop(drive, 1e5, 45.0, speed)
@@ -280,14 +279,6 @@ def test_a_command_that_was_written_down_late_or_that_the_valve_follows_late_is_
         pn.identify(start, early, free, sensors={"command": {"offset": "free"}})
 
 
-def test_a_model_that_lacks_something_is_told_by_what_noise_cannot_explain() -> None:
-    waves = {"harmonics": [{"period": "0.15 m", "amplitude": 0.2}]}
-    record = servo(reference().replace({"friction.position": waves}), 3.0)
-    note = next(n for n in pn.identify(reference(), record, ["friction.coulomb"]).notes if "does not fit" in n)
-    assert "position is off by" in note
-    assert not any("does not fit" in n for n in servo_fit().notes)
-
-
 def test_one_pressure_is_enough_from_near_values() -> None:
     run = pn.simulate(reference(), [(0.0, 0.1), (0.6, -0.15), (1.2, 0.2), (1.8, -0.1)], "2.4 s")
     record = recorded(run, 1, 5e-6, 500.0, ("position", "pressure_a"))
@@ -341,22 +332,9 @@ def test_numbers_of_a_circuit_are_found_from_values_of_a_data_sheet(tmp_path: Pa
         pn.identify(pn.Circuit.load(Path(__file__).parents[3] / "examples/two_cylinders.toml"), run, ["left.bore"])
 
 
-def test_pressures_that_were_not_recorded_stay_above_zero():
-    run = servo(reference(), 2.0)
-    alone = {name: run[name] for name in ("time_s", "command", "position_m")}
-    fit = pn.identify(reference(), alone, free=["friction.coulomb"])
-    assert np.isfinite(fit.values["friction.coulomb"])
-    assert fit.converged or any("record the chamber pressures" in note for note in fit.notes)
-
-
 @pytest.mark.parametrize(
     ("name", "start"),
-    [
-        ("friction.viscous", "20 N s/m"),
-        ("cylinder.leakage", "0.01 dm3/(s bar)"),
-        ("cylinder.heat_transfer", "30 W/(m2 K)"),
-        ("load.mass", "1 kg"),
-    ],
+    [("cylinder.leakage", "0.01 dm3/(s bar)"), ("load.mass", "1 kg")],
 )
 def test_what_is_next_to_nothing_is_found_and_applied(name, start):
     """The recordings determine it well, though not as a share of itself: the start value must not stay."""

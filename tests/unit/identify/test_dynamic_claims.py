@@ -5,9 +5,7 @@ All records are synthetic.
 
 from __future__ import annotations
 
-import dataclasses
 import re
-import threading
 import tomllib
 
 import numpy as np
@@ -15,15 +13,12 @@ import pytest
 from benches.servo import controller, follow_sine
 
 import pneudrive as pn
-from oracle.bootstrap import bootstrap
 from oracle.drive_records import record
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
-from pneudrive.estimate.profile import Transforms
 from pneudrive.free.parameters import chosen, family_of
-from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify import fit_friction
 from pneudrive.identify.dynamic.problem import Shooter
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.dynamic.search import Equations, reduced, start_solution
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 STEPS = [(0.0, 0.1), (0.4, -0.15), (0.8, 0.2), (1.2, -0.1), (1.5, 0.3), (1.8, -0.3)]
@@ -193,14 +188,6 @@ def test_shorter_segments_are_tried_where_long_ones_stick() -> None:
         assert fit.values[f"friction.{key}"] == pytest.approx(true[key], rel=0.01), key
 
 
-def test_a_search_is_cancelled_from_outside() -> None:
-    flag = threading.Event()
-    guess = pn.Drive.load("catalogue:reference").replace({"friction.coulomb": "40 N"})
-    made = record(pn.Drive.load("catalogue:reference"), 4, 1.0, steps=STEPS)
-    with pytest.raises(Cancelled):
-        pn.identify(guess, made, ["friction.coulomb"], progress=lambda _: flag.set(), cancel=flag)
-
-
 def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
     """The flag shows itself only while the core works: who looks at it between runs alone never sees it."""
 
@@ -228,46 +215,10 @@ def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
 
 # --- Equations that are singular, and numbers beyond the largest one: a FitError in words, never NumPy's own error.
 
-FREE = ["friction.coulomb", "valve.conductance"]
-
-
-def test_states_of_a_start_that_act_alike_share_the_effect():
-    """1e22 u u' + I is singular in numbers; any solution for u is as good as another, and none is large."""
-    u = np.array([1.0, 3.0, 0.5])
-    n = 1e22 * np.outer(u, u) + np.eye(3)
-    block = Equations(n, np.zeros(3))
-    solution = start_solution(block, u)
-    assert n @ solution == pytest.approx(u, rel=1e-6)
-    assert np.abs(solution).max() < 1e-21
-    information, gradient = reduced([Equations(np.pad(n, ((1, 0), (1, 0))), np.zeros(4))], 1)
-    assert np.isfinite(information).all()
-    assert np.isfinite(gradient).all()
-
-
-def test_coordinates_far_outside_have_values_and_no_warning():
-    scales = Transforms([0.0, 0.0, -np.inf], [np.inf, 1.0, np.inf])
-    for q in (-1e5, 1e5):
-        assert not np.isnan(scales.natural(np.full(3, q))).any()
-        assert not np.isnan(scales.jacobian(np.full(3, q))).all()
-
 
 @pytest.fixture(scope="module")
 def run():
     return pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.2, 0.2 s: -0.2", "0.4 s")
-
-
-def test_derivatives_that_overflow_name_the_number(run, monkeypatch):
-    whole = Shooter.run
-
-    def overflowing(self, *args, **options):
-        shot = whole(self, *args, **options)
-        by = shot.by_parameter.copy()
-        by[..., :1] *= 1e300
-        return dataclasses.replace(shot, by_parameter=by)
-
-    monkeypatch.setattr(Shooter, "run", overflowing)
-    with pytest.raises(FitError, match=r"derivatives by friction\.coulomb overflow"):
-        pn.identify(pn.Drive.load("catalogue:reference").replace({"friction.coulomb": "25 N"}), run, FREE)
 
 
 def test_a_shut_valve_ends_in_words(run):
@@ -300,39 +251,3 @@ def test_the_correlation_that_stick_slip_leaves_is_said_with_its_remedy(make_map
     said = " ".join(simulated(make_map, friction_of, speed=np.geomspace(11e-3, 0.45, 20), noise=0.05).correlated())
     assert "breakaway and stribeck_velocity change together" in said
     assert "speeds below 11 mm/s would separate them" in said
-
-
-def test_block_bootstrap_sees_what_recordings_share(make_map, friction_of):
-    rng = np.random.default_rng(5)
-    speed = np.tile(np.geomspace(2e-3, 0.4, 8), 12)
-    recording = np.repeat(np.arange(12), 8)
-    shared = 0.8 * rng.standard_normal(12)[recording]
-    curves = make_map(speed, friction_of(speed) + shared + 0.2 * rng.standard_normal(96), 0.2)
-    curves["recording"] = ("row", np.repeat([f"run {k}" for k in recording], 2).astype(object))
-    fit = fit_friction(curves)
-    again = bootstrap(fit, draws=100)
-    assert again.kind == "cases"
-    assert again.blocks == 12
-    naive = np.diff(fit.intervals["coulomb"])[0]
-    low, high = again.intervals["coulomb"]
-    # the mean of twelve shared shifts of 0.8 N: +-0.45 N; single values would say +-0.25 N
-    assert 1.15 * naive < high - low
-    assert (high - low) / 2.0 == pytest.approx(1.96 * 0.8 / np.sqrt(12), rel=0.45)
-
-
-def test_wild_bootstrap_agrees_with_the_profile_where_values_are_independent(make_map, friction_of):
-    fit = simulated(make_map, friction_of)
-    again = bootstrap(fit, draws=150)
-    assert again.kind == "wild"
-    for name in fit.free:
-        assert np.diff(again.intervals[name])[0] == pytest.approx(np.diff(fit.intervals[name])[0], rel=0.45), name
-
-
-def test_messages(make_map, friction_of, tmp_path):
-    fit = simulated(make_map, friction_of)
-    fit.to_toml(tmp_path / "fit.toml")
-    read = FrictionFit.from_toml(tmp_path / "fit.toml")
-    with pytest.raises(FitError, match=r"(?s)without its data.*Fit again"):
-        bootstrap(read)
-    with pytest.raises(FitError, match="too few for a bootstrap"):
-        bootstrap(simulated(make_map, friction_of, speed=np.geomspace(1e-3, 0.4, 5)))

@@ -130,12 +130,6 @@ def test_far_outliers_move_no_robust_estimate(make_map, truth, friction_of):
     assert abs(plain.parameters["coulomb"] / clean.parameters["coulomb"] - 1) > 0.05
 
 
-def test_starts_that_agree_are_counted(make_map, friction_of):
-    noise = 0.3 * np.random.default_rng(2).standard_normal(20)
-    fit = fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.3), stribeck_shape="free")
-    assert 1 <= fit.statistics["starts_agreeing"] <= fit.statistics["starts"]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -150,7 +144,7 @@ def test_unknown_choices_are_named(make_map, friction_of, options, said):
         fit_friction(make_map(SPEED, friction_of(SPEED)), **options)
 
 
-@pytest.mark.parametrize("form", ["linear", "quadratic", "interaction"])
+@pytest.mark.parametrize("form", ["linear", "quadratic"])
 def test_profile_and_first_order_agree_where_values_are_many(make_map, form):
     """Squares of pressures are 1e10 times newtons: their columns once hid how well vs is known (half its interval)."""
     fit = fit_friction(

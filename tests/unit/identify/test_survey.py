@@ -212,13 +212,6 @@ def test_two_speeds_cannot_give_a_stribeck_velocity(make_map, friction_of):
     assert set(fit.determined) <= {"coulomb", "viscous"}
 
 
-def test_speeds_that_count_as_one_are_listed_as_one(make_map, friction_of):
-    speed = np.array([0.0123, 0.0125, 0.0128, 0.0137, 0.0139, 0.0143])
-    noise = 0.05 * np.random.default_rng(3).standard_normal(6)
-    statement = str(lost(fit_friction(make_map(speed, friction_of(speed) + noise, 0.05)))["stribeck_velocity"])
-    assert "2 distinct speeds (12.3 to 12.8 mm/s, 13.7 to 14.3 mm/s)" in statement
-
-
 def test_one_speed_gives_the_friction_there_and_nothing_else(make_map, friction_of):
     speed = np.full(6, 0.01)
     noise = 0.05 * np.random.default_rng(2).standard_normal(6)
