@@ -129,10 +129,10 @@ def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
 
 # --- From the simulated rig to parameters: recordings with noise, characterised and fitted, give the truth back.
 #
-# Each of Fc, Fs, vs and Fv lies inside its 95 % interval in 180 to 198 of 200 seeded runs, and the median half-width
+# Each of Fc, Fs, vs and Fv lies inside its 95 % interval in at least 35 of 40 seeded runs, and the median half-width
 # is at most 1.5 times the Cramer-Rao bound, which is computed here from the sensors' noise alone.
 
-RUNS = 200
+RUNS = 40
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 GAUGE_PA = 0.5e5
 CYCLES = 3
@@ -173,7 +173,7 @@ def test_truth_lies_in_the_interval_as_often_as_stated():
     ratio = {name: float(np.median(half_width[name]) / b) for name, b in zip(NAMES, bound, strict=True)}
     print("inside", inside, "half-width over bound", ratio)  # noqa: T201 - shown where it fails
     for name in NAMES:
-        assert 180 <= inside[name] <= 198, (name, inside, ratio)
+        assert inside[name] >= 35, (name, inside, ratio)
         assert ratio[name] <= 1.5, (name, inside, ratio)
 
 

@@ -1,6 +1,6 @@
 """Random drives of every law, sensible ones and corners, keep the rules of `oracle.random_runs`.
 
-Two hundred of each kind here; 20,000 by ``python tests/oracle/random_runs.py --count 20000``.
+Sixty of each kind here; 20,000 by ``python tests/oracle/random_runs.py --count 20000``.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from oracle.random_runs import ENERGY_CLOSES, ENERGY_RTOL, MOST_SECONDS, broken,
 
 SEED = 20_000
 #: Corners that may stop: of this few, three times the share of the whole sweep.
-MOST_STOPPED = 6
+MOST_STOPPED = 3
 
 
 @pytest.mark.parametrize("kind", ["sensible", "corners"])
 def test_random_drives_keep_the_rules(kind):
-    numbers = range(0 if kind == "sensible" else 1, 400, 2)
+    numbers = range(0 if kind == "sensible" else 1, 120, 2)
     outcomes = {number: outcome(case(SEED, number)) for number in numbers}
     # A loaded machine is slow: the time is held to its rule by the sweep alone, work by the budget of each run.
     wrong = {
@@ -37,13 +37,13 @@ def test_random_drives_keep_the_rules(kind):
     }
     assert not wrong, "\n".join(f"{number}: {what}" for number, what in wrong.items())
     assert sum(bool(one.stopped) for one in outcomes.values()) <= (0 if kind == "sensible" else MOST_STOPPED)
-    assert min(Counter(one.law for one in outcomes.values()).values()) >= 5
-    assert sum(one.seconds for one in outcomes.values()) < 200 * MOST_SECONDS
+    assert min(Counter(one.law for one in outcomes.values()).values()) >= 2
+    assert sum(one.seconds for one in outcomes.values()) < 60 * MOST_SECONDS
 
 
 def test_the_ledger_changes_no_bit_and_no_step_of_a_corner():
     """Trial stages outside the physics, whose accounts are no numbers, are rejected by the states alone."""
-    for number in range(1, 80, 2):
+    for number in range(1, 40, 2):
         drawn = case(SEED, number)
         try:
             runs = [drawn.run(ledger=ledger) for ledger in (False, True)]

@@ -1,6 +1,6 @@
 """Killed at any moment, a campaign keeps every finished cycle, has none twice, and ends as if nothing had been.
 
-By SIGKILL and SIGTERM, while its folder is made too. 12 times here; with ``PNEUDRIVE_KILLS=200`` in the environment
+By SIGKILL and SIGTERM, while its folder is made too. 6 times here; with ``PNEUDRIVE_KILLS=200`` in the environment
 that often.
 """
 
@@ -25,7 +25,7 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import Recording, characterise
 from pneudrive.errors import CampaignError
 
-KILLS = int(os.environ.get("PNEUDRIVE_KILLS", "12"))
+KILLS = int(os.environ.get("PNEUDRIVE_KILLS", "6"))
 
 
 @pytest.fixture(scope="module")

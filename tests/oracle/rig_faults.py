@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RigError, nearest
-from pneudrive.rig.interface import CHANNELS, RigState, closed_after
+from pneudrive.errors import RigError
+from pneudrive.rig.interface import RigState, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from pneudrive.rig.description import RigDescription
     from pneudrive.rig.interface import Rig, Samples, Sampling, Step
-
-#: Kind of fault -> its effect on the samples of the interval, or on the state.
-KINDS = {
-    "stuck": "a channel keeps its value from the beginning of the interval",
-    "nan": "a channel reads NaN",
-    "saturated": "a channel reads the upper end of its range, or `value`",
-    "offset": "a channel reads too high by `value`",
-    "dropped": "samples are lost",
-    "duplicated": "samples are repeated",
-    "clock": "the clock jumps back by `value` s",
-    "lost": "the connection is lost: RigError in the middle of a cycle",
-    "state": "`looks` readings of the state give `value` for `channel`, or the fault `text`",
-}
 
 
 @dataclass(frozen=True)
@@ -37,7 +24,10 @@ class Fault:
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        ``stuck``: a channel keeps its value from the beginning of the interval; ``nan``: it reads NaN; ``saturated``:
+        the upper end of its range, or `value`; ``offset``: too high by `value`. ``dropped`` and ``duplicated``:
+        samples are lost, or repeated; ``clock``: the clock jumps back by `value` s. ``lost``: RigError in the middle
+        of a cycle. ``state``: `looks` readings of the state give `value` for `channel`, or the fault `text`.
     cycles : container of int, optional
         Affected calls of `acquire`, counted from 1; None: all.
     begin_s, end_s : float
@@ -59,15 +49,6 @@ class Fault:
     value: float | None = None
     text: str = ""
     looks: int = 3
-
-    def __post_init__(self) -> None:
-        """Check the kind and the channel."""
-        if self.kind not in KINDS:
-            raise RigError(f"fault {self.kind!r} is unknown", remedy=nearest(self.kind, KINDS))
-        shown = {entry.name for entry in fields(RigState)}
-        known = shown if self.kind == "state" else set(CHANNELS)
-        if self.channel not in known:
-            raise RigError(f"channel {self.channel!r} is unknown", remedy=nearest(self.channel, known))
 
     def strikes(self, cycle: int) -> bool:
         """Return whether the fault affects a cycle."""

@@ -8,63 +8,16 @@ import pytest
 from playwright.sync_api import expect
 
 import pneudrive as pn
-from page.conftest import Server, Tab
-from page.test_journeys import Open, reach, settled, violations
-from page.test_model_journeys import LIFT, LONG
-
-MOST_CLICKS = 12
-
-
-class Hand:
-    """A user with a mouse, or with a keyboard alone. Clicks and menu choices count; typing does not."""
-
-    def __init__(self, tab: Tab, *, has_mouse: bool) -> None:
-        self.page, self.has_mouse, self.clicks = tab.page, has_mouse, 0
-
-    def reach(self, selector: str) -> None:
-        """Move the focus to an element, as Tab does it."""
-        if self.has_mouse:
-            self.page.locator(selector).first.focus(timeout=LONG)
-        else:
-            reach(self.page, selector)
-
-    def press(self, selector: str) -> None:
-        """Press a button or a link."""
-        self.clicks += 1
-        if self.has_mouse:
-            self.page.locator(selector).first.click(timeout=LONG)
-        else:
-            self.reach(selector)
-            self.page.keyboard.press("Enter")
-
-    def type(self, selector: str, text: str) -> None:
-        """Type into a field, and leave it."""
-        self.reach(selector)
-        self.page.keyboard.press("ControlOrMeta+A")
-        self.page.keyboard.press("Delete")  # by the editor: the browser would insert styles, which the page forbids
-        self.page.keyboard.type(text)
-        self.page.keyboard.press("Tab")
-
-    def choose(self, selector: str, value: str) -> None:
-        """Choose from a menu."""
-        self.clicks += 1
-        if self.has_mouse:
-            self.page.select_option(selector, value)
-            return
-        self.reach(selector)
-        self.page.keyboard.press("Home")
-        for _ in range(30):
-            if self.page.input_value(selector) == value:
-                return
-            self.page.keyboard.press("ArrowDown")
-        raise AssertionError(f"{selector} does not offer {value}")
+from page.conftest import Server
+from page.hands import MOST_CLICKS, Hand
+from page.test_journeys import Open, settled, violations
+from page.test_model_journeys import LIFT
 
 
-@pytest.mark.parametrize("has_mouse", [True, False], ids=["mouse", "keys"])
-def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open, has_mouse: bool) -> None:
+def test_own_axis_to_tuned_controller_and_fmu_by_keyboard(own_server: Server, open_tab: Open) -> None:
     (own_server.folder / "axis.toml").unlink()
     tab = open_tab(own_server.address)
-    page, hand = tab.page, Hand(tab, has_mouse=has_mouse)
+    page, hand = tab.page, Hand(tab, "keyboard")
     hand.press("a:text-is('Open an example drive')")
     hand.press(".verbs a:text-is('Drive')")
     hand.type("input[placeholder='axis.toml']", "my-axis.toml")
@@ -91,10 +44,10 @@ def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open
     assert (drive.cylinder.bore_m, drive.cylinder.stroke_m, drive.load.mass_kg) == pytest.approx((0.04, 0.3, 12.0))
 
     hand.press(".verbs a:text-is('Control')")
-    page.wait_for_selector("[data-leading=max_error_m]", timeout=LONG)
+    page.wait_for_selector("[data-leading=max_error_m]")
     hand.press("button:text-is('Try all laws')")
     laws = page.locator("label:has-text('Law') option").all_inner_texts()
-    page.wait_for_selector(f"[data-figure='Largest error of each law'] text:text-is('{laws[-1]}')", timeout=LONG)
+    page.wait_for_selector(f"[data-figure='Largest error of each law'] text:text-is('{laws[-1]}')")
     hand.choose("label:has-text('Law') select", "inversion")
     settled(tab)
     page.wait_for_selector(".answer-card h2:has-text('inversion')")
@@ -110,10 +63,10 @@ def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open
     fmu = f"results/{name}.fmu"
     assert not (own_server.folder / fmu).exists()
     hand.press("button:text-is('Export'):enabled")
-    page.wait_for_selector(f".job[data-state=done]:has-text('{fmu}')", timeout=LONG)
+    page.wait_for_selector(f".job[data-state=done]:has-text('{fmu}')")
     assert (own_server.folder / fmu).stat().st_size > 0
     assert hand.clicks <= MOST_CLICKS
-    tab.picture(f"journey-axis-{'mouse' if has_mouse else 'keys'}")
+    tab.picture("journey-axis")
     with page.expect_download() as saved:
         page.click(f"text=Show the variables of {fmu}")
         page.click("button:text-is('Save the FMU')")
@@ -121,11 +74,10 @@ def test_own_axis_to_tuned_controller_and_fmu(own_server: Server, open_tab: Open
     tab.check()
 
 
-@pytest.mark.parametrize("has_mouse", [True, False], ids=["mouse", "keys"])
-def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mouse: bool) -> None:
+def test_lift_to_a_sheet_for_the_customer_by_mouse(server: Server, open_tab: Open) -> None:
     (server.folder / "axis.toml").unlink()
     tab = open_tab(server.address)
-    page, hand = tab.page, Hand(tab, has_mouse=has_mouse)
+    page, hand = tab.page, Hand(tab, "mouse")
     hand.press("button:text-is('Start with a task')")
     page.wait_for_selector("text=No problems.")
     hand.type(".cm-content", LIFT.replace('held_by = "machine"\n', ""))
@@ -133,7 +85,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     hand.press("button:text-is('Save')[aria-disabled=false]")
     hand.type("label:has-text('Samples of each') input", "8")
     hand.press("button:text-is('Size'):enabled")
-    page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
+    page.wait_for_selector("[data-state=done][data-simulated]")
     expect(page.locator(".answer-card h2").first).to_contain_text("Not ready to order")
     expect(page.locator(".findings").first).to_contain_text("hangs at pressure loss")
 
@@ -141,7 +93,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     page.wait_for_selector(".cm-content >> text=held_by")
     hand.press("button:text-is('Save')[aria-disabled=false]")
     hand.press("button:text-is('Size'):enabled")  # the next free name stands in the field
-    page.wait_for_selector("[data-state=done][data-simulated]", timeout=4 * LONG)
+    page.wait_for_selector("[data-state=done][data-simulated]")
     assert page.inner_text(".answer-card h2").removeprefix("in order").strip().startswith("Take ")
     expect(page.locator(".findings li")).to_have_count(0)
     assert violations(tab) == []
@@ -153,7 +105,7 @@ def test_lift_to_a_sheet_for_the_customer(server: Server, open_tab: Open, has_mo
     for words in ("lift at 30 degrees", "Order list", "Parker Origa OSP-P", "time out, limit", "8 kg"):
         assert words in sheet
     assert "NOT KEPT" not in sheet
-    tab.picture(f"journey-lift-{'mouse' if has_mouse else 'keys'}")
+    tab.picture("journey-lift")
     tab.check()
 
     printed = page.context.new_page()

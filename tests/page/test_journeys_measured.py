@@ -6,46 +6,15 @@ import shutil
 from pathlib import Path
 
 import polars as pl
-import pytest
 from playwright.sync_api import expect
 
 import pneudrive as pn
 from oracle.drive_records import drive, record
-from page.conftest import ROOT, Server, Tab
-from page.test_journeys import Open, reach, violations
+from page.conftest import ROOT, Server
+from page.hands import MOST_CLICKS, Hand
+from page.test_journeys import Open, violations
 
 MEASURED = ROOT / "data" / "measurements" / "zillen-2021-pneumatic-piston"
-MOST_CLICKS = 12
-LONG = 180_000  # ms; a job on a busy machine
-
-
-class Hand:
-    """A user who counts clicks and menu choices; typing and Tab are none."""
-
-    def __init__(self, tab: Tab, by: str) -> None:
-        self.page, self.by, self.clicks = tab.page, by, 0
-
-    def press(self, selector: str, timeout: int = LONG) -> None:
-        """Click a control, or reach it with Tab and press Enter or space."""
-        self.clicks += 1
-        self.page.wait_for_selector(selector, timeout=timeout)
-        if self.by == "mouse":
-            self.page.click(selector)
-        else:
-            reach(self.page, selector)
-            is_box = self.page.locator(selector).first.get_attribute("type") == "checkbox"
-            self.page.keyboard.press("Space" if is_box else "Enter")
-
-    def choose(self, selector: str, words: str) -> None:
-        """Choose an entry of a menu, by its text or by typing it."""
-        self.clicks += 1
-        self.page.wait_for_selector(f"{selector} >> option:text-is('{words}')", state="attached", timeout=LONG)
-        if self.by == "mouse":
-            self.page.select_option(selector, words)
-        else:
-            reach(self.page, selector)
-            self.page.keyboard.type(words)
-        assert self.page.eval_on_selector(selector, "at => at.selectedOptions[0].textContent") == words
 
 
 def seals(folder: Path, names: tuple[str, ...]) -> int:
@@ -56,16 +25,11 @@ def seals(folder: Path, names: tuple[str, ...]) -> int:
     return len(found)
 
 
-@pytest.mark.parametrize(
-    ("by", "names"), [("mouse", ("NAPN_*", "PK_*", "Kidney_[1-4]bar")), ("keyboard", ("NAPN_*", "PK_*"))]
-)
-def test_recordings_to_a_comparison_of_two_seals(
-    own_server: Server, open_tab: Open, by: str, names: tuple[str, ...]
-) -> None:
+def test_recordings_to_a_comparison_of_two_seals_by_mouse(own_server: Server, open_tab: Open) -> None:
+    names = ("NAPN_*", "PK_*")
     many = seals(own_server.folder, names)
     tab = open_tab(own_server.address)
-    page, hand = tab.page, Hand(tab, by)
-    page.set_default_timeout(LONG)
+    page, hand = tab.page, Hand(tab, "mouse")
     page.wait_for_selector("[data-label=NAPN]")  # rows by seal, as the layout names them
     page.wait_for_selector("[data-label=PK] >> text=not characterised")
     hand.press(f"input[aria-label='Choose all {many} recordings']")
@@ -75,11 +39,11 @@ def test_recordings_to_a_comparison_of_two_seals(
     hand.press(".chosen button:text-is('Characterise')")
     hand.press("text=Show the friction map of results/friction")
     panels = page.locator(".friction figure[data-figure='Friction over pressure'] .panel-drawing")  # not the overview's
-    panels.nth(len(names) - 1).wait_for(timeout=LONG)
+    panels.nth(len(names) - 1).wait_for()
     assert panels.count() == len(names)
     hand.choose("label:has-text('Seal or mounting') select", "NAPN")
     hand.choose("label:has-text('Compare with') select", "PK")
-    page.wait_for_selector(".answer:has-text('PK has less friction than NAPN')", timeout=LONG)
+    page.wait_for_selector(".answer:has-text('PK has less friction than NAPN')")
     panels = page.locator("[data-figure=compared] .panel-drawing")
     assert panels.count() == 2  # both laws, and their difference
     assert "PK less NAPN" in panels.nth(1).text_content()
@@ -88,7 +52,7 @@ def test_recordings_to_a_comparison_of_two_seals(
     assert page.inner_text(".answer") == compared.sentence
     expect(page.locator("[data-differs=coulomb_b]").first).to_contain_text("differs")
     assert violations(tab) == []
-    tab.picture(f"journey-seals-{by}")
+    tab.picture("journey-seals")
     assert hand.clicks <= MOST_CLICKS, hand.clicks
     page.reload()  # the address keeps the comparison
     page.wait_for_selector("[data-figure=compared] .panel-drawing")
@@ -104,41 +68,39 @@ def test_recordings_to_a_comparison_of_two_seals(
     tab.check()
 
 
-@pytest.mark.parametrize("by", ["mouse", "keyboard"])
-def test_a_recording_to_a_drive_that_holds_on_held_out_data(server: Server, open_tab: Open, by: str) -> None:
+def test_a_recording_to_a_drive_that_holds_on_held_out_data_by_keyboard(server: Server, open_tab: Open) -> None:
     (server.folder / "axis.toml").write_text(drive().to_toml())
     truth = drive(valve__conductance="1.6 dm3/(s bar)")
     for name, seed in (("monday", 3), ("friday", 4)):
         pl.DataFrame(record(truth, seed, duration_s=1.0).columns).write_parquet(server.folder / f"{name}.parquet")
     seals(server.folder, ("O-ring_1bar",))  # a recording of another rig, which cannot work
     tab = open_tab(server.address)
-    page, hand = tab.page, Hand(tab, by)
-    page.set_default_timeout(LONG)
+    page, hand = tab.page, Hand(tab, "keyboard")
     hand.press("main a[title='monday.parquet']")
     hand.press(".verbs a:text-is('Validate')")
     hand.choose("label:has-text('Drive or fit') select", "axis.toml")
     page.wait_for_selector("text=Not offered: 1 recordings")
     expect(page.locator("label:has-text('O-ring_1bar') input")).to_have_count(0)
     hand.press("button:text-is('Validate')")
-    page.wait_for_selector("[data-leading=position].bad", timeout=LONG)
+    page.wait_for_selector("[data-leading=position].bad")
     page.wait_for_selector("[data-cause=conductance]")
     hand.press("button:text-is('Identify from these recordings'):enabled")
     hand.press("button:text-is('Apply to a new drive file'):enabled")
     hand.press("a:text-is('Validate it on held-out recordings')")
-    page.wait_for_selector("label:has-text('monday.parquet') >> text=made the fit", timeout=LONG)
+    page.wait_for_selector("label:has-text('monday.parquet') >> text=made the fit")
     page.wait_for_selector("label:has-text('friday.parquet') >> text=held out")
     page.wait_for_selector("label:has-text('friday.parquet') input:checked")
     assert not page.is_checked("label:has-text('monday.parquet') input")
     expect(page.locator("label:has-text('Into results/') input")).to_have_value("validation-2")
     assert violations(tab) == []
     hand.press("button:text-is('Validate')")
-    page.wait_for_selector("[data-leading=position].good", timeout=LONG)
+    page.wait_for_selector("[data-leading=position].good")
     page.wait_for_selector("[aria-label='Recordings of the validation'] .badge:text-is('held out')")
     found = pn.validate(pn.Drive.load(server.folder / "axis-identified.toml"), server.folder / "friday.parquet")
     shown = float(page.get_attribute("[data-fit=position_m]", "data-si"))
     assert shown == found.records[0].channels["position_m"].free.fit_percent > 90.0
     assert violations(tab) == []
-    tab.picture(f"journey-held-out-{by}")
+    tab.picture("journey-held-out")
     assert hand.clicks <= MOST_CLICKS, hand.clicks
     tab.check()
 

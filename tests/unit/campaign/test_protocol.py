@@ -39,15 +39,11 @@ def test_pressures_of_a_grid_are_crossed():
 GOOD = (Path(__file__).parents[2] / "data" / "good_protocol.toml").read_text("utf-8")
 WRONG = [
     ("[speed]", "[sped]", 4, "sped is not a known key", "Did you mean 'speed'?"),
-    ("count = 20", "cnt = 20", 7, "speed.cnt is not a known key", "Did you mean 'count'?"),
     ("count = 20", "", 4, "speed.count is missing", "either list, or from, to and count"),
-    ("count = 20", "count = 1", 7, "1 is out of bounds", "at least 2"),
     ("count = 20", 'count = 20\nlist = "1 mm/s"', 5, "speed.list and speed.from exclude each other", ""),
     ('"450 mm/s"', '"0.45"', 6, '"0.45" has no unit', "20 mm/s"),
-    ('"450 mm/s"', '"450 mm"', 6, 'unit "mm" is a length', "a velocity is needed"),
     ('"450 mm/s"', '"0.5 mm/s"', 6, "the range is empty", "`from` must lie below `to`"),
     ('"1 mm/s"', '"0 mm/s"', 5, '"0 mm/s" is out of bounds', "greater than 0 m/s"),
-    ("count = 20", 'count = 20\norder = "up"', 8, "speed.order = 'up' is not known", "up-and-down"),
     ('"1 bar gauge"', '"1 bar"', 10, 'pressure "1 bar" does not state abs or gauge', '"1 bar gauge"'),
     ('both = "1 bar gauge"', 'a = "1 bar gauge"', 9, "pressure.b is missing", "0 bar gauge"),
     ('["1 s", "15 s"]', '["1 s", "1 s"]', 13, "1 s occurs twice", "repeats"),

@@ -296,10 +296,9 @@ def test_sensitivities_are_exponents():
 @pytest.mark.parametrize(
     ("name", "most"),
     [
-        # force, force with friction (its curve is assumed), flow: SMC prints whole litres, 276, 746, 1130; the
+        # force, force with friction (its curve is assumed), flow: SMC prints whole litres, 276, 746; the
         # breakaway of the CM2Y is written as 9.8 N, 0.2 % below 0.02 MPa times its area
         ("parker-osp-p25-sy5000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 746}),
-        ("parker-osp-p40-sy7000", {"theoretical": 2e-3, "effective": 1.5e-2, "nominal": 0.5 / 1130}),
         ("smc-cm2y-25-sy3000", {"minimum": 1.5e-3, "nominal": 0.5 / 276}),
     ],
 )

@@ -23,7 +23,7 @@ from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify import fit_friction
 from pneudrive.identify.identified import Identified, apply_identified
 
-RUNS = 100
+RUNS = 40
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 EXACT = "exact standard errors"
 CASES = {
@@ -66,7 +66,7 @@ def hold_the_truth(fits, truth, case):
     bound = half_widths(NAMES, truth, speed, CASES[case]["sigma"](speed))
     assert len(fits) == RUNS
     for name, least in zip(NAMES, bound, strict=True):
-        assert 88 <= inside[name] <= 100, (name, inside)
+        assert 34 <= inside[name] <= RUNS, (name, inside)
         assert np.median(half_width[name]) <= 1.5 * least, name
 
 
@@ -86,15 +86,15 @@ def test_intervals_and_predictions_hold_the_truth_as_often_as_stated(make_map, t
         band = fit.predict(at, stderr_n=0.5)
         value = wanted + 0.5 * rng.standard_normal(4)
         new += (band.lower_n <= value) & (value <= band.upper_n)
-    assert np.all((law >= 87) & (law <= 100)), law
-    assert np.all((new >= 87) & (new <= 100)), new
+    assert np.all(law >= 34), law
+    assert np.all(new >= 34), new
     hold_the_truth(fits, truth, EXACT)
 
 
 def test_free_exponent_holds_its_truth():
-    """The bar is 92 to 98 % of 1000 runs (``python -m oracle.fit_coverage``); of 60 at 95 % these are 52 to 60."""
-    for name, share in coverage(COVERED["exponent free"], 60).items():
-        assert 52 / 60 <= share <= 1.0, name
+    """The bar is 92 to 98 % of 1000 runs (``python -m oracle.fit_coverage``); of 30 at 95 % these are 25 to 30."""
+    for name, share in coverage(COVERED["exponent free"], 30).items():
+        assert 25 / 30 <= share <= 1.0, name
 
 
 def test_intervals_of_forces_cover_the_choice_among_shapes_that_fit_as_well(make_map):
@@ -102,7 +102,7 @@ def test_intervals_of_forces_cover_the_choice_among_shapes_that_fit_as_well(make
 
     With the Gaussian curve held, the breakaway force was inside in 41 % of such maps.
     """
-    inside, count = dict.fromkeys(("coulomb", "breakaway", "viscous"), 0), 60
+    inside, count = dict.fromkeys(("coulomb", "breakaway", "viscous"), 0), 30
     for seed in range(count):
         rng = np.random.default_rng([2019, seed])
         truth = {"coulomb": rng.uniform(10.0, 30.0), "viscous": rng.uniform(0.0, 80.0)}
@@ -116,7 +116,7 @@ def test_intervals_of_forces_cover_the_choice_among_shapes_that_fit_as_well(make
         for name in inside:
             low, high = fit.intervals.get(name, (-np.inf, np.inf))
             inside[name] += low <= truth[name] <= high
-    assert min(inside.values()) >= 0.93 * count, inside
+    assert min(inside.values()) >= 0.87 * count, inside
 
 
 # --- Each identified value of a drive says its interval and its recordings, in files and in results.

@@ -95,7 +95,7 @@ def test_expected_intervals_come_true(make_map, truth, friction_of):
     g = _gradients(prior, at_conditions(speeds, 0.0 * speeds, 0.0 * speeds)) / 0.5
     expected = _half_widths(prior, np.einsum("dci,dcj->dij", g, g), speeds.size)
     found = {name: [] for name in expected}
-    for seed in range(40):
+    for seed in range(15):
         noise = 0.5 * np.random.default_rng([5, seed]).standard_normal(20)
         fit = fit_friction(make_map(speeds, friction_of(speeds) + noise, 0.5))
         for name in found:
@@ -116,7 +116,7 @@ def test_next_points_of_a_fit_narrow_what_is_open(make_map, truth, friction_of):
     added = np.repeat([p.speed_m_s for p in proposed.points], [p.repeats for p in proposed.points])
     both = np.r_[speeds, added]
     values = []
-    for seed in range(20):
+    for seed in range(8):
         noise = 0.3 * np.random.default_rng([2, seed]).standard_normal(both.size)
         again = fit_friction(make_map(both, friction_of(both) + noise, 0.3))
         values.append(np.diff(again.intervals["stribeck_velocity"])[0] / 2.0)

@@ -18,9 +18,9 @@ SPEED = np.geomspace(1e-3, 0.45, 20)
 GRID = [(a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5)]
 
 
-def at_pressures(make_map, law, noise=0.1, seed=1):
+def at_pressures(make_map, law, noise=0.1, seed=1, grid=GRID):
     """Map over a grid of pressures at six speeds; `law(a, b)` gives Coulomb and breakaway force."""
-    speed, a, b = (np.array(x) for x in zip(*[(v, *g) for g in GRID for v in np.geomspace(1e-3, 0.45, 6)], strict=True))
+    speed, a, b = (np.array(x) for x in zip(*[(v, *g) for g in grid for v in np.geomspace(1e-3, 0.45, 6)], strict=True))
     friction = np.empty(speed.size)
     for i, v in enumerate(speed):
         coulomb = law(a[i], b[i])
@@ -169,7 +169,7 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
 
 @pytest.mark.parametrize(("slope", "form"), [(0.0, None), (2e-5, "linear")])
 def test_a_law_without_pressure_is_compared_too(make_map, slope, form):
-    curves = at_pressures(make_map, lambda a, b: 20.0 + slope * (a + b))
+    curves = at_pressures(make_map, lambda a, b: 20.0 + slope * (a + b), grid=GRID[::3])
     assert select_friction_law(curves, ["stribeck gaussian"]).recommended.pressure == form
 
 
@@ -180,9 +180,9 @@ def test_slopes_of_a_saturating_dependence_know_that_the_knee_was_sought(make_ma
         return 20.0 + 4e-5 * a / (1 + a / 2.6e5) + 2e-5 * b / (1 + b / 2.6e5)
 
     inside = np.zeros(2)
-    for seed in range(12):
+    for seed in range(6):
         curves = at_pressures(make_map, law, noise=0.3, seed=seed)
         fit = fit_friction(curves, pressure_dependence=True, pressure="saturating")
         ends = [fit.intervals["coulomb_a"], fit.intervals["coulomb_b"]]
         inside += [low <= value <= high for value, (low, high) in zip((4e-5, 2e-5), ends, strict=True)]
-    assert (inside >= 10).all(), inside
+    assert (inside >= 5).all(), inside

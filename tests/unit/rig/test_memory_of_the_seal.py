@@ -111,7 +111,6 @@ def test_mounting_direction_and_place_are_in_the_friction():
         ),
         (f'[friction.direction]\nup = {{ value = "1", {ASSUMED} }}\n', "friction.direction.up is not a known key"),
         ('[friction.direction]\npositive = "1.1"\n', "friction.direction.positive = '1.1' has no source"),
-        (f'[friction.waer]\nrate = {{ value = "1", {ASSUMED} }}\n', "friction.waer is not a known key"),
     ],
 )
 def test_tables_of_what_acts_on_friction_are_checked(tmp_path, table, message):

@@ -40,13 +40,6 @@ def test_range_saturates():
     np.testing.assert_array_equal(read(AnalogSensor(-10.0, 10.0, 12, 0.0), [-50.0, 50.0]), [-10.0, 10.0])
 
 
-def test_seed_decides():
-    sensor = AnalogSensor(-10.0, 10.0, 16, 0.1)
-    signal = np.zeros(100)
-    np.testing.assert_array_equal(read(sensor, signal, 5), read(sensor, signal, 5))
-    assert np.any(read(sensor, signal, 5) != read(sensor, signal, 6))
-
-
 def test_encoder_shows_the_last_full_count():
     seen = Encoder(1e-6).read(np.array([0.0, 0.4e-6, 1.6e-6, -0.4e-6]))
     np.testing.assert_allclose(seen, [0.0, 0.0, 1e-6, -1e-6], atol=1e-15)

@@ -143,7 +143,7 @@ def test_campaigns_of_almost_nothing_end_in_a_sentence(tmp_path, cycles):
 #
 # Where it held it always, it would be wider than what is known; where it held it seldom, narrower.
 
-CAMPAIGNS = 8
+CAMPAIGNS = 4
 RIGS = {
     "repeats and sentinels in random order, drift, zero that drifts": {"drift_share": 0.02, "zero_drift_n": 1.0},
     "one pass upwards, nothing repeated": {

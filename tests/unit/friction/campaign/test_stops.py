@@ -183,7 +183,7 @@ def test_slope_per_decade_under_every_law(tmp_path, law):
 
 def test_slope_inside_its_interval_in_random_campaigns(tmp_path):
     inside = []
-    for seed in range(200, 206):  # other laws, noise, rigs, orders; 0 to 199 were looked at while this was made
+    for seed in range(200, 203):  # other laws, noise, rigs, orders; 0 to 199 were looked at while this was made
         world = replace(random_stop_world(seed), samples=500)
         _, _, series, _ = found(tmp_path, world, seed)
         s = series[0]
