@@ -26,20 +26,13 @@ PROTOCOLS = {
     "range": (LOOK, '"300 mm/s"', '"1e300 mm/s"', "speed.to: .* is out of bounds"),
     "range of 9,999": (LOOK, "count = 4", "count = 9999", "do not differ within 4 significant digits"),
     "infinite": (LOOK, '"300 mm/s"', '"inf mm/s"', "speed.to: .* is not finite"),
-    "repeats": (LOOK, "seed = 1", "seed = 1\nrepeats = 1_000_000_000", "repeats: .* is out of bounds"),
     "seed": (LOOK, "seed = 1", "seed = -1", "seed: -1 is out of bounds"),
-    "warm-ups": (STOPS, "cycles = 10", "cycles = 1_000_000_000", "warm_up.cycles: .* is out of bounds"),
     "sentinels": (STOPS, "every = 12", "every = 0", "sentinel.every: 0 is out of bounds"),
-    "strokes": (LOOK, "strokes = 1,", "strokes = 1_000_000_000,", "strokes: .* is out of bounds"),
     "stop": (LOOK, '"10 s"]', '"1e300 s"]', "stop.durations: .* is out of bounds"),
     "stop of no number": (LOOK, '"10 s"]', '"nan s"]', "stop.durations: .* is not finite"),
     "stop of months": (LOOK, '"10 s"]', '"1e7 s"]', "would have 200,00\\d,\\d{3} samples"),
-    "tare": (LOOK, 'tare = "2 s"', 'tare = "1e300 s"', "before_block.tare: .* is out of bounds"),
-    "settling": (LOOK, 'settling = "2 s"', 'settling = "1e300 s"', "pressure.settling: .* is out of bounds"),
     "samples": (LOOK, "[before_", "[sampling]\nsamples_per_stroke = 1_000_000_000_000\n[before_", "out of bounds"),
     "hold rate": (LOOK, "[before_", '[sampling]\nhold_rate = "1e12 Hz"\n[before_', "would have 999,999,999,999"),
-    "average": (STOPS, 'average = "none"', "average = 1_000_000_000_000", "filter.average: .* is out of bounds"),
-    "pressure": (LOOK, '"0.5 bar gauge"]', '"1e300 bar gauge"]', "pressure.both: .* is out of bounds"),
     "below vacuum": (LOOK, '"0.5 bar gauge"]', '"-5 bar gauge"]', "-3.987 bar abs in chamber a"),
     "position": (STOPS, '"50 %"', '"500 %"', "stop.position: .* outside the range"),
 }  # fmt: skip
@@ -117,7 +110,7 @@ def test_a_folder_whose_cycles_are_gone_can_go_on_or_says_so(campaign, tmp_path,
 
 
 COLUMNS = ("Zeit [s]", "Weg [mm]", "Kraft [N]", "p_A [bar]", "p_B [bar]")
-NOTHING = {"nan": ["nan"], "inf": ["inf"], "1e308": ["1e308"], "-1e308 and 1e308": ["1e308", "-1e308"], "empty": [""]}
+NOTHING = {"nan": ["nan"], "-1e308 and 1e308": ["1e308", "-1e308"], "empty": [""]}
 
 
 def write_recording(path: Path, column: str, values: list[str]) -> None:

@@ -273,8 +273,3 @@ def test_a_fault_of_a_place_is_told(tmp_path, capsys, fault):
     assert f"{path}:{line + (fault == 'together')}" in said
     assert rest in said
     assert not (tmp_path / "x.svg").exists()
-
-
-def test_other_files_than_pictures_are_refused(tmp_path, capsys):
-    assert run(["draw", "catalogue:reference", "--out", str(tmp_path / "x.txt")]) == 2
-    assert ".svg" in capsys.readouterr().err

@@ -14,14 +14,13 @@ import pytest
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings, load_recordings
 from pneudrive.figures import LOOKS, Drawing
-from pneudrive.friction.pressure import LevelPoint
 from pneudrive.friction.sentences import flag_table
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report import render as style
 from pneudrive.report import write_report
 from pneudrive.report.circuit.layout import text_width
 from pneudrive.report.page import Picture, Report, svg_text
-from pneudrive.report.recordings import characterisation_view, closures, pressure_panel, recordings_report
+from pneudrive.report.recordings import characterisation_view, closures, recordings_report
 from pneudrive.rig import SimulatedRig, sweep
 from pneudrive.signals.load import from_run
 from pneudrive.studies.bracha.stick_slip import creep
@@ -252,17 +251,3 @@ def test_equal_data_give_equal_files(real):
     with style.applied():
         once, again = (svg_text(style.render(closures(list(real[0].closures)))) for _ in range(2))
     assert once == again
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_run_keeps_its_marker_in_all_panels(order):
-    points = [
-        LevelPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
-        for run in ("1", "second")
-        for bar in (1, 4, 7)
-    ]
-    marks = pressure_panel(points[::order], None, ["0", "1", "second"]).marks
-    assert [(mark.label.partition(",")[0], mark.look) for mark in marks] == [
-        ("run 1", LOOKS[1]),
-        ("run second", LOOKS[2]),
-    ]
