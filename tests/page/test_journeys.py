@@ -23,7 +23,6 @@ from pneudrive.campaign.storage.control import holder
 from pneudrive.characterise import load_recordings, write_map
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import load_rig
-from pneudrive.simulation.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
 Open = Callable[..., Tab]
@@ -347,40 +346,6 @@ def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) 
         tab.check()
     finally:
         again.end()
-
-
-def test_a_spike_of_one_sample_is_a_pixel(server: Server, open_tab: Open) -> None:
-    force = np.zeros(400_000)
-    force[123_456] = 90.0
-    save_columns({"time_s": np.arange(400_000) / 1e3, "force_n": force}, {}, server.folder / "long.parquet")
-    tab = open_tab(server.address)
-    page = tab.page
-    page.click("text=long.parquet")
-    page.wait_for_selector("[data-from]")
-    page.wait_for_selector("figure.plot canvas")
-    page.wait_for_timeout(100)
-    line = page.evaluate(COLUMN_OF_DARK_PIXELS, 123_456 / 400_000)
-    assert line > 60  # of the some hundred pixels of height
-    tab.picture("spike")
-    tab.check()
-
-
-#: How many pixels of the column of a plot where a share of the time lies are dark, within three columns.
-COLUMN_OF_DARK_PIXELS = """(share) => {
-  const canvas = document.querySelector("figure.plot canvas");
-  const over = document.querySelector("figure.plot .u-over");
-  const ratio = canvas.width / canvas.clientWidth;
-  const left = over.offsetLeft * ratio, width = over.clientWidth * ratio;
-  const x = Math.round(left + share * width) - 1;
-  const data = canvas.getContext("2d").getImageData(x, 0, 3, canvas.height).data;
-  let dark = 0;
-  for (let row = 0; row < canvas.height; row++) {
-    let found = false;
-    for (let k = 0; k < 3; k++) found ||= data[4 * (3 * row + k)] < 110 && data[4 * (3 * row + k) + 3] > 128;
-    dark += found;
-  }
-  return dark;
-}"""
 
 
 def reach(page: object, selector: str) -> None:

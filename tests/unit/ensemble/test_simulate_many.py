@@ -99,16 +99,6 @@ def test_the_default_is_the_state_at_the_end_and_the_stroke_time():
     json.dumps(out.attrs["vary"])
 
 
-def test_what_follows_from_a_varied_value_moves_with_it():
-    drive = DRIVE.replace({"supply.temperature": "20 degC"})
-    out = pn.simulate_many(
-        drive, 1.0, "0.05 s", vary={"ambient.temperature": ["0 degC", "40 degC"]}, outputs=["final(position)"]
-    )
-    for k, temperature in enumerate(["0 degC", "40 degC"]):
-        alone = pn.simulate(drive.replace({"ambient.temperature": temperature}), 1.0, "0.05 s")
-        assert out.final_position[k].item() == alone.position[-1].item()
-
-
 def test_a_member_that_fails_costs_the_others_nothing():
     vary = {"load.force": ["0 N", "1e6 N"], "initial.position": ["100 mm", "100 mm"]}
     options = {"vary": vary, "outputs": ["final(position)", "samples(velocity, 100 Hz)"]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from pathlib import Path
 
@@ -13,12 +12,10 @@ import pneudrive as pn
 from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.figures import Figure, Line, Markers, Panel
-from pneudrive.friction import level
 from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
 from pneudrive.friction.sentences import flag_table
 from pneudrive.report.recordings import pressure_panel
 from pneudrive.report.render import draw_figure
-from pneudrive.signals import recording, text_table
 
 STARTS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
 
@@ -116,17 +113,3 @@ def test_terminal_and_notebook_explain_the_raised_flags(make):
     assert f"negative_friction: {flag['means']}" in text
     assert flag["do"] in text
     assert "unpaired:" not in text
-
-
-def test_what_the_code_raises_is_explained():
-    of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(level.level_flags)))
-    of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(level.doubts_of)))
-    of_samples = set(re.findall(r'count\("(\w+)"', inspect.getsource(recording.clean)))
-    of_samples |= set(
-        re.findall(r'"(\w+)"', inspect.getsource(recording._bad_samples).split("masks = ")[1].split("}")[0])
-    )
-    of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table.read_text)))
-    assert len(of_levels) >= 14
-    assert len(of_samples) >= 6
-    assert of_rows == {"unreadable_row"}
-    assert of_levels | of_samples | of_rows <= set(FLAGS)
