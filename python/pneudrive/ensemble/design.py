@@ -277,6 +277,8 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
 HALF_CELL = 2.0**-31
 #: Rows of a random design that one generator makes.
 BLOCK = 4096
+#: Rows that are checked together.
+CHECKED_ROWS = 65536
 #: The nearest to 0 and to 1 that a share comes.
 EDGE = 2.0**-53
 
@@ -353,6 +355,11 @@ class Rows:
     def take(self, first: int, last: int) -> Array:
         """Return the rows of the members from `first` to before `last`, shape (members, names)."""
         return self.points(first, min(last, self.size))
+
+    def check(self, variation: Variation) -> None:
+        """Reject impossible rows; see `Variation.check`."""
+        for first in range(0, self.size, CHECKED_ROWS):
+            variation.check(self.take(first, first + CHECKED_ROWS), first)
 
     def part(self, first: int, last: int) -> Rows:
         """Return these rows without the description of the design, to be sent to another machine."""

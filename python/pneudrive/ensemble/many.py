@@ -21,7 +21,7 @@ from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
-from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
+from pneudrive.ensemble.variation import CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files.seal import damage
 from pneudrive.files.writing import make_result_folder
@@ -284,14 +284,6 @@ class Executor(Protocol):
         ...
 
 
-class InProcess:
-    """Executor that runs one item after the other. The members of each item run on all processors."""
-
-    def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Yield the results in order."""
-        return map(work, items)
-
-
 class DaskExecutor:
     """Executor that runs items on the workers of a Dask cluster (``pip install pneudrive[dask]``).
 
@@ -477,15 +469,15 @@ def results(
     total = study.rows.size
     done = total - sum(chunk.last - chunk.first for chunk in chunks)
     # A cluster runs one chunk in each of its threads at a time.
-    here = executor is None or isinstance(executor, InProcess)
-    source = study if here else replace(study, threads=study.threads or 1)
+    source = study if executor is None else replace(study, threads=study.threads or 1)
     items = ((source.part(chunk), chunk) for chunk in chunks)
 
     def look(count: float) -> None:
         watch.tell(done + count, total, "members simulated")
 
     look(0)
-    for frame in (executor or InProcess()).map((lambda item: item[0].run(item[1], look)) if here else run_part, items):
+    own = (part.run(chunk, look) for part, chunk in items)
+    for frame in own if executor is None else executor.map(run_part, items):
         if store is not None:
             store.write(frame)
         done += frame.height
@@ -494,7 +486,7 @@ def results(
 
 
 def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
-    """Run one chunk, in any process."""
+    """Run one chunk in another process."""
     study, chunk = item
     return study.run(chunk)
 
@@ -558,9 +550,10 @@ def simulate_many(
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
         - a number: ``"final(position)"``, or ``max``, ``min``, ``mean`` or ``integral`` of a variable;
-        - a time: ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"`` or ``"stroke_time"``;
-        - a series: ``"samples(position, 100 Hz)"``;
-        - an object of `pneudrive.ensemble`.
+        - a time: ``"time_when(position > 0.45 m)"``, NaN if it never holds, ``"stroke_time"``, or ``"settling(position,
+          0.5 mm)"``, after which a variable stays within a band around its final value;
+        - a series: ``"samples(position, 100 Hz)"``, by default 1 kHz;
+        - a function of sampled signals, see `pneudrive.ensemble.own`.
 
         A name may be in front: ``"top = max(velocity)"``.
     initial : Initial, dict or str, or a list of them, optional
@@ -571,7 +564,7 @@ def simulate_many(
     seed : int, optional
         Random seed of the design. Default: 0.
     executor : Executor, optional
-        Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
+        Executor of the chunks. Default: this process, one chunk after the other. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
         Folder of the finished chunks, as Parquet. An interrupted study continues from there. Finished chunks do not
         run again.
@@ -688,6 +681,6 @@ def study_of(
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
         rule = "samples, settling and user functions need one duration for all members"
         raise CommandError("outputs: members of different durations are sampled", rule=rule)
-    for first in range(0, rows.size if refuse else 0, CHECKED_ROWS):
-        variation.check(rows.take(first, min(first + CHECKED_ROWS, rows.size)), first)
+    if refuse:
+        rows.check(variation)
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)

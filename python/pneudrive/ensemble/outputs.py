@@ -307,7 +307,7 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Output:
-    """An output as a user requests it: made by `final`, `largest` and others, or read from a text."""
+    """An output as a user requests it: read from a text, or made by `own`."""
 
     word: str
     arguments: tuple[Any, ...]
@@ -323,82 +323,6 @@ class Output:
         """
         made = _reduction(self, signals)
         return replace(made, name=self.name) if self.name else made
-
-
-def final(signal: str, name: str = "") -> Output:
-    """Keep the value at the end.
-
-    Parameters
-    ----------
-    signal : str
-        A variable of a trajectory: ``"position"``, ``"pressure_a"``, ...
-    name : str
-        Name of the variable in the result. Default: ``final_position``.
-    """
-    return Output("final", (signal,), name)
-
-
-def largest(signal: str, name: str = "") -> Output:
-    """Keep the largest value. As a text: ``"max(velocity)"``. Parameters as for `final`."""
-    return Output("max", (signal,), name)
-
-
-def smallest(signal: str, name: str = "") -> Output:
-    """Keep the smallest value. As a text: ``"min(pressure_b)"``. Parameters as for `final`."""
-    return Output("min", (signal,), name)
-
-
-def mean(signal: str, name: str = "") -> Output:
-    """Keep the mean over time. Parameters as for `final`."""
-    return Output("mean", (signal,), name)
-
-
-def integral(signal: str, name: str = "") -> Output:
-    """Keep the integral over time: a mass for ``mass_flow_a``. Parameters as for `final`."""
-    return Output("integral", (signal,), name)
-
-
-def time_when(condition: str, name: str = "") -> Output:
-    """Keep the first time at which a condition holds, or NaN if it never does.
-
-    Parameters
-    ----------
-    condition : str
-        ``"position > 0.45 m"`` or ``"pressure_b < 2 bar abs"``.
-    name : str
-        Name of the variable in the result.
-    """
-    return Output("time_when", (condition,), name)
-
-
-def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: str = "") -> Output:
-    """Keep the time after which a signal stays within a band around its final value.
-
-    Parameters
-    ----------
-    signal : str
-    band : str or float
-        Largest distance from the final value: ``"0.5 mm"``, or in SI.
-    rate : str or float
-        Sampling rate of the signal, 1/s. The time is interpolated between two samples.
-    name : str
-        Name of the variable in the result.
-    """
-    return Output("settling", (signal, band, rate), name)
-
-
-def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
-    """Keep the sampled signal itself. This output takes more time and space than all others.
-
-    Parameters
-    ----------
-    signal : str
-    rate : str or float
-        Samples per second. All sampled outputs must have the same rate.
-    name : str
-        Name of the variable in the result. Default: that of the signal.
-    """
-    return Output("samples", (signal, rate), name)
 
 
 def own(
@@ -595,7 +519,7 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
         An output is not valid, two outputs have the same name, or samples have different rates.
     """
     if asked is None:
-        outputs = [final(signal) for signal in signals.states]
+        outputs = [Output("final", (signal,)) for signal in signals.states]
         outputs += [Output("stroke_time", ())] if signals.towards_b is not None else []
     else:
         each = [asked] if isinstance(asked, str | Output) else asked

@@ -124,7 +124,7 @@ def sensitivity(
 
 def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
     """Run all members and return their outputs, shape (members, outputs)."""
-    study.variation.check(study.rows.take(0, study.rows.size))
+    study.rows.check(study.variation)
     found = Members.of(study, results(study, None, None, executor, watch))
     values = np.column_stack(found.values)
     lost = [one.name for one, column in zip(study.outputs, values.T, strict=True) if not np.isfinite(column).all()]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive import units
-from pneudrive.describe.files.provenance import marks
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.free.parameters import DriveFamily
+    from pneudrive.free.parameters import DriveFamily, Parameter
 
 #: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.
 COUPLED = (
@@ -36,21 +35,14 @@ COUPLED = (
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
 #: What follows from a number of a circuit is found by moving it by this share, or by so much if it is 0.
 NUDGE = 1e-3
-#: Rows that are looked at together.
-CHECKED_ROWS = 65536
 
 
-def all_numbers(described: Drive | Circuit) -> dict[str, free.Varied]:
+def all_numbers(described: Drive | Circuit) -> dict[str, Parameter]:
     """Return every number of a drive or a circuit and of its start state that may vary, by name."""
     if described.system.names is None:
         return free.circuit_numbers(described.circuit)
-    drive = cast("Drive", described)
-    written = marks(drive)
-    found = {name: free.Varied(name, number.unit, written.get(name)) for name, number in free.numbers_of(drive).items()}
-    starts = {
-        f"{free.INITIAL}{key}": mark for key, mark in free.field_marks(Initial).items() if key != "contact_age"
-    }  # one for all
-    return found | {name: free.Varied(name, free.mark_unit(mark), mark) for name, mark in starts.items()}
+    starts = {key: mark for key, mark in free.field_marks(Initial).items() if key != "contact_age"}  # one for all
+    return free.numbers_of(described) | free.start_numbers(starts)
 
 
 class CoreMembers(NamedTuple):
@@ -174,21 +166,19 @@ class Variation:
         return (pair for pair in COUPLED if {*pair} <= {*self.names})
 
     def check(self, rows: Array, first: int = 0) -> None:
-        """Reject impossible rows. Only rows with extreme values are read one by one.
+        """Reject impossible rows, the first of which is row `first` of the design. Only extreme rows are read.
 
         Raises
         ------
         CommandError
             A row is not valid. The message names the row.
         """
-        for start in range(0, len(rows), CHECKED_ROWS):
-            part = rows[start : start + CHECKED_ROWS]
-            columns = dict(zip(self.names, part.T, strict=True))
-            extremes = [*part.argmin(axis=0), *part.argmax(axis=0)]
-            extremes += [int((columns[low] / columns[high]).argmax()) for low, high in self.coupled()]
-            for place in sorted({int(extreme) for extreme in extremes}):
-                with _of_row(first + start + place, self.numbers, part[place]):
-                    self.try_row(part[place])
+        columns = dict(zip(self.names, rows.T, strict=True))
+        extremes = [*rows.argmin(axis=0), *rows.argmax(axis=0)]
+        extremes += [(columns[low] / columns[high]).argmax() for low, high in self.coupled()]
+        for place in sorted({int(extreme) for extreme in extremes}):
+            with _of_row(first + place, self.numbers, rows[place]):
+                self.try_row(rows[place])
 
     def members(self, rows: Array) -> CoreMembers:
         """Return members in the form of the core.
@@ -288,7 +278,7 @@ class CircuitVariation(Variation):
 class QuantityReader:
     """Reader of one number's quantities as users write them, or of numbers in SI."""
 
-    def __init__(self, number: free.Varied, gauge_from: float | None) -> None:
+    def __init__(self, number: Parameter, gauge_from: float | None) -> None:
         self.number, self._gauge_from = number, gauge_from
 
     def value(self, given: object) -> float:
@@ -348,7 +338,7 @@ def _named(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def _of_row(place: int, numbers: Sequence[free.Varied], row: Array) -> Iterator[None]:
+def _of_row(place: int, numbers: Sequence[Parameter], row: Array) -> Iterator[None]:
     """Add the row that is not valid."""
     try:
         yield

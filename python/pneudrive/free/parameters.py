@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
+from pneudrive.describe.files.provenance import marks
 from pneudrive.describe.files.toml import leaves
 from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.base import Described
     from pneudrive.describe.system import ShortNames
@@ -135,24 +136,26 @@ _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of the description.
+    """A number of the description or of the start state, which can be free or vary.
 
     Attributes
     ----------
     name : str
         Name in the drive file.
     core : str
-        Path in the core's form.
+        Path in the core's form; empty for a number of the start state.
     unit : str
         SI unit.
     value : float
-        Start value.
+        Start value; NaN for a number that can vary, but cannot be free.
     lower, upper : float
         Open bounds.
     size : float
         Usual change, for a number that may be negative.
     discrete : bool
         Whether runs have no derivative by this number.
+    mark : Quantity, StatedPressure or None
+        Written form.
     """
 
     name: str
@@ -163,18 +166,7 @@ class Parameter:
     upper: float
     size: float
     discrete: bool = False
-
-
-#: Names of the start state in a design begin so.
-INITIAL = "initial."
-
-
-class Varied(NamedTuple):
-    """A number that varies: its name in the drive file, its SI unit, and its written form."""
-
-    name: str
-    unit: str
-    mark: Quantity | StatedPressure | None
+    mark: Quantity | StatedPressure | None = None
 
     @property
     def file_name(self) -> str:
@@ -186,6 +178,16 @@ class Varied(NamedTuple):
         if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
             return f"{si!r} Pa abs"
         return si if self.unit in ("1", "") else units.write(si, self.unit)
+
+
+#: Names of the start state in a design begin so.
+INITIAL = "initial."
+
+
+def start_numbers(marks: Mapping[str, Quantity | StatedPressure]) -> dict[str, Parameter]:
+    """Return the numbers of a start state by their names in a design, from their written forms."""
+    names = {f"{INITIAL}{key}": mark for key, mark in marks.items()}
+    return {name: _bounded(name, "", mark_unit(mark), np.nan, None, mark=mark) for name, mark in names.items()}
 
 
 def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
@@ -203,14 +205,15 @@ def mark_unit(mark: Quantity | StatedPressure) -> str:
 def numbers_of(described: Drive | Circuit) -> dict[str, Parameter]:
     """Return every number of a drive or a circuit that can be free, by its name in the file."""
     if described.system.names is None:
-        return _numbers_of_circuit(described.circuit)
+        return {name: p for name, p in circuit_numbers(described.circuit).items() if not math.isnan(p.value)}
     drive = cast("Drive", described)
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
-    form = json.loads(drive.core_json())
+    form, written = json.loads(drive.core_json()), marks(drive)
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
     found = [_parameter(key, float(n), laws) for key, n in leaves(own) if type(n) in (int, float)]
     found += [_of_component(*number) for number in component_numbers(form)]
-    return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))}
+    found.sort(key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))
+    return {p.name: replace(p, mark=written.get(p.name) or p.mark) for p in found}
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
@@ -283,11 +286,8 @@ def chosen(drive: Drive | Circuit, free: Sequence[str]) -> list[Parameter]:
 def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
     head, _, key = path.rpartition(".")
     if head == "friction.parameters":
-        about = laws[key]
-        lower = 0.0 if about["lower"] is None else max(about["lower"], -np.inf)
-        upper = np.inf if about["upper"] is None else about["upper"]
-        unit = "1" if about["unit"] == "-" else about["unit"]
-        return Parameter(f"friction.{key}", f"cylinder.{path}", unit, value, lower, upper, abs(value) or 1.0)
+        unit = "1" if laws[key]["unit"] == "-" else laws[key]["unit"]
+        return _bounded(f"friction.{key}", f"cylinder.{path}", unit, value, laws[key])
     stem = key.removesuffix("_per_m")
     stem, unit = (stem, "1/m") if stem != key else units.without_unit(key, _UNITS)
     if stem.endswith(("_a", "_b")):
@@ -295,21 +295,37 @@ def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
     name = f"{head}.{stem}" if head else stem
     path = f"cylinder.{path}" if name.startswith("friction.") else path
     if head == "friction.pressure":
-        return Parameter(name, path, "N/Pa", value, -np.inf, np.inf, _SEAL_SLOPE)
+        return _bounded(name, path, "N/Pa", value, None, _SEAL_SLOPE)
     if name.startswith("friction.dwell.pressure"):
-        return Parameter(name, path, "1/Pa", value, -np.inf, np.inf, _AGEING_SLOPE)
-    if name in _SIGNED:
-        return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED[name])
-    return Parameter(name, path, unit, value, 0.0, np.inf, abs(value))
+        return _bounded(name, path, "1/Pa", value, None, _AGEING_SLOPE)
+    return _bounded(name, path, unit, value, {"lower": 0.0, "upper": None}, _SIGNED.get(name))
 
 
 def _of_component(name: str, path: str, value: float, entry: Plain) -> Parameter:
     """Return a number of a component with the unit and the bounds of its table."""
-    unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit or "1"
-    if name in _SIGNED or not np.isfinite(entry["lower"]):
-        return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED.get(name, abs(value) or 1.0))
-    bounds = (entry["lower"], entry["upper"])
-    return Parameter(name, path, unit, value, *bounds, abs(value), discrete=entry["discrete"])
+    mark = StatedPressure() if entry["unit"] == STATED else parameter_quantity(entry)
+    about = (mark_unit(mark), value, entry, _SIGNED.get(name))
+    return _bounded(name, path, *about, discrete=entry["discrete"], mark=mark)
+
+
+def _bounded(
+    name: str,
+    core: str,
+    unit: str,
+    value: float,
+    row: Keyed | None,
+    usual: float | None = None,
+    **other: Any,  # noqa: ANN401
+) -> Parameter:
+    """Return a number with the bounds of its row in a table of the core.
+
+    A number without a row, or with a usual change, may be negative.
+    """
+    lower, upper = -np.inf, np.inf
+    if row is not None and usual is None:
+        lower = 0.0 if row["lower"] is None else row["lower"]
+        upper = np.inf if row["upper"] is None else row["upper"]
+    return Parameter(name, core, unit, value, lower, upper, usual or abs(value) or 1.0, **other)
 
 
 #: Relative step for derivatives of a derived value by its sources.
@@ -464,77 +480,38 @@ LAW = "friction.parameters."
 AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
 
 
-def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
+def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     """Return every number of a circuit and of its start state that may vary, by name.
 
     Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
     ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
     """
-    found = {}
+    tables: list[
+        tuple[str, str, Keyed, Keyed]
+    ] = []  # begin of names and paths, written forms by key, entry of the core
     for name, one in circuit.components.items():
-        written = field_marks(type(one))
-        for key in one.numbers(circuit.ambient.pressure_pa):
-            found[f"{name}.{key}"] = written[key]
-        friction = getattr(one, "friction", None)
+        written, friction = field_marks(type(one)), getattr(one, "friction", None)
+        given = {key: written[key] for key in one.numbers(circuit.ambient.pressure_pa)}
+        tables.append((f"{name}.", f"{name}.", given, one.entry))
         if friction is not None:
             quantities = parameter_quantities(friction.entry)
-            found |= {f"{name}.friction.{key}": quantities[key] for key in friction.parameters}
+            given = {key: quantities[key] for key in friction.parameters}
+            tables.append((f"{name}.friction.", f"{name}.{LAW}", given, friction.entry))
+    values, found = dict(_core_numbers(json.loads(circuit.core_json()))), {}
+    for name, path, written, entry in tables:
+        rows, discrete = {row["key"]: row for row in entry["parameters"]}, entry.get("discrete", ())
+        for key, mark in written.items():
+            about = (mark_unit(mark), values.get(path + key, np.nan), rows.get(key), _SIGNED_KEYS.get(key))
+            found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
     ambient = field_marks(type(circuit.ambient))
-    found |= {name: ambient[name.partition(".")[2]] for name in AMBIENT}
-    starts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
-    found |= {f"{INITIAL}{key}": start_mark(last)[1] for key, last in starts.items() if last != "contact_age_s"}
-    return {name: Varied(name, mark_unit(mark), mark) for name, mark in found.items()}
+    for name, path in AMBIENT.items():
+        mark = ambient[name.partition(".")[2]]
+        found[name] = _bounded(name, path, mark_unit(mark), values[path], None, mark=mark)
+    lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
+    return found | start_numbers({key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"})
 
 
-def _numbers_of_circuit(circuit: Circuit) -> dict[str, Parameter]:
-    """Return every number of a circuit that can be free, by name; see `circuit_numbers`."""
-    values = dict(core_numbers(json.loads(circuit.core_json())))
-    limits = dict(_limits_in_circuit(circuit))
-    found = {}
-    for name, number in circuit_numbers(circuit).items():
-        path, key = core_path(name), name.rpartition(".")[2]
-        if path not in values:
-            continue
-        value = values[path]
-        size = _SIGNED_KEYS.get(key, abs(value) or 1.0)
-        lower, upper, is_discrete = limits.get(name, (-np.inf, np.inf, False))
-        found[name] = Parameter(name, path, number.unit, value, lower, upper, size, is_discrete)
-    return found
-
-
-def _limits_in_circuit(circuit: Circuit) -> Iterator[tuple[str, tuple[float, float, bool]]]:
-    """Yield name, open bounds and whether runs have no derivative of each number that has bounds."""
-    for name, one in circuit.components.items():
-        friction = getattr(one, "friction", None)
-        tables = {name: one.entry}
-        if friction is not None:
-            tables[f"{name}.friction"] = friction.entry
-        for of, entry in tables.items():
-            for row in entry["parameters"]:
-                key = row["key"]
-                if key in _SIGNED_KEYS:
-                    continue
-                lower = 0.0 if row["lower"] is None else row["lower"]
-                upper = np.inf if row["upper"] is None else row["upper"]
-                is_discrete = key in entry.get("discrete", ())
-                yield f"{of}.{key}", (lower, upper, is_discrete)
-
-
-def core_path(name: str) -> str:
-    """Return the path of a number in the core's form.
-
-    Examples
-    --------
-    >>> core_path("left.friction.coulomb"), core_path("left.bore"), core_path("ambient.pressure")
-    ('left.friction.parameters.coulomb', 'left.bore', 'ambient.pressure_pa')
-    """
-    of, _, key = name.partition(".")
-    if name in AMBIENT:
-        return AMBIENT[name]
-    return f"{of}.{LAW}{key.removeprefix('friction.')}" if key.startswith("friction.") else name
-
-
-def core_numbers(form: Plain) -> Iterator[tuple[str, float]]:
+def _core_numbers(form: Plain) -> Iterator[tuple[str, float]]:
     """Yield the numbers of the core's form in which members may differ, by their paths."""
     yield from ((path, form["ambient"][path.partition(".")[2]]) for path in AMBIENT.values())
     for one in form["components"]:

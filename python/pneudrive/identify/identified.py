@@ -5,7 +5,6 @@ Fits of friction maps and of recordings both use `Identified`, so that a drive f
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe import Circuit
-from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
@@ -21,7 +19,7 @@ from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
-from pneudrive.free.parameters import circuit_numbers, component_numbers, with_shape
+from pneudrive.free.parameters import circuit_numbers, numbers_of, with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
@@ -227,7 +225,7 @@ def apply_identified(
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
     known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
     known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
-    own = _of_lines(drive)
+    own = {name: p.mark for name, p in numbers_of(drive).items() if name.startswith(("tubing.", "flow_control."))}
     known |= own
     off_bounds = dict(_off_bounds(found, known))
     found = replace(found, values={**found.values, **off_bounds})
@@ -284,15 +282,6 @@ def _off_bounds(
         if isinstance(mark, Quantity) and mark.bounds.above is not None and low < high < math.inf:
             digit = 10.0 ** math.floor(math.log10(ROUNDED_SHARE * (high - low)))
             yield name, max(found.values[name], mark.bounds.above + digit)
-
-
-def _of_lines(drive: Drive) -> dict[str, Quantity]:
-    """Return the quantities of tubes and flow controls, by their names in the drive file."""
-    if not drive.lines:
-        return {}
-    form = json.loads(drive.core_json())
-    own = (number for number in component_numbers(form) if number[0].startswith(("tubing.", "flow_control.")))
-    return {name: parameter_quantity(entry) for name, _, _, entry in own}
 
 
 def _said(found: Identified, name: str, mark: Quantity | StatedPressure | None) -> dict[str, str]:

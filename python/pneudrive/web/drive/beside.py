@@ -239,7 +239,7 @@ def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
     """Return the valid rows of a study, and the reason why the first invalid row is not valid."""
     rows = study.rows.take(0, study.rows.size)
     try:
-        study.variation.check(rows)
+        study.rows.check(study.variation)
     except CommandError as error:
         watch, kept = Watch(cancel=limit), []
         for row in rows:
