@@ -233,7 +233,7 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
         if len(recordings) > 1:
             raise CampaignError.of("datasheet.together")
         found = validate_friction(drive, recordings[0])
-        return MeasuredBeside(None, (), (), found, found.synthetic, names)
+        return MeasuredBeside(None, (), (), found, False, names)
     try:
         validated = validate(drive, list(recordings), layout=layout, progress=watch.tell)
     except (RecordingError, LayoutError) as error:

@@ -307,22 +307,25 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Output:
-    """An output as a user requests it: read from a text, or made by `own`."""
+    """A user function of sampled signals, as an output of each run: made by `own`."""
 
-    word: str
-    arguments: tuple[Any, ...]
-    name: str = ""
+    function: OwnReduction
+    signals: Sequence[str]
+    name: str
+    unit: str
+    long_name: str
+    rate: str | float
 
-    def of(self, signals: SignalNames) -> Reduction:
+    def of(self, known: SignalNames) -> Reduction:
         """Return the output for a drive.
 
         Raises
         ------
         CommandError
-            The signal does not exist, or a quantity does not fit it.
+            A signal does not exist, or the rate is not valid.
         """
-        made = _reduction(self, signals)
-        return replace(made, name=self.name) if self.name else made
+        columns, rate_hz = tuple(map(known.column, self.signals)), _rate(self.rate)
+        return Reduction("own", columns, self.name, self.unit, self.long_name, rate_hz=rate_hz, function=self.function)
 
 
 def own(
@@ -352,7 +355,7 @@ def own(
     rate : str or float
         Samples per second.
     """
-    return Output("own", (function, tuple(signals), unit, long_name, rate), name)
+    return Output(function, signals, name, unit, long_name, rate)
 
 
 class SignalNames:
@@ -396,36 +399,18 @@ _PLAIN = {
     "mean": "mean over time: ",
     "integral": "integral over time: ",
 }
-#: Words of texts -> least and largest number of arguments.
-WORDS = {
-    **dict.fromkeys(_PLAIN, (1, 1)),
-    "time_when": (1, 1),
-    "settling": (2, 3),
-    "samples": (1, 2),
-    "stroke_time": (0, 0),
-}
 
 
-def _reduction(output: Output, signals: SignalNames) -> Reduction:
-    """Return an output for the signals of a drive, without a user's name."""
-    word, arguments = output.word, output.arguments
-    if word == "time_when":
-        return _time_when(signals, *arguments)
-    if word == "stroke_time":
-        return _stroke_time(signals)
-    if word == "own":
-        function, seen, unit, long_name, rate = arguments
-        columns = tuple(signals.column(signal) for signal in seen)
-        return Reduction(word, columns, "", unit, long_name, rate_hz=_rate(rate), function=function)
-    column = signals.column(arguments[0])
-    name, unit, long_name = meaning(column)
-    if word == "settling":
-        return _settling(column, *arguments)
-    if word == "samples":
-        return Reduction(word, (column,), name, unit, long_name, rate_hz=_rate(*arguments[1:] or (RATE_HZ,)))
+def _plain(word: str, signals: SignalNames, signal: str) -> Reduction:
+    name, unit, long_name = meaning(signals.column(signal))
     if word == "integral":
         unit = unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s" if unit != "1" else "s"
-    return Reduction(word, (column,), f"{word}_{name}", unit, _PLAIN[word] + long_name)
+    return Reduction(word, (signals.column(signal),), f"{word}_{name}", unit, _PLAIN[word] + long_name)
+
+
+def _samples(signals: SignalNames, signal: str, rate: str = "1 kHz") -> Reduction:
+    name, unit, long_name = meaning(signals.column(signal))
+    return Reduction("samples", (signals.column(signal),), name, unit, long_name, rate_hz=_rate(rate))
 
 
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
@@ -450,10 +435,11 @@ def _stroke_time(signals: SignalNames) -> Reduction:
     return Reduction("time_when", (column,), "stroke_time", "s", about, level, above=signals.towards_b)
 
 
-def _settling(column: str, signal: str, band: str | float, rate: str | float = RATE_HZ) -> Reduction:
+def _settling(signals: SignalNames, signal: str, band: str, rate: str = "1 kHz") -> Reduction:
+    column = signals.column(signal)
     name, unit, long_name = meaning(column)
     half = _quantity(band, unit, False)
-    if unit == "K" and isinstance(band, str):
+    if unit == "K":
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
         raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
@@ -476,19 +462,29 @@ def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
     return np.where(beyond.any(axis=1), crossed, 0.0)
 
 
-def read_output(text: str) -> Output:
+#: Words of texts -> least and largest number of arguments, and their reader.
+WORDS: dict[str, tuple[int, int, Callable[..., Reduction]]] = {
+    **{word: (1, 1, partial(_plain, word)) for word in _PLAIN},
+    "time_when": (1, 1, _time_when),
+    "settling": (2, 3, _settling),
+    "samples": (1, 2, _samples),
+    "stroke_time": (0, 0, _stroke_time),
+}
+
+
+def read_output(text: str, signals: SignalNames) -> Reduction:
     """Read an output: ``"final(position)"``, ``"time_when(position > 0.45 m)"``, ``"stroke_time"``, also with a name in
     front, ``"top = max(velocity)"``.
 
     Raises
     ------
     CommandError
-        Unknown word, or a wrong number of arguments.
+        Unknown word, a wrong number of arguments, or a signal or a quantity is not valid.
 
     Examples
     --------
-    >>> read_output("top = max(velocity)")
-    Output(word='max', arguments=('velocity',), name='top')
+    >>> read_output("top = max(velocity)", SignalNames(["velocity_m_s"])).name
+    'top'
     """  # noqa: D205
     name, equals, call = text.partition("=")
     name, call = (name.strip(), call) if equals and "(" not in name else ("", text)
@@ -496,11 +492,12 @@ def read_output(text: str) -> Output:
     word = called[1] if called else call.strip()
     if word not in WORDS:
         raise CommandError(f'outputs: "{text.strip()}" is not an output', remedy=nearest(word, WORDS))
-    arguments = tuple(one.strip() for one in called[2].split(",") if one.strip()) if called else ()
-    least, most = WORDS[word]
+    arguments = [one.strip() for one in called[2].split(",") if one.strip()] if called else []
+    least, most, read = WORDS[word]
     if not least <= len(arguments) <= most:
         raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"{word} takes {most}")
-    return Output(word, arguments, name)
+    made = read(signals, *arguments)
+    return replace(made, name=name) if name else made
 
 
 def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tuple[Reduction, ...]:
@@ -519,12 +516,10 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
         An output is not valid, two outputs have the same name, or samples have different rates.
     """
     if asked is None:
-        outputs = [Output("final", (signal,)) for signal in signals.states]
-        outputs += [Output("stroke_time", ())] if signals.towards_b is not None else []
-    else:
-        each = [asked] if isinstance(asked, str | Output) else asked
-        outputs = [entry if isinstance(entry, Output) else read_output(entry) for entry in each]
-    made = tuple(output.of(signals) for output in outputs)
+        asked = [f"final({signal})" for signal in signals.states]
+        asked += ["stroke_time"] if signals.towards_b is not None else []
+    each = [asked] if isinstance(asked, str | Output) else asked
+    made = tuple(one.of(signals) if isinstance(one, Output) else read_output(one, signals) for one in each)
     names = [one.name for one in made]
     for name in names:
         if names.count(name) > 1:

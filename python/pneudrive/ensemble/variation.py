@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
+from pneudrive.arrays import by_name
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
@@ -111,6 +112,10 @@ class Variation:
         """Names of the numbers that vary."""
         return [number.name for number in self.numbers]
 
+    def columns(self, rows: Array) -> dict[str, Array]:
+        """Return the values of each number of some rows, SI, by name."""
+        return by_name(self.names, list(rows.T))
+
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words. Studies with the same text have the same start."""
         return {key: str(value) for key, value in self._start_table().items()}
@@ -173,7 +178,7 @@ class Variation:
         CommandError
             A row is not valid. The message names the row.
         """
-        columns = dict(zip(self.names, rows.T, strict=True))
+        columns = self.columns(rows)
         extremes = [*rows.argmin(axis=0), *rows.argmax(axis=0)]
         extremes += [(columns[low] / columns[high]).argmax() for low, high in self.coupled()]
         for place in sorted({int(extreme) for extreme in extremes}):
@@ -192,7 +197,7 @@ class Variation:
         return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
-        columns = dict(zip(self.names, rows.T, strict=True))
+        columns = self.columns(rows)
         moved = [name for name in columns if name.startswith(free.INITIAL) or name in STARTS_FROM]
         state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
         if not moved:
@@ -271,7 +276,7 @@ class CircuitVariation(Variation):
         starts = self._start_columns
         if starts is None:
             return self._each_start(rows)
-        columns = dict(zip(self.names, rows.T, strict=True))
+        columns = self.columns(rows)
         return self.drive.core_initial(self.initial) | {column: columns[name] for name, column in starts.items()}
 
 

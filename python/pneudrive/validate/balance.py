@@ -15,7 +15,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from pneudrive import _core
 from pneudrive.errors import FitError, SimulationError
-from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.estimate.estimates import NORMAL_95, rms
 from pneudrive.free.parameters import at_rest
 from pneudrive.identify.dynamic.result import MODEL_SHARE
 from pneudrive.identify.dynamic.sensors import CHANNELS, Sensor, channels_of, command_delay
@@ -107,12 +107,11 @@ def metrics(measured: Array, model: Array) -> Metrics:
     y, e = measured[there], (measured - model)[there]
     if not e.size:
         return Metrics(np.nan, np.nan, np.nan, np.nan, 0)
-    rms = float(np.sqrt(np.mean(e * e)))
-    span, spread = float(np.ptp(y)), float(np.linalg.norm(y - y.mean()))
+    size, span, spread = rms(e), float(np.ptp(y)), float(np.linalg.norm(y - y.mean()))
     return Metrics(
-        rms=rms,
+        rms=size,
         largest=float(np.abs(e).max()),
-        nrmse=rms / span if span > 0.0 else np.nan,
+        nrmse=size / span if span > 0.0 else np.nan,
         fit_percent=100.0 * (1.0 - float(np.linalg.norm(e)) / spread) if spread > 0.0 else np.nan,
         samples=int(e.size),
     )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
+from pneudrive.arrays import by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.errors import package_table
 from pneudrive.units import write
@@ -148,7 +149,7 @@ def _pressure_friction(drive: Drive, amount: float) -> Plain:
     pairs = {}
     for name in ("coulomb", "breakaway"):
         old = getattr(seals, name) if seals is not None else (0.0, 0.0)
-        pairs[name] = dict(zip("ab", (write(v + amount, "N/Pa") for v in old), strict=True))
+        pairs[name] = by_name("ab", (write(v + amount, "N/Pa") for v in old))
     return {"friction.pressure": pairs}
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
@@ -267,7 +268,7 @@ class _Regression:
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         counts = np.bincount(self.places, minlength=len(BALANCES))
         means = [float(np.sqrt(total / n)) if n else np.nan for total, n in zip(sums.tolist(), counts, strict=True)]
-        return dict(zip(BALANCES, means, strict=True))
+        return by_name(BALANCES, means)
 
     def is_dirty(self, e: Array) -> bool:
         """Return whether a residual is large enough to look for causes."""

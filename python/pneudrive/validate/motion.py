@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
@@ -90,7 +91,6 @@ class FrictionValidation(Viewed):
     drive: Drive
     source: Path
     curves: tuple[FrictionCurve, ...]
-    synthetic: bool
 
     @cached_property
     def metrics(self) -> Metrics:
@@ -157,7 +157,7 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
     curves = _of_campaign(drive, path) if path.is_dir() else _of_map(drive, path)
     if not curves:
         raise RecordingError("the data contain no sliding friction", where=str(path))
-    return FrictionValidation(drive, path, tuple(curves), False)
+    return FrictionValidation(drive, path, tuple(curves))
 
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
@@ -328,21 +328,18 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     """Return the balance of a recording without a correction of delays; times count from `begin_s`."""
     time = recording.time_s - begin_s
     sliding = _sliding(recording, time)
-    base, balance = sliding.base, recording.balance_n()[sliding.use]
-    found, *_ = np.linalg.lstsq(base, balance, rcond=None)
-    residual = balance - base @ found
-    span, rms = float(np.ptp(recording.force_n)) or 1.0, float(np.sqrt(np.mean(residual**2)))
-    value = dict(zip(sliding.names, found.tolist(), strict=True))
-    friction, offset = _friction(value)
+    found, residual, power = sliding.closed(recording)
+    span, size_n = float(np.ptp(recording.force_n)) or 1.0, rms(residual)
+    friction, offset = _friction(by_name(sliding.names, found))
     extra = {force.name: -force.force_n[sliding.use] for force in recording.parallel}
     gas = _gas(recording)[sliding.use]
     least = [abs(d) for d, _ in friction.values() if np.isfinite(d)]
     if np.ptp(gas) > VISIBLE * max(*least, NOISE_FACTOR * noise_level(recording.force_n)):
         extra["gas"] = -gas
-    gains, viscous, correlation = _free_gains(time[sliding.use], sliding, balance, extra)
-    doubts = tuple(_doubts(recording, sliding, rms / span))
+    gains, viscous, correlation = _free_gains(time[sliding.use], sliding, recording.balance_n()[sliding.use], extra)
+    doubts = tuple(_doubts(recording, sliding, size_n / span, brakes=power > 0.0))
     return Closure(
-        recording.name, rms, rms / span, friction, offset, gains, viscous, correlation, span,
+        recording.name, size_n, size_n / span, friction, offset, gains, viscous, correlation, span,
         float(np.abs(sliding.speed).max()), time[sliding.use], residual, doubts,
     )  # fmt: skip
 
@@ -354,6 +351,13 @@ class _Sliding(NamedTuple):
     base: Array
     names: list[str]
     speed: Array
+
+    def closed(self, recording: Recording) -> tuple[Array, Array, float]:
+        """Return the coefficients of friction, the residual, and the mean power of friction, positive if it brakes."""
+        balance = recording.balance_n()[self.use]
+        found = np.linalg.lstsq(self.base, balance, rcond=None)[0]
+        friction = self.base @ found
+        return found, balance - friction, float(np.mean(friction * self.speed))
 
 
 def _sliding(recording: Recording, time: Array) -> _Sliding:
@@ -416,10 +420,9 @@ def _free_gains(
     return gains, viscous, float(correlation)
 
 
-def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
+def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:
     """Return likely causes of a balance that does not close, or in which friction drives the motion."""
-    at, base = sliding.use, sliding.base
-    if share < TARGET and _drives(base, recording.balance_n()[at], sliding) > 0.0:
+    if share < TARGET and brakes:
         return []
     turned = replace(recording, force_n=-recording.force_n)
     swapped = replace(recording, pressure_a_pa=recording.pressure_b_pa, pressure_b_pa=recording.pressure_a_pa)
@@ -433,9 +436,8 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
         )
     span, sizes = float(np.ptp(recording.force_n)) or 1.0, {}
     for words, other in others.items():
-        balance = other.balance_n()[at]
-        if _drives(base, balance, sliding) > 0.0:
-            rest = balance - base @ np.linalg.lstsq(base, balance, rcond=None)[0]
+        _, rest, power = sliding.closed(other)
+        if power > 0.0:
             sizes[words] = rms(rest) / span
     best = min(sizes, key=lambda words: sizes[words], default="")
     if best and (sizes[best] < CLEARLY * share or share < TARGET):
@@ -446,12 +448,6 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
         "the residual depends on speed and direction like a force in parallel that the layout lacks, such as that of a "
         "hydraulic ram: describe it as [[force]]"
     ]
-
-
-def _drives(base: Array, balance: Array, sliding: _Sliding) -> float:
-    """Return the mean power of the fitted friction, positive if it brakes."""
-    found, *_ = np.linalg.lstsq(base, balance, rcond=None)
-    return float(np.mean((base @ found) * sliding.speed))
 
 
 # --- Validation of a circuit along recorded motions: only start and delay of each recording are fitted.
@@ -625,8 +621,8 @@ class RegulatorValidation(Viewed):
     def notes(self) -> list[str]:
         """Sentences on the runs that were held out, and on the residual of the fit itself."""
         made = all(run.badge == MADE for run in self.runs)
-        rms = self.fit.statistics["rms"]
-        return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * rms:.2f} % of the range"]
+        size = self.fit.statistics["rms"]
+        return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * size:.2f} % of the range"]
 
     def view(self) -> View:
         """Return the residual of each run, and measured and simulated pressures."""
@@ -677,7 +673,9 @@ def validate_regulator(
     runs, fitted = [], dict.fromkeys(fit.recordings, "") | fit.hashes
     for record in read_volume_recordings(files, layout):
         model = fit.simulate(record)
-        rms, span = float(np.sqrt(np.mean((record.pressure_pa - model) ** 2))), float(np.ptp(record.pressure_pa)) or 1.0
+        size_pa, span = rms(record.pressure_pa - model), float(np.ptp(record.pressure_pa)) or 1.0
         data = FittedData("time_s", "pressure_pa", record.time_s, record.pressure_pa, model)
-        runs.append(RegulatorRun(record.name, rms, rms / span, badge_of(record.name, record.sha256, fitted), data))
+        runs.append(
+            RegulatorRun(record.name, size_pa, size_pa / span, badge_of(record.name, record.sha256, fitted), data)
+        )
     return RegulatorValidation(fit, tuple(runs))

@@ -13,6 +13,7 @@ from pneudrive import __version__
 from pneudrive.describe import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.estimate.estimates import rms
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow
@@ -444,7 +445,7 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
             balance.metrics(measured, restarted[channel]),
             balance.whiteness(residual),
             balance.cross_correlations(residual, stimuli, signals.step_s),
-            np.array([float(np.sqrt(np.mean(w * w))) for w in windows]),
+            np.array([rms(window) for window in windows]),
             float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
     return RecordResult(signals, free, restarted, channels, balance.breakaways(drive, signals))

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
@@ -429,7 +430,7 @@ def grouped(
 def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
     """Return the label of each value of a fit, from those of the rows of its map."""
     recordings = friction_map["recording"].to_numpy().astype(str)
-    of_recording, names = dict(zip(recordings.tolist(), labels.tolist(), strict=True)), np.unique(recordings)
+    of_recording, names = by_name(recordings.tolist(), labels.tolist()), np.unique(recordings)
     return [of_recording[names[g]] for g in data.group]
 
 
