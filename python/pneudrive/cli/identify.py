@@ -93,7 +93,7 @@ def fit(
     by
         Column of the map, such as seal: one fit for each of its values.
     loss
-        huber, soft-l1, tukey, or linear (not robust).
+        huber, or linear (not robust).
     ambient
         Ambient pressure, if the map lacks it.
     out
@@ -112,7 +112,8 @@ def fit(
     curves, campaign = _map_of(source, layout)
     options: dict[str, Any] = {"direction": sign, "ambient_pressure_pa": _ambient(curves, ambient)}
     left_out = model.NOT_SLIDING if campaign is None else characteristics.NO_POINTS  # as characterise does
-    choices = {"pressure": pressure, "hold_out": hold_out, "loss": loss}
+    robust = one_of("--loss", loss, {"huber": True, "linear": False})
+    choices = {"pressure": pressure, "hold_out": hold_out, "robust": robust}
     fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
@@ -228,7 +229,7 @@ def _each_fit(
 
 
 def _fit_laws(
-    curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, loss: str, options: dict[str, Any]
+    curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, robust: bool, options: dict[str, Any]
 ) -> LawFit:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
@@ -237,7 +238,7 @@ def _fit_laws(
     if len(names) > 1 or forms is None or hold_out:
         held = {"pressure": forms, "hold_out": hold_out or None, "progress": watch().tell}
         try:
-            comparison = pn.select_friction_law(curves, names, loss=loss, **held, **options)
+            comparison = pn.select_friction_law(curves, names, robust=robust, **held, **options)
         except FitError as problem:
             if hold_out:
                 raise
@@ -251,8 +252,7 @@ def _fit_laws(
         pressure_dependence=form != "none",
         pressure=form if form != "none" else "linear",
         viscous=comparison is None or comparison.recommended.viscous,
-        robust=loss != "linear",
-        loss=loss if loss != "linear" else "huber",
+        robust=robust,
         **options,
     )
     return result, comparison

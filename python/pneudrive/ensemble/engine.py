@@ -77,7 +77,8 @@ def run(
         The core cannot vary one of the numbers, or a value is out of bounds.
     """
     core, n, done = _ensemble(system, *members.paths), len(members.values), 0
-    parts: list[tuple[NDArray[np.intp], Kept]] = []
+    values: dict[int, Array] = {}
+    status, reasons = np.zeros(n, np.uint8), {}
 
     def tell(count: float) -> None:
         assert look is not None
@@ -87,24 +88,17 @@ def run(
         places = np.arange(n)[alike.places]
         part = members if len(places) == n else members.at(places)
         rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
-        found: dict[int, Array] = {}
-        outcome: Any = None
         for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
             asked = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
             outputs = [_output(kept[k]) for k in asked]
             options = {"outputs": outputs, "rtol": rtol, "threads": threads or processors()}
             outcome = _run(core, part, alike, options, None if look is None else tell)
-            found |= dict(zip(asked, outcome["outputs"], strict=True))
-        parts.append((places, Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])))
+            for k, value in zip(asked, outcome["outputs"], strict=True):
+                values.setdefault(k, np.empty((n, *value.shape[1:])))[places] = value
+            status[places] = outcome["status"]
+            reasons |= {int(places[place]): why for place, why in outcome["reasons"].items()}
         done += len(places)
-    status, reasons = np.zeros(n, np.uint8), {}
-    values = [np.empty((n, *value.shape[1:])) for value in parts[0][1].values]
-    for places, own in parts:
-        for target, value in zip(values, own.values, strict=True):
-            target[places] = value
-        status[places] = own.status
-        reasons |= {int(places[place]): why for place, why in own.reasons.items()}
-    return Kept(values, status, reasons)
+    return Kept([values[k] for k in range(len(kept))], status, reasons)
 
 
 def _run(

@@ -140,10 +140,7 @@ class EnsembleStudy:
         import polars as pl
 
         rows = self.rows.take(*chunk)
-        requests: list[Reduction] = []
-        for output in self.outputs:
-            seen = [replace(output, word="samples", columns=(one,), function=None) for one in output.columns]
-            requests += seen if output.function is not None else [output]
+        requests = [request for output in self.outputs for request in output.requests]
         plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
         members = self.variation.members(rows)
         found = engine.run(self.variation.drive.system, members, plans, self.rtol, requests, self.threads, look)
@@ -154,8 +151,8 @@ class EnsembleStudy:
         for number, column in zip(self.variation.numbers, rows.T, strict=True):
             columns[number.file_name] = np.ascontiguousarray(column)
         for output in self.outputs:
-            own = [next(values) for _ in (output.columns if output.function is not None else "1")]
-            columns[output.file_name] = own[0] if output.function is None else self._own(output, own, found.status)
+            seen = [next(values) for _ in output.requests]
+            columns[output.file_name] = seen[0] if output.function is None else self._own(output, seen, found.status)
         return pl.DataFrame(columns)
 
     def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
@@ -550,8 +547,8 @@ def simulate_many(
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
         - a number: ``"final(position)"``, or ``max``, ``min``, ``mean`` or ``integral`` of a variable;
-        - a time: ``"time_when(position > 0.45 m)"``, NaN if it never holds, ``"stroke_time"``, or ``"settling(position,
-          0.5 mm)"``, after which a variable stays within a band around its final value;
+        - a time: ``"stroke_time"``, or ``"time_when(position > 0.45 m)"``, NaN if it never holds;
+        - a settling time: ``"settling(position, 0.5 mm)"``, with the half width of the band around the final value;
         - a series: ``"samples(position, 100 Hz)"``, by default 1 kHz;
         - a function of sampled signals, see `pneudrive.ensemble.own`.
 

@@ -293,6 +293,13 @@ class Reduction:
         """Name of the column in a file, which carries the unit."""
         return units.column_name(self.name, self.unit)
 
+    @property
+    def requests(self) -> list[Reduction]:
+        """Requests to the core: the output itself, or the samples that its function receives."""
+        if self.function is None:
+            return [self]
+        return [replace(self, word="samples", columns=(column,), function=None) for column in self.columns]
+
     def about(self) -> Plain:
         """Describe the output as plain data."""
         out: Plain = {"output": self.word, "name": self.name, "of": list(self.columns)}

@@ -146,7 +146,7 @@ def select_friction_law(
     direction: int | None = None,
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
-    loss: str = "huber",
+    robust: bool = True,
     probability: float = 0.9,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
@@ -167,7 +167,7 @@ def select_friction_law(
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
         Single values at random are not held out, because neighbours of the same condition would predict them.
-    direction, ambient_pressure_pa, exclude_flags, loss
+    direction, ambient_pressure_pa, exclude_flags, robust
         As for :func:`fit_friction`.
     probability : float
         Probability of the prediction intervals.
@@ -191,6 +191,7 @@ def select_friction_law(
     held_out, folds = _folds(friction_map, data, hold_out)
     wanted = [(name, form) for name in dict.fromkeys(NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
+    loss = "huber" if robust else "linear"
     tried = [_compared(name, form, data, folds, loss, probability, selected) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:

@@ -245,21 +245,18 @@ class Signals:
         """Number of samples on each side in the window for derivatives."""
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
-    def smooth(self, values: Array) -> Array:
-        """Return values smoothed by the local cubics that also give velocity and acceleration; NaN stays NaN."""
-        width = min(2 * self.half + 1, (values.size - 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(values, width, 3), dtype=float)
+    def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
+        """Return values smoothed by local cubics, or their derivative by time of some order; NaN stays NaN."""
+        width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
+        return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
         """Uncertainty of the velocity at each sample due to its window: the change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
-        return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))
-
-    def _derivative(self, order: int, half: int | None = None) -> Array:
-        width = min(2 * (half or self.half) + 1, (self.position_m.size - 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(self.position_m, width, 3, deriv=order, delta=self.step_s), dtype=float)
+        halved = self.smooth(self.position_m, 1, max(self.half // 2, LEAST_HALF - 1))
+        return np.abs(self.smooth(self.position_m, 1) - halved)
 
     @cached_property
     def velocity_m_s(self) -> Array:
@@ -268,12 +265,12 @@ class Signals:
             measured = self.recording["velocity_m_s"]
             same = measured.size == self.time_s.size
             return measured if same else np.interp(self.time_s, self.recording.time_s, measured)
-        return self._derivative(1)
+        return self.smooth(self.position_m, 1)
 
     @cached_property
     def acceleration_m_s2(self) -> Array:
         """Acceleration from a local cubic of the position."""
-        return self._derivative(2)
+        return self.smooth(self.position_m, 2)
 
     @cached_property
     def velocity_noise_m_s(self) -> float:

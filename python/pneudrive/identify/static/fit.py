@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.autocorrelation import LOSSES, weak_coordinates
+from pneudrive.estimate.autocorrelation import weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.profile import intervals, profile_interval
 from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
@@ -59,7 +59,6 @@ def fit_friction(
     pressure: str = "linear",
     viscous: bool = True,
     robust: bool = True,
-    loss: str = "huber",
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
 ) -> FrictionFit:
@@ -91,9 +90,7 @@ def fit_friction(
     viscous : bool
         False holds the viscous part at zero, for speeds that hardly differ.
     robust : bool
-        True: a loss by which single outliers do not move the fit; False: plain least squares.
-    loss : str
-        With `robust`: ``huber``, ``soft-l1`` or ``tukey`` (gives far outliers no weight at all).
+        True: Huber's loss, by which single outliers do not move the fit; False: plain least squares.
     ambient_pressure_pa : float or None
         Reference of gauge pressures; None takes ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
         `pressure_dependence`.
@@ -123,7 +120,6 @@ def fit_friction(
     known = (
         (name, LAWS, "sliding law"),
         (pressure, sliding.PRESSURE_FORMS, "dependence on pressure"),
-        (loss, LOSSES, "loss"),
         (stribeck_shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape"),
     )
     for given, names, what in known:
@@ -145,8 +141,8 @@ def fit_friction(
     is_open = stribeck_shape is None if any_shape is None else any_shape
     wanted = sliding.FrictionModel(name, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
     options = {"robust": robust, "pressure_dependence": pressure_dependence} | provenance
-    used = loss if robust else "linear"
-    return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
+    loss = "huber" if robust else "linear"
+    return fit_values(wanted, data, pressure=form, loss=loss, any_shape=is_open, notes=notes, options=options)
 
 
 def fit_values(
@@ -169,7 +165,7 @@ def fit_values(
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None for none.
     loss : str
-        ``linear`` or a name in ``robust.LOSSES``.
+        ``linear`` or ``huber``.
     any_shape : bool
         Intervals of the forces cover all Stribeck shapes that fit as well.
     notes, options
@@ -285,7 +281,6 @@ def fit_any_law(
     direction: int | None = None,
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
-    loss: str = "huber",
     seed: int = 1,
 ) -> LawFit:
     """Fit the steady sliding of any law to a friction map.
@@ -298,7 +293,7 @@ def fit_any_law(
         Law, also a custom one, with guesses of its parameters; its modifiers (pressure, direction) are kept.
     free : sequence of str, optional
         Parameters to fit; by default all with an effect on steady sliding.
-    direction, ambient_pressure_pa, exclude_flags, loss
+    direction, ambient_pressure_pa, exclude_flags
         As for :func:`fit_friction`.
     seed : int
         Seed of the further starts, within a factor of five of the guesses.
@@ -319,7 +314,7 @@ def fit_any_law(
     if len(data) <= len(model.names):
         sizes = f"{len(data)} values, {len(model.names)} parameters"
         raise FitError("the friction map has too few values for this law", value=sizes)
-    found = estimate(model, data, loss=loss)
+    found = estimate(model, data)
     matrix, theta = found.covariance, model.natural(found.q)
     reach = student(found.dof) * np.sqrt(np.diag(matrix))
     low, high = intervals(theta, reach, model.transforms.lower)
@@ -336,7 +331,7 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(sliding.simulated(friction_map)),
         statistics=found.statistics(),
-        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": loss, "seed": seed}
+        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": "huber", "seed": seed}
         | provenance,
         observations=data,
         profiler=partial(_profile, found),

@@ -569,9 +569,11 @@ def profiles(
     Raises
     ------
     FitError
-        The map is not that of the fit.
+        The map is not that of the fit, or the fit has a loss of earlier versions.
     """
     loss = str(fit.provenance["loss"])
+    if loss not in ("huber", "linear"):  # older fits
+        raise FitError(f"the fit has another loss, {loss}", rule="huber or linear", remedy="Fit again.")
     found, _ = estimated(fit.model, _values(fit, friction_map), loss)
     each = [interval_over_knees(found, student(found.dof, share), loss) for share in probabilities]
     return {name: np.array([one[name] for one in each]) for name in fit.free}

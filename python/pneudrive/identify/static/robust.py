@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.arrays import by_name
-from pneudrive.estimate.autocorrelation import LINEAR, LOSSES, Loss, covariance_of, shift_of
+from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
 
@@ -169,8 +169,7 @@ def estimate(
     model : StaticLaw
     data : Observations
     loss : str
-        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is always Huber's, because a loss
-        without weight for far outliers does not define a scale.
+        ``linear`` (plain weighted least squares) or ``huber``.
     fixed_scale : bool
         Treat the stated standard errors as exact (required without more rows than parameters).
     starts : sequence of ndarray, shape (p,)
@@ -180,12 +179,7 @@ def estimate(
     -------
     RobustEstimate
     """
-    if loss not in ("linear", "huber"):
-        near = estimate(model, data, fixed_scale=fixed_scale, starts=starts)
-        q = _polish(model, data, near.q, LOSSES[loss], near.scale)[0]
-        found = _describe(model, data, q, near.scale, LOSSES[loss], fixed_scale)
-        return replace(found, starts=near.starts, agreeing=near.agreeing, rival=near.rival)
-    kind = LINEAR if loss == "linear" else LOSSES[loss]
+    kind = LINEAR if loss == "linear" else HUBER
     dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starts or model.starting_points(data)
@@ -239,7 +233,7 @@ def _polish(model: StaticLaw, data: Observations, q: Array, kind: Loss, scale: f
         jac=lambda x: both(x)[1],  # pyright: ignore[reportArgumentType]
         bounds=(lower, upper),
         x_scale="jac",
-        loss=kind.scipy,  # pyright: ignore[reportArgumentType]
+        loss=kind.name,  # pyright: ignore[reportArgumentType]
         f_scale=1.0 if kind is LINEAR else kind.tuning * scale,
         xtol=1e-10,
         ftol=1e-12,
