@@ -10,7 +10,7 @@ import pytest
 from xdist.scheduler import LoadFileScheduling
 
 from pneudrive.cli.main import run
-from pneudrive.studies.bracha import FOLDER, reproduction
+from pneudrive.studies.bracha import reproduction
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Files whose tests look at the study: on one worker, for each worker makes what a session shares for itself.
@@ -119,7 +119,7 @@ class Reproduced:
 def reproduced(demonstration, tmp_path_factory):
     """Return a run of `pneudrive reproduce` into a folder that holds the campaigns of the demonstration."""
     folder, out = tmp_path_factory.mktemp("reproduced") / "out", io.StringIO()
-    shutil.copytree(demonstration.folder / FOLDER, folder / FOLDER)
+    shutil.copytree(demonstration.folder / reproduction.FOLDER, folder / reproduction.FOLDER)
     with contextlib.redirect_stdout(out):
         status = run(["reproduce", "--out", str(folder)])
     return Reproduced(status, out.getvalue(), folder)

@@ -25,7 +25,6 @@ with used_later(__name__):
     from pneudrive.report import control as control_pages
     from pneudrive.report import page as pages
     from pneudrive.report import recordings as recordings_page
-    from pneudrive.studies import bracha
     from pneudrive.studies.bracha import reproduction
 
 #: Tools that take a whole drive, and those that take its friction.
@@ -160,7 +159,7 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
     for group, by_law in fits.items():
         if "stribeck" in by_law:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
-    made = reproduction.reproduce(folder / bracha.FOLDER)
+    made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
     controlled = pages.view_section("controlled-axis", control_pages.view_of_controlled_run(axis), synthetic=True)
     report = recordings_page.recordings_report(found, fits, made)

@@ -34,7 +34,6 @@ with used_later(__name__):
     from pneudrive.signals import load
     from pneudrive.signals import proposal as proposals
     from pneudrive.simulation import trajectory
-    from pneudrive.studies import bracha
     from pneudrive.studies.bracha import reproduction
     from pneudrive.validate import motion
 
@@ -274,7 +273,7 @@ def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
     pneudrive reproduce --out figures
     """
     folder = writable_folder(out)
-    made = reproduction.reproduce(folder / bracha.FOLDER, seed)
+    made = reproduction.reproduce(folder / reproduction.FOLDER, seed)
     page = report.write_report(None, {}, folder, made)
     for claim in made.claims:
         typer.echo(f'{claim.place}: "{claim.said}"')

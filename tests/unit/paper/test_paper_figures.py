@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pneudrive.campaign.planning.protocol import ready_protocols
-from pneudrive.studies.bracha import paper_figures
 from pneudrive.studies.bracha import stick_slip as ss
 from pneudrive.studies.bracha.figure import EXPERIMENTS, run_experiment
+from pneudrive.studies.bracha.figures import paper_figures
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3
 
 #: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.
@@ -30,37 +30,40 @@ def flat(tmp_path_factory):
         rig.write_text(FLAT.format(base=base), encoding="utf-8")
         text = ready_protocols()[protocol].read_text(encoding="utf-8")
         own.write_text(text.replace("repeats = 5", "repeats = 2"), encoding="utf-8")  # of the stops: what is not there
-        made[name] = run_experiment(name, str(own), str(rig), str(folder / protocol), 3)
+        made[name] = run_experiment(str(own), str(rig), str(folder / protocol), 3)
     return paper_figures(made)
 
 
-def test_all_figures_hold_and_are_marked_synthetic(figures):
+def verdict(figure, said):
+    return next(claim.verdict for claim in figure.claims if claim.said.startswith(said))
+
+
+def test_all_figures_hold(figures):
     assert list(figures) == list(range(1, 10))
     for number, figure in figures.items():
         assert figure.number == number
         assert figure.claims
-        assert figure.synthetic
         assert all(np.isfinite(values).all() for values in figure.columns.values())
         assert all(np.isfinite(value) for value in figure.quantities.values())
 
 
 def test_a_seal_without_stribeck_pressure_and_age_does_not_show_them(flat):
-    assert flat[5].verdict("the friction value is the largest") != "holds"
-    assert flat[6].verdict("for small values of speed") != "holds"
-    assert flat[8].verdict("Lower line") != "holds"
-    assert flat[8].verdict("as the pressure increases") == "does not hold"
-    assert flat[8].verdict("As a result of drive seal") == "does not hold"
-    assert flat[9].verdict("Even short-term stop") == "does not hold"
-    assert flat[9].verdict("static friction value") == "does not hold"
+    assert verdict(flat[5], "the friction value is the largest") != "holds"
+    assert verdict(flat[6], "for small values of speed") != "holds"
+    assert verdict(flat[8], "Lower line") != "holds"
+    assert verdict(flat[8], "as the pressure increases") == "does not hold"
+    assert verdict(flat[8], "As a result of drive seal") == "does not hold"
+    assert verdict(flat[9], "Even short-term stop") == "does not hold"
+    assert verdict(flat[9], "static friction value") == "does not hold"
     assert all(claim.verdict == "holds" for number in (4, 7) for claim in flat[number].claims)  # the campaigns ran
 
 
 def test_verdicts_are_those_of_the_numbers(figures):
     """Where ours differs from the paper, the table says so: a plain Stribeck point, a change that is soon over."""
-    assert figures[6].verdict("it is difficult to see") == "does not hold"
-    assert figures[8].verdict("as the pressure increases") == "holds in part"  # a Stribeck curve at 0.1 bar already
+    assert verdict(figures[6], "it is difficult to see") == "does not hold"
+    assert verdict(figures[8], "as the pressure increases") == "holds in part"  # a Stribeck curve at 0.1 bar already
     assert figures[9].quantities["recovery_m"] < 2e-3
-    assert figures[9].verdict("Even short-term stop") == "holds in part"
+    assert verdict(figures[9], "Even short-term stop") == "holds in part"
     for number, said in (
         (1, "compressibility"),
         (2, "This model"),
@@ -69,7 +72,7 @@ def test_verdicts_are_those_of_the_numbers(figures):
         (6, "for small"),
         (8, "Lower line"),
     ):
-        assert figures[number].verdict(said) == "holds"
+        assert verdict(figures[number], said) == "holds"
 
 
 @pytest.mark.parametrize("figure", [figure_1(), figure_2(), figure_3()], ids=lambda f: f"figure-{f.number}")

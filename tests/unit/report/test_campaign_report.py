@@ -18,7 +18,7 @@ from pneudrive.characteristics import campaign_friction
 from pneudrive.report import write_report
 from pneudrive.report.campaign import write_campaign_report
 from pneudrive.report.recordings import recordings_report
-from pneudrive.studies.bracha import Claim
+from pneudrive.studies.bracha.figure import Claim
 
 PRESSURES = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
 
@@ -120,7 +120,7 @@ def test_every_sentence_stands_with_its_verdict(made, reproduced, loads_from_els
     positions = [page.index(f'<section id="{key}">') for key in ("recovered", "paper", "stick-slip", "chambers")]
     assert positions == sorted(positions)
     assert 'class="synthetic"' in page
-    for rig in made.rigs.values():  # whose values are listed, each with its source
+    for rig in made.rigs:  # whose values are listed, each with its source
         assert rig.name[1:] in page
 
 

@@ -430,8 +430,8 @@ def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
     if age.together:
         notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
     estimates = {"increment": age.increment, "time": age.time}
-    table = {"growth": age.growth, **_written(estimates), "distance": f"{age.distance_m:.6g} m"}
-    if age.growth == "saturating":
+    table = {"growth": age.form.growth, **_written(estimates), "distance": f"{age.distance_m:.6g} m"}
+    if age.form.growth == "saturating":
         table["exponent"] = age.exponent
     if age.share_a_pa or age.share_b_pa:
         table["pressure"] = {"a": f"{age.share_a_pa:.6g} 1/Pa", "b": f"{age.share_b_pa:.6g} 1/Pa"}

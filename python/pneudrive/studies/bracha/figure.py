@@ -33,7 +33,6 @@ EXPERIMENTS = {
     "pressure": ("paper-pressure", "common-manifold"),
     "stops": ("paper-stops", "open-chambers"),
 }
-FOLDER = "campaigns"
 #: File in the folder of a campaign: key of a cycle -> speed and true friction of its strokes.
 TRUE_STROKES = "true-strokes.json"
 #: Share within which the commanded speed counts as reached.
@@ -46,18 +45,11 @@ class Experiment:
 
     Attributes
     ----------
-    name : str
-        Key of `EXPERIMENTS`.
-    protocol, rig : str
-        Protocol and rig.
     campaign : Campaign
     envelope : Envelope
         Limits of the rig.
     """
 
-    name: str
-    protocol: str
-    rig: str
     campaign: Campaign
     envelope: Envelope
 
@@ -66,9 +58,7 @@ class Experiment:
         return list(read_json(self.campaign.path / TRUE_STROKES, CampaignError).values())
 
 
-def run_experiments(
-    into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None
-) -> dict[str, Experiment]:
+def run_experiments(into: str | Path, seed: int = 0) -> dict[str, Experiment]:
     """Run the campaigns, each in its own process.
 
     Parameters
@@ -77,8 +67,6 @@ def run_experiments(
         Folder for the campaign folders; finished cycles are not run again.
     seed : int
         Seed of the rigs.
-    rigs : mapping, optional
-        Experiment -> rig that replaces its default rig.
 
     Returns
     -------
@@ -92,14 +80,11 @@ def run_experiments(
     """
     from pneudrive.batching import in_processes
 
-    jobs = [
-        (name, protocol, str((rigs or {}).get(name, rig)), str(Path(into) / protocol), seed)
-        for name, (protocol, rig) in EXPERIMENTS.items()
-    ]
-    return {experiment.name: experiment for experiment in in_processes(run_experiment, jobs)}
+    jobs = [(protocol, rig, str(Path(into) / protocol), seed) for protocol, rig in EXPERIMENTS.values()]
+    return dict(zip(EXPERIMENTS, in_processes(run_experiment, jobs), strict=True))
 
 
-def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> Experiment:
+def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Experiment:
     """Run one campaign; store speed and mean true friction at constant speed, N, of every stroke."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
@@ -118,7 +103,7 @@ def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> 
 
     bench.observe = observe  # type: ignore[attr-defined] - of a simulated rig
     done = run_campaign(protocol, bench, into, options=Options(yes=True), subscribers=(store,))
-    return Experiment(name, protocol, rig, done.campaign, bench.limits())
+    return Experiment(done.campaign, bench.limits())
 
 
 def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> float | None:
@@ -220,8 +205,6 @@ class PaperFigure:
         Assumptions of the simulated rig beyond the paper.
     rig : (Identity, Envelope) or None
         Rig that the figure shows, if any.
-    synthetic : bool
-        Always true: the paper's own data are not published.
     """
 
     number: int
@@ -232,7 +215,6 @@ class PaperFigure:
     columns: dict[str, Array] = field(repr=False)
     assumed: str = ""
     rig: tuple[Identity, Envelope] | None = field(default=None, repr=False)
-    synthetic: bool = True
 
     @classmethod
     def make(
@@ -249,16 +231,3 @@ class PaperFigure:
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))
         return cls(number, texts["title"], claims, measured, quantities, columns, texts.get("assumed", ""), rig)
-
-    def verdict(self, said: str) -> str:
-        """Return the verdict on the sentence with this beginning.
-
-        Raises
-        ------
-        KeyError
-            The figure does not exist.
-        """
-        for claim in self.claims:
-            if claim.said.startswith(said):
-                return claim.verdict
-        raise KeyError(said)

@@ -39,8 +39,6 @@ class ChamberComparison:
 
     Attributes
     ----------
-    drive : Drive
-        Drive with the energy balance as chamber law.
     runs : dict of xarray.Dataset
         Law -> trajectory.
     stroke_time_s : dict of float
@@ -51,7 +49,6 @@ class ChamberComparison:
         Supply pressure times swept volume, the reference of the residual.
     """
 
-    drive: pn.Drive
     runs: dict[str, xr.Dataset]
     stroke_time_s: dict[str, float]
     energy_residual_j: dict[str, float]
@@ -77,7 +74,6 @@ def compare_chamber_laws() -> ChamberComparison:
             )
     c = drive.cylinder
     return ChamberComparison(
-        drive=drive,
         runs=runs,
         stroke_time_s={law: _arrival(run, c.stroke_m) for law, run in runs.items()},
         energy_residual_j={law: energy_residual(run, drive, printed=law == AS_PRINTED) for law, run in runs.items()},

@@ -15,7 +15,7 @@ from pneudrive.report.fit import Addition
 from pneudrive.report.page import Paragraph, Topic, plural, sentence
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
-from pneudrive.studies.bracha.figure import TEXTS, readable, run_experiments
+from pneudrive.studies.bracha.figure import EXPERIMENTS, TEXTS, readable, run_experiments
 from pneudrive.studies.bracha.figures import DRAWINGS, paper_figures
 from pneudrive.studies.bracha.general import (
     AS_PRINTED,
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
     from pneudrive.studies.bracha.general import ChamberComparison
 
+#: Folder of the campaigns, beside the report.
+FOLDER = "campaigns"
 #: Speeds and pressures at which the simulated rig's recordings are compared with their truth.
 RECOVERY_SPEEDS_M_S = (1e-3, 0.45, 24)  # from, to, number; logarithmic
 RECOVERY_GAUGES_PA = (0.0, 0.5e5, 1.0e5, 1.5e5)
@@ -53,8 +55,8 @@ class Reproduction:
         Rig of the recordings with known true values.
     figures : dict of PaperFigure
         Figures by number in the source paper.
-    rigs : dict
-        Rig -> its description, for the figures.
+    rigs : tuple of RigDescription
+        Rigs of the figures.
     found : Characterisation
         Result of simulated recordings with known true values.
     fits : dict
@@ -69,7 +71,7 @@ class Reproduction:
 
     rig: SimulatedRig
     figures: Mapping[int, PaperFigure]
-    rigs: Mapping[str, RigDescription]
+    rigs: tuple[RigDescription, ...]
     found: Characterisation
     fits: Fits
     chambers: ChamberComparison
@@ -93,13 +95,13 @@ class Reproduction:
             sections=tuple(part for part in parts if part is not None),
             validity=Topic(PAGE, "provenance").say("validity"),
             settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(self.seed))),
-            sources=tuple(values(self.rig.description, self.rigs.values())),
+            sources=tuple(values(self.rig.description, self.rigs)),
             cited=("bracha", *(key for run in self.chambers.runs.values() for key in run.attrs["citations"])),
             laws=("lugre", "stribeck"),
         )
 
 
-def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | None = None) -> Reproduction:
+def reproduce(into: str | Path, seed: int = 0) -> Reproduction:
     """Run the source paper's experiments on simulated rigs and a drive, and make its figures 1 to 9.
 
     Parameters
@@ -108,8 +110,6 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
         Folder for the campaigns; finished cycles are not run again.
     seed : int
         Seed of all random values of the rigs.
-    rigs : mapping, optional
-        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file that replaces the default one.
 
     Returns
     -------
@@ -120,17 +120,17 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     CampaignError
         If the folder cannot be used.
     """
-    runs = run_experiments(into, seed, rigs)
+    runs = run_experiments(into, seed)
     rig = SimulatedRig.default()
     recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)
     found = characterise_recordings(recordings)
     fits, _ = fit_characterisation(found)
-    files = {run.rig: shipped_rigs().get(run.rig, run.rig) for run in runs.values()}
-    described = {name: SimulatedRig.load(path).description for name, path in files.items()}
+    names = dict.fromkeys(name for _, name in EXPERIMENTS.values())
+    rigs = tuple(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
     figures, chamber_laws = paper_figures(runs, seed), compare_chamber_laws()
     claims = tuple(claim for figure in figures.values() for claim in figure.claims)
     claims += general_claims(chamber_laws, figures)
-    return Reproduction(rig, figures, described, found, fits, chamber_laws, claims, seed)
+    return Reproduction(rig, figures, rigs, found, fits, chamber_laws, claims, seed)
 
 
 # --- Additions of the study to a report: verdict, sections, provenance.

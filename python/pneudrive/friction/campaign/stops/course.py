@@ -29,7 +29,7 @@ import numpy as np
 
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.estimate.autocorrelation import cells, means
-from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms, student
+from pneudrive.estimate.estimates import NORMAL_95, rms, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 
-NOTHING = np.nan
 #: Least number of samples of a phase.
 FEWEST = 5
 #: Speeds within this share of the usual one belong to the part of a move at constant speed.
@@ -402,18 +401,9 @@ MISFIT = 0.05  # of the excess: largest misfit of an exponential for reading a d
 SIGNIFICANT = 3.0
 
 
-def ends_of(name: str, estimate: Estimate | None) -> Row:
-    """Return the columns of an estimate: its value, and the ends of its 95 % interval."""
-    ends = {"": "value", "_low": "low", "_high": "high"}
-    return {f"{name}{end}": getattr(estimate, of, NOTHING) for end, of in ends.items()}
-
-
-#: Columns of the return to sliding; NaN if the peak cannot be separated from running friction.
-NO_RECOVERY: Row = {
-    **{key: value for name in ("recovery_m", "recovery_s", "left_n") for key, value in ends_of(name, None).items()},
-    "recovery_seen_m": NOTHING,
-    "recovery_complete": False,
-}
+def _interval(name: str, value: float, low: float, high: float) -> Row:
+    """Return the columns of a value and of the ends of its 95 % interval."""
+    return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
 def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Array | None:
@@ -472,7 +462,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     Returns
     -------
     dict
-        `NO_RECOVERY` if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the
+        Empty if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the
         peak to 5 % of the excess, the friction at the end minus that before the stop, the travel after the peak, and
         whether the move is long enough; the upper ends are infinite if it is not. If the excess is not an exponential
         within its noise, the distance is read from the bins.
@@ -481,7 +471,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     first = slice(0, max(2, s.size // 10))
     start = float(np.average(y[first], weights=sigma[first] ** -2))
     if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
-        return NO_RECOVERY
+        return {}
     freedom = s.size - 3
     coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
 
@@ -507,7 +497,9 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     ends = np.array([value, low, high])
     times = np.interp(ends, np.r_[0.0, s], np.r_[0.0, time]) + np.maximum(ends - seen, 0.0) / max(speed_m_s, 1e-9)
     return {
-        **dict(zip(NO_RECOVERY, [*ends.tolist(), *times.tolist(), left, left - reach, left + reach], strict=False)),
+        **_interval("recovery_m", *ends.tolist()),
+        **_interval("recovery_s", *times.tolist()),
+        **_interval("left_n", left, left - reach, left + reach),
         "recovery_seen_m": seen,
         "recovery_complete": complete,
     }
@@ -536,18 +528,6 @@ REACH = 5.0
 TIMES = 60
 
 
-#: Columns of the fall of a held force; NaN if the axis was released, or with too few samples. Time and amplitude are
-#: those of the form: log, exponential, two times (the first of both) or none.
-NO_RELAXATION: Row = {
-    **ends_of("relaxation_n", None),
-    **ends_of("relaxation_n_per_decade", None),
-    "relaxation_form": "",
-    "relaxation_held_n": NOTHING,
-    "relaxation_time_s": NOTHING,
-    "relaxation_amplitude_n": NOTHING,
-}
-
-
 def relax(time_s: Array, friction_n: Array) -> Row:
     """Describe the fall of the force in a hold; friction is positive in the direction of the restart.
 
@@ -561,11 +541,11 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     Returns
     -------
     dict
-        `NO_RELAXATION` with fewer than six samples. Otherwise the fall from the start to the end of the hold, free of
+        Empty with fewer than six samples. Otherwise the fall from the start to the end of the hold, free of
         any form; the fall per decade, NaN if the hold is too short; the best form; the force at the end of the hold.
     """
     if time_s.size < 2 * LEAST_SAMPLES:
-        return NO_RELAXATION
+        return {}
     noise = max(noise_level(friction_n), 1e-12 * float(np.abs(friction_n).max()) + 1e-300)
     duration = float(time_s[-1])
     early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
@@ -573,10 +553,9 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     early = min(early, late)
     start, end = friction_n[:early], friction_n[late:]
     stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
-    value = float(start.mean() - end.mean())
-    amount = Estimate(value, value - NORMAL_95 * stderr, value + NORMAL_95 * stderr, stderr, "N")
-    row = NO_RELAXATION | ends_of("relaxation_n", amount)
-    row |= {"relaxation_form": "none", "relaxation_held_n": float(end.mean())}
+    value, reach = float(start.mean() - end.mean()), NORMAL_95 * stderr
+    row: Row = {"relaxation_form": "none", "relaxation_held_n": float(end.mean())}
+    row |= _interval("relaxation_n", value, value - reach, value + reach)
     known = time_s > 0
     if known.sum() < FEWEST_TIMES:
         return row
@@ -611,12 +590,10 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         aicc[form] = corrected_criterion(float(fits[form].cost.min()), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
     best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)
-    per_decade = None
+    found: Row = {"relaxation_form": form}
     if np.isfinite(aicc["log"]):
-        low, high = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
-        stderr = float(np.sqrt(log.scale(freedom, 1.0) * log.covariance[log.best, 1, 1]))
-        per_decade = Estimate(float(log.coefficient[log.best, 1]), low, high, stderr, "N", float(freedom))
-    found = {"relaxation_form": form, **ends_of("relaxation_n_per_decade", per_decade)}
+        ends = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
+        found |= _interval("relaxation_n_per_decade", float(log.coefficient[log.best, 1]), *ends)
     if form != "none":
         found["relaxation_time_s"] = float(best.shape[best.best, 0])
         found["relaxation_amplitude_n"] = float(best.coefficient[best.best, 1])

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive import _core
 from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
@@ -196,8 +195,7 @@ class ContactAge:
 
     Attributes
     ----------
-    growth : str
-        Its name in a drive file.
+    form : DwellForm
     exponent : float
         Exponent of the saturating growth.
     increment : Estimate
@@ -212,7 +210,7 @@ class ContactAge:
         Both pressures changed together, and each chamber has half of their effect.
     """
 
-    growth: str
+    form: dwell_models.DwellForm
     exponent: float
     increment: Estimate
     time: Estimate
@@ -228,8 +226,8 @@ class ContactAge:
 
     def sliding_n(self, speed_m_s: float) -> float:
         """Return the force of the age in steady sliding at ambient pressure, N."""
-        ratio = np.array([self.distance_m / speed_m_s / self.time.value])
-        return float(self.increment.value * _psi(self.growth, ratio, self.exponent)[0])
+        age = np.array([self.distance_m / speed_m_s])
+        return float(self.increment.value * self.form.psi(age, self.time.value, self.exponent)[0])
 
 
 def fit_contact_age(
@@ -261,18 +259,14 @@ def fit_contact_age(
     seen = np.isfinite(back)
 
     def lengths(time: float) -> Array:
-        return _lengths(form.growth, exponent, time, dwell[seen], speed[seen], back[seen])
+        return _lengths(lambda age: form.psi(age, time, exponent), dwell[seen], speed[seen], back[seen])
 
     def at(times: Array) -> Scan:
         distance = np.full(times.size, ASSUMED_DISTANCE_M)
         if seen.sum() >= FEWEST_STOPS:
             distance = np.array([np.mean(lengths(t)) for t in times])
-        aged = np.array(
-            [
-                _psi(form.growth, dwell / t, exponent) - _psi(form.growth, length / speed / t, exponent)
-                for t, length in zip(times, distance, strict=True)
-            ]
-        )
+        both = zip(times, distance, strict=True)
+        aged = np.array([form.psi(dwell, t, exponent) - form.psi(length / speed, t, exponent) for t, length in both])
         return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
@@ -289,7 +283,7 @@ def fit_contact_age(
     each = [next(shares)] * 2 if together else [next(shares) if own else 0.0 for own in varied]
     each_length = lengths(time)
     return ContactAge(
-        growth=form.growth,
+        form=form,
         exponent=exponent,
         increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
         time=Estimate(time, *found.shape_interval(0, rise, limits), np.nan, "s"),
@@ -300,16 +294,8 @@ def fit_contact_age(
     )
 
 
-def _psi(growth: str, ratio: Array, exponent: float) -> Array:
-    return _core.dwell_growth(growth, np.asarray(ratio, dtype=float), 1.0, exponent)[:, 0]
-
-
-def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
+def _lengths(psi: Callable[[Array], Array], dwell: Array, speed: Array, back: Array) -> Array:
     """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
-
-    def psi(age: Array) -> Array:
-        return _psi(growth, age / time, exponent)
-
     low, high = np.log(back) - 12.0, np.log(np.minimum(back, 0.9 * dwell * speed))
     for _ in range(HALVINGS):
         length = np.exp(middle := 0.5 * (low + high))

@@ -36,7 +36,7 @@ from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.estimate.mixed import Scan, scan
 from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.campaign.stops import course
-from pneudrive.friction.friction_map import Condition, Skipped
+from pneudrive.friction.friction_map import TABLES, Condition, Skipped
 from pneudrive.friction.stick_slip import rise
 from pneudrive.friction.strokes import moving_average
 from pneudrive.rig.interface import Identity, Move, Samples
@@ -94,9 +94,7 @@ def _read(
     held = phases.rest
     increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
     inertia = _inertia(recording, peak, cycle.speed_m_s)
-    relaxation = (
-        course.NO_RELAXATION if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
-    )
+    relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
     size, moved = max(abs(increment), 3.0 * stderr), _pressure_moves_n(recording, phases, at_peak)
     # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
     most = 1.0 if identity.pressure_measured_at == "chamber" else SPOILS
@@ -124,6 +122,7 @@ def _read(
         "loading_s": peak.time_s,
         "sample_rate_hz": peak.rate_hz,
         "inertia_n": inertia,
+        **TABLES["stop"],
         **relaxation,
         **_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
         "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
@@ -135,14 +134,14 @@ def _read(
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: course.Running) -> Row:
     """Fit the return to sliding over the part after the peak at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
-        return course.NO_RECOVERY
+        return {}
     position = recording.position_m[part]
     travel = np.maximum.accumulate(direction * (position - position[0]))
     time = recording.time_s[part] - recording.time_s[part.start]
     excess = friction[part] - running.level_n - running.shape(position)
     bins = course.bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
     speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
-    return course.recover(bins, running.stderr_n, speed) if bins is not None else course.NO_RECOVERY
+    return course.recover(bins, running.stderr_n, speed) if bins is not None else {}
 
 
 def _flags(
@@ -367,13 +366,9 @@ def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float)
 
 
 def _window(friction: Array, top: int, depth: float) -> slice | None:
-    level = friction[top] - depth
-    below = np.flatnonzero(friction[max(top - BEFORE, 0) : top] < level)
-    begin = max(top - BEFORE, 0) + (int(below[-1]) + 1 if below.size else 0)
-    begin = min(begin, top - FEWEST_BEFORE)
-    after = np.flatnonzero(friction[top : top + BEHIND] < level)
-    end = top + (int(after[0]) if after.size else BEHIND)
-    end = min(end, friction.size)
+    first = max(top - BEFORE, 0)
+    run = _run(friction[first : top + BEHIND] >= friction[top] - depth, top - first)
+    begin, end = min(first + run.start, top - FEWEST_BEFORE), first + run.stop
     return slice(begin, end) if begin >= 0 and end - top >= FEWEST_BEHIND else None
 
 
@@ -523,7 +518,9 @@ def find_breakaway(
     steps = np.diff(time)
     flags = []
     near = friction >= value - max(TOP * (value - running_n), 3.0 * noise.total)
-    if time.size < FEWEST or _run(near, int(np.argmin(np.abs(time - at)))) < FEWEST_AT_TOP:
+    near[1:-1] |= near[:-2] & near[2:]  # single gaps do not end the top
+    run = _run(near, int(np.argmin(np.abs(time - at))))
+    if time.size < FEWEST or run.stop - run.start < FEWEST_AT_TOP:
         flags.append("undersampled")
     if not peaked and index >= end - 2:
         flags.append("no_peak")
@@ -600,14 +597,11 @@ class Noise:
         return float(np.sqrt(variance))
 
 
-def _run(mask: Bools, at: int) -> int:
-    """Return the length of the run of marked samples around a sample; single gaps do not end it."""
-    filled = mask.copy()
-    filled[1:-1] |= mask[:-2] & mask[2:]
-    if not filled[at]:
-        return 0
-    before, after = np.flatnonzero(~filled[:at]), np.flatnonzero(~filled[at:])
-    return (at + int(after[0]) if after.size else filled.size) - (int(before[-1]) + 1 if before.size else 0)
+def _run(mask: Bools, at: int) -> slice:
+    """Return the run of marked samples that contains a sample; empty if the sample is not marked."""
+    before, after = np.flatnonzero(~mask[:at]), np.flatnonzero(~mask[at:])
+    stop = at + int(after[0]) if after.size else mask.size
+    return slice(min(int(before[-1]) + 1 if before.size else 0, stop), stop)
 
 
 def _quick(values: Array) -> Array:
@@ -665,9 +659,8 @@ def _even(time: Array, friction: Array) -> tuple[Array, Array]:
 
 def _one_rate(steps: Array, top: int) -> slice:
     usual = float(np.median(steps[max(top - 3, 0) : top + 3]))
-    uneven = np.abs(steps - usual) > UNEVEN * usual
-    before, after = np.flatnonzero(uneven[:top]), np.flatnonzero(uneven[top:])
-    return slice(int(before[-1]) + 1 if before.size else 0, top + int(after[0]) + 1 if after.size else steps.size + 1)
+    run = _run(np.abs(steps - usual) <= UNEVEN * usual, top)
+    return slice(run.start, run.stop + 1)
 
 
 def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
