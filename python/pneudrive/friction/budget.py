@@ -37,7 +37,7 @@ COVERAGE_FACTOR = 2.0
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)
 CLOCKS = "clocks of several loggers"
 # Assumed if the layout does not state it; the budget marks each as assumed.
-ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
+ASSUMED_PRESSURE_OF_RANGE = 0.005 / float(np.sqrt(3.0))  # limits of 0.5 % of full scale, rectangular
 ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
 ASSUMED_BORE = 0.002  # of the bore: 0.05 mm on 25 mm
 ASSUMED_ALIGNMENT_RAD = np.deg2rad(1.0)
@@ -177,9 +177,15 @@ def _pressure_entries(recording: Recording, side: str, up: Side, down: Side) -> 
     if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
         return []  # open to ambient: not measured, no force
     largest = float(np.max(np.abs(values - ambient)))
-    span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
-    assumed = float(span * ASSUMED_PRESSURE_OF_RANGE), f"0.5 % of a {span / 1e5:g} bar range, rectangular"
-    return _sensor_entries(recording, channel, (up, down), area, assumed, float(span), ambient)
+    span = usual_range(largest)
+    assumed = span * ASSUMED_PRESSURE_OF_RANGE, f"0.5 % of a {span / 1e5:g} bar range, rectangular"
+    return _sensor_entries(recording, channel, (up, down), area, assumed, span, ambient)
+
+
+def usual_range(largest_pa: float) -> float:
+    """Return the smallest usual range of a transducer that contains a pressure; beyond all ranges the pressure."""
+    above = USUAL_RANGES_PA[largest_pa <= USUAL_RANGES_PA]
+    return float(above[0]) if above.size else largest_pa
 
 
 def _force_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:

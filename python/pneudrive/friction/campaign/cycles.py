@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pneudrive.arrays import evenly
+from pneudrive.arrays import by_name, evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
-from pneudrive.friction.budget import USUAL_RANGES_PA, stated_shares
+from pneudrive.friction.budget import stated_shares, usual_range
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES, Condition
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
@@ -301,9 +301,9 @@ class Gain:
     measured, measured_stderr : float
         Gain from the weights only. NaN without weights.
     cycles : int
-    plausible : bool
-    surprising : bool
-        The error exceeds stated accuracy and scatter: then only the weights count.
+    doubt : str
+        "wrong": the error is too large for a sensor, and nothing is corrected. "surprising": the error exceeds stated
+        accuracy and scatter, and only the weights count. Otherwise "".
     """
 
     error: float = 0.0
@@ -311,8 +311,7 @@ class Gain:
     measured: float = np.nan
     measured_stderr: float = np.nan
     cycles: int = 0
-    plausible: bool = True
-    surprising: bool = False
+    doubt: str = ""
 
 
 def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> Gain:
@@ -331,13 +330,11 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
     scatter = float(np.var(values, ddof=1)) / count if count > 1 else 0.0
     stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
-        return Gain(0.0, np.nan, measured, stderr, count, plausible=False)
+        return Gain(0.0, np.nan, measured, stderr, count, "wrong")
     prior = stated_gain(identity)
-    if prior is None:
-        return Gain(measured, stderr, measured, stderr, count)
-    total = float(np.hypot(prior, stderr))
-    if abs(measured) > SURPRISE * total:
-        return Gain(measured, stderr, measured, stderr, count, surprising=True)
+    total = np.inf if prior is None else float(np.hypot(prior, stderr))
+    if prior is None or abs(measured) > SURPRISE * total:
+        return Gain(measured, stderr, measured, stderr, count, "" if prior is None else "surprising")
     share = prior**2 / total**2 if total > 0 else 0.0
     return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, count)
 
@@ -382,16 +379,15 @@ class PressureZero:
         Mean over all usable zero runs. The standard uncertainty comes from noise and from differences of zero runs.
     tares : int
         Number of usable zero runs.
-    far, unsteady : dict
-        Key of an unusable zero run -> its deviation from ambient, and its change, Pa.
+    unusable : dict
+        Fault ("far", "unsteady") -> key of a zero run with it -> its deviation from ambient, and its change, Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
     mean_pa: float = np.nan
     stderr_pa: float = np.nan
     tares: int = 0
-    far: dict[str, float] = field(default_factory=dict)
-    unsteady: dict[str, float] = field(default_factory=dict)
+    unusable: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZero]:
@@ -409,10 +405,11 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
     off, change = seen[f"open_{side}_pa"] - ambient_pa, seen[f"open_{side}_change_pa"]
     unsteady = np.abs(change) > accuracy_pa
     far = ~unsteady & (np.abs(off) > REACH * accuracy_pa)
-    bad = [dict(zip(seen["key"][m].tolist(), v[m].tolist(), strict=True)) for m, v in ((far, off), (unsteady, change))]
+    faults = {"far": (far, off), "unsteady": (unsteady, change)}
+    unusable = {name: by_name(seen["key"][some].tolist(), values[some]) for name, (some, values) in faults.items()}
     good = ~(far | unsteady)
     if not good.any():
-        return PressureZero(far=bad[0], unsteady=bad[1])
+        return PressureZero(unusable=unusable)
     block = seen["block"]
     offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
     values = np.concatenate(list(offs.values()))
@@ -420,7 +417,7 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
     noise = rms(seen[f"open_{side}_stderr_pa"][good])
     stderr = float(np.hypot(noise, scatter) / np.sqrt(values.size))
     means = {b: float(np.mean(some)) for b, some in offs.items()}
-    return PressureZero(means, float(np.mean(values)), stderr, values.size, *bad)
+    return PressureZero(means, float(np.mean(values)), stderr, values.size, unusable)
 
 
 def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: Identity) -> CycleTable:
@@ -444,7 +441,7 @@ def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: 
         channel = f"pressure_{side}_pa"
         if channel in identity.limits or not cycles.moves.any():
             continue  # already counted by its reading
-        span = _span(np.nanmax(np.abs(cycles[channel] - ambient)))
+        span = usual_range(float(np.nanmax(np.abs(cycles[channel] - ambient))))
         share = np.minimum(np.abs(known_mean(shown[channel], axis=1) - ambient) / span, 1.0)
         left = identity.accuracy[channel] * abs(area[side]) * share
         variance = variance + (left**2 - cycles[f"u_pressure_{side}_n"] ** 2)
@@ -456,7 +453,3 @@ def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: 
         standing_n=np.where(vented, cycles["standing_n"] - force, cycles["standing_n"]),
         u_offset_n=np.where(cycles.moves.any(axis=1), u_offset, cycles["u_offset_n"]),
     )
-
-
-def _span(largest_pa: float) -> float:
-    return float(USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest_pa)]) if largest_pa <= 1e7 else largest_pa

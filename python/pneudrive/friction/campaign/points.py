@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Ints, Row
     from pneudrive.friction.campaign.reading import CampaignData
 
 
@@ -109,41 +109,31 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         Channel -> standard uncertainty, SI.
     ambient_pa : float
     """
-    ratio, keys = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], cycles["key"]
+
+    def of(doubtful: Bools, **values: object) -> Row:
+        return {"count": doubtful.sum(), "keys": named(cycles["key"][doubtful]), **values}
+
+    ratio, ambient = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], ambient_pa / PA_PER_BAR
     off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
     if off.any():
-        yield "data.other_speed", {"count": off.sum(), "keys": named(keys[off]), "ratio": float(np.median(ratio[off]))}
+        yield "data.other_speed", of(off, ratio=float(np.median(ratio[off])))
     for side in "ab":
-        name, ambient = f"pressure_{side}_pa", ambient_pa / PA_PER_BAR
-        sure = PRESSURE_ACCURACIES * accuracy.get(name, 0.0)
+        name = f"pressure_{side}_pa"
+        least = max(SET_PA, PRESSURE_ACCURACIES * accuracy.get(name, 0.0))
         planned, measured = cycles[f"set_{side}_pa"], known_mean(cycles[name], axis=1)
         away = measured - planned
-        off = np.abs(away) > np.maximum(SET_SHARE * np.abs(planned - ambient_pa), max(SET_PA, sure))
+        off = np.abs(away) > np.maximum(SET_SHARE * np.abs(planned - ambient_pa), least)
         if off.any():
             mean = float(np.median(away[off]))
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
-            values = {
-                "mean": mean / PA_PER_BAR,
-                "off": off.sum(),
-                "count": len(cycles),
-                "keys": named(keys[off]),
-            }
-            yield f"data.{kind}", dict(side=side, **values)
-        low = (measured < ambient_pa - max(SET_PA, sure)) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
+            yield f"data.{kind}", of(off, side=side, mean=mean / PA_PER_BAR, all=len(cycles))
+        low = (measured < ambient_pa - least) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
         if low.any():
-            lowest = measured[low].min() / PA_PER_BAR
-            values = {
-                "count": low.sum(),
-                "keys": named(keys[low]),
-                "lowest": lowest,
-                "ambient": ambient,
-            }
-            yield "data.vacuum", dict(side=side, **values)
+            yield "data.vacuum", of(low, side=side, lowest=measured[low].min() / PA_PER_BAR, ambient=ambient)
     lowest = np.array([min(c.pressure_a_pa, c.pressure_b_pa) for c in cycles["condition"]])
     low = lowest < (1.0 - BELOW_AMBIENT) * ambient_pa
     if low.any():
-        values = {"lowest": lowest[low].min() / PA_PER_BAR, "ambient": ambient_pa / PA_PER_BAR}
-        yield "data.below_ambient", {"count": low.sum(), **values}
+        yield "data.below_ambient", of(low, lowest=lowest[low].min() / PA_PER_BAR, ambient=ambient)
 
 
 ITERATIONS = 8
@@ -200,42 +190,33 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
         The first columns of `CurvePoints`.
     """
     (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
-    friction, offset = (up - down) / 2.0, (up + down) / 2.0
+    friction = (up - down) / 2.0
     covered = np.isfinite(friction)
-    air = np.where(covered, -(air_up - air_down) / 2.0, np.nan)
+    forces = {"offset": (up + down) / 2.0, "air": np.where(covered, -(air_up - air_down) / 2.0, np.nan)}
     tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
     common: Bools = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
     if not common.any():
         common = np.asarray(covered.any(axis=0))
-    pattern = _pattern(friction[tells], common, relative=True)
-    mean_friction = _means(friction, pattern, common, relative=True)
-    spare = np.sqrt(tells.sum() / max(tells.sum() - 1.0, 1.0)) if tells.sum() >= ENOUGH_CYCLES else 1.0
-    rests, means = [friction - mean_friction[:, None] * (1.0 + np.nan_to_num(pattern))], [mean_friction]
-    for values in (offset, air):
-        additive = _pattern(values[tells], common)
-        means.append(_means(values, additive, common))
-        rests.append(values - means[-1][:, None] - np.nan_to_num(additive))
-    offset_pattern = _pattern(offset[tells], common)
+    patterns = {"friction": _pattern(friction[tells], common, relative=True)}
+    mean = _means(friction, patterns["friction"], common, relative=True)
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
+    columns = {"speed_m_s": speed, "friction_n": mean}
+    rests = {"friction": friction - mean[:, None] * (1.0 + np.nan_to_num(patterns["friction"]))}
+    for name, values in forces.items():
+        patterns[name] = _pattern(values[tells], common)
+        columns[f"{name}_n"] = _means(values, patterns[name], common)
+        rests[name] = values - columns[f"{name}_n"][:, None] - np.nan_to_num(patterns[name])
+    rests["total"] = rests["friction"] + rests["air"]
+    spare = np.sqrt(tells.sum() / max(tells.sum() - 1.0, 1.0)) if tells.sum() >= ENOUGH_CYCLES else 1.0
     scatter = pair_stderr(cycles["deviation_n"], cycles["effective"])
-    # The scatter of strokes is that of the balance: the air's force alone has only its noise.
-    chance = {
-        "friction": scatter,
-        "offset": scatter,
-        "air": np.full(len(cycles), np.nan),
-        "total": scatter,
-    }
-    each = zip(chance.items(), (*rests, rests[0] + rests[2]), strict=True)
+    for name, rest in rests.items():
+        # The scatter of strokes is that of the balance: the air's force alone has only its noise.
+        own = np.full(len(cycles), np.nan) if name == "air" else scatter
+        columns[f"{name}_stderr_n"] = _by_chance(own, spare * rest, common, speed)
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = friction / mean_friction[:, None]
-    return Pattern(
-        (edges_m[:-1] + edges_m[1:]) / 2.0, common, np.where(covered.any(axis=0), pattern, np.nan), offset_pattern
-    ), {
-        "speed_m_s": speed,
-        **{f"{name}_n": mean for name, mean in zip(("friction", "offset", "air"), means, strict=True)},
-        **{f"{name}_stderr_n": _by_chance(own, spare * rest, common, speed) for (name, own), rest in each},
-        "relative_n": relative,
-    }
+        columns["relative_n"] = friction / mean[:, None]
+    over_position = np.where(covered.any(axis=0), patterns["friction"], np.nan)
+    return Pattern((edges_m[:-1] + edges_m[1:]) / 2.0, common, over_position, patterns["offset"]), columns
 
 
 def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:

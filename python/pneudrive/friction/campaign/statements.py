@@ -106,11 +106,8 @@ def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
         yield "curve.beyond_calibration", {"largest": largest, "known": known}
     gain = reading.gain
     if gain.cycles:
-        kind = (
-            "curve.gain_wrong" if not gain.plausible else "curve.gain_surprising" if gain.surprising else "curve.gain"
-        )
         percent = {"measured": 100 * gain.measured, "expanded": 200 * gain.measured_stderr, "taken": 100 * gain.error}
-        yield kind, percent
+        yield f"curve.gain-{gain.doubt}".rstrip("-"), percent
 
 
 def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
@@ -224,13 +221,10 @@ def _pressure_zeros(reading: CampaignData) -> Iterator[Said]:
     for chamber, zero in reading.pressure_zeros.items():
         if zero.tares:
             yield "zero.pressure", {"chamber": chamber, "zero": zero, "expanded": 2 * zero.stderr_pa}
-        for bad, fault in (
-            (zero.far, "differs from ambient pressure by more than its accuracy"),
-            (zero.unsteady, "was not steady"),
-        ):
-            if bad:
-                several = named(f"{key}: {value:+.3g} Pa" for key, value in bad.items())
-                yield "zero.pressure_bad", {"chamber": chamber, "fault": fault, "count": len(bad), "named": several}
+        for fault, tares in zero.unusable.items():
+            if tares:
+                several = named(f"{key}: {value:+.3g} Pa" for key, value in tares.items())
+                yield f"zero.pressure_{fault}", {"chamber": chamber, "count": len(tares), "named": several}
 
 
 def _pressure(found: CampaignCharacteristics) -> Iterator[Said]:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
@@ -410,12 +409,11 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     if design is None:
         return None
     speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
-    names = TOLD.get(design.kind, ("sum",))
-    slopes = [design.gauge[:, int(name == "b")] for name in names]
+    gauges = {name: design.gauge[:, int(name == "b")] for name in TOLD.get(design.kind, ("sum",))}
     count, base = design.speeds.size, np.hstack([design.equal, speed])
-    x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
+    x = np.hstack([base, *(speed * p[:, None] for p in gauges.values())])
     if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one common slope
-        count, x = 1, np.hstack([base, *(p[:, None] for p in slopes)])
+        count, x = 1, np.hstack([base, *(p[:, None] for p in gauges.values())])
     # An interaction is neither scatter nor drift: slopes are estimated with it, at the mean pressures.
     together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
     x = np.hstack([together, x])
@@ -433,20 +431,19 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         return fit.contrast(row).widened(doubt).scaled(1.0 / PA_PER_BAR, "N/Pa")
 
     # The last columns are the slopes at each speed, one pressure after the other.
-    rows_of = np.eye(x.shape[1])[-count * len(slopes) :].reshape(len(slopes), count, -1)
-    spans = [float(np.ptp(p)) for p in slopes]
-    each = [tuple(slope(row, span) for row in rows) for rows, span in zip(rows_of, spans, strict=True)]
-    of_mean = rows_of.mean(axis=1)
-    means = [slope(row, span) for row, span in zip(of_mean, spans, strict=True)]
-    with_time = [
-        hidden_n * abs(float(r @ of_order)) * s > FOLLOWS_TIME * hidden_n for r, s in zip(of_mean, spans, strict=True)
-    ]
+    rows_of = np.eye(x.shape[1])[-count * len(gauges) :].reshape(len(gauges), count, -1)
+    slopes, means, with_time = {}, {}, []
+    for (name, gauge), rows in zip(gauges.items(), rows_of, strict=True):
+        span, of_mean = float(np.ptp(gauge)), rows.mean(axis=0)
+        slopes[name], means[name] = tuple(slope(row, span) for row in rows), slope(of_mean, span)
+        if hidden_n * abs(float(of_mean @ of_order)) * span > FOLLOWS_TIME * hidden_n:
+            with_time.append(name)
     interaction, joint, curvature = None, None, None
     if together.shape[1] and not hidden_n:
         rows = np.eye(x.shape[1])[: together.shape[1]]
         interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
     if not hidden_n:
-        curvature = _curvature(fits, x, design, [design.centred(p) ** 2 * design.compared for p in slopes])
+        curvature = _curvature(fits, x, design, [design.centred(p) ** 2 * design.compared for p in gauges.values()])
     found = PressureEffects(
         levels=title,
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
@@ -456,10 +453,10 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         interaction=interaction,
         interaction_n_pa2=joint,
         curvature=curvature,
-        slopes=by_name(names, each),
-        means=by_name(names, means),
+        slopes=slopes,
+        means=means,
     )
-    said = say_all(_sentences(design, found, means, with_time, u))
+    said = say_all(_sentences(design, found, with_time, u))
     return replace(found, statement=" ".join(one.text for one in said))
 
 
@@ -545,16 +542,14 @@ def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> F
     return None if fit is None else fit.f_test(np.eye(kept.size)[x.shape[1] :])
 
 
-def _sentences(
-    design: _Design, found: PressureEffects, means: list[Estimate], with_time: list[bool], u: float
-) -> Iterator[Said]:
+def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Said]:
     """Report the slopes that the pairs of pressures show, the test of their sum, and undetermined values.
 
     An interaction within the accuracy of the sensors does not count.
     """
-    own, test, joint = [f"p_{name}" for name in TOLD.get(design.kind, ())], found.interaction, found.interaction_n_pa2
-    of = zip(means, own or ["both pressures together"], strict=True)
-    slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
+    test, joint = found.interaction, found.interaction_n_pa2
+    titles = {"a": "p_a", "b": "p_b", "sum": "both pressures together"}
+    slopes = " and ".join(f"{e.scaled(PA_PER_BAR, 'N/bar'):.2f} of {titles[name]}" for name, e in found.means.items())
     pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
     yield "pressure.slopes", {"pairs": pairs, "speeds": design.speeds.size, "slopes": slopes}
     if design.kind != "both":
@@ -573,8 +568,8 @@ def _sentences(
             yield "pressure.interact", {"test": numbers, "joint": joint.scaled(PA_PER_BAR**2, "N/bar2")}
     if found.curvature is not None and found.curvature.p < CHANCE:
         yield "pressure.curved", {"chance": _chance(found.curvature.p)}
-    if any(with_time):
-        names = " and ".join(name for name, follows in zip(own or ["the pressures"], with_time, strict=True) if follows)
+    if with_time:
+        names = " and ".join({"a": "p_a", "b": "p_b", "sum": "the pressures"}[name] for name in with_time)
         yield "pressure.follows_time", {"names": names, "hidden": found.hidden_n, "share": 100 * HIDDEN_CHANGE}
 
 
