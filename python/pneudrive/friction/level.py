@@ -156,14 +156,58 @@ class Level(Shown):
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Flag -> sentence with a check, for values that no rig can have."""
-        return doubts_of(self)
+        """Flag -> sentence with a check, for values that no rig can have.
+
+        A recording with zero areas has no pressure force, so its force is the friction.
+        """
+        recording, ambient, gauge = self.motion.recording, self.ambient_pressure_pa, self.gauge_pa
+        areas = recording.area_a_m2, recording.area_b_m2
+        lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
+        pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + recording.weight_n
+        speed = self.speed_m_s
+        friction, missed = abs(self.friction_n), abs(self.offset_n)  # the offset is NaN if one direction is missing
+        unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * self.u_offset_n) and abs(pushed) > friction
+        full = FULL_PRESSURE_PA * max(areas)
+        seen = {
+            "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
+            "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
+            "force_not_pressure": any(areas) and unfollowed,
+            "friction_beyond_piston": any(areas) and friction > full,
+            "no_friction": any(areas) and friction < SMALLEST_N,
+        }
+        values = {
+            "lowest": lowest / 1e5,
+            "highest": highest / 1e5,
+            "speed_m_s": speed,
+            "force_n": pushed + self.offset_n,
+            "pushed_n": pushed,
+            "friction_n": friction,
+            "full_n": full,
+        }
+        return {flag: sentence(f"doubt.{flag}", **values) for flag, is_so in seen.items() if is_so}
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
         """Names of the flags: of the samples, of the level, of its doubtful values."""
-        samples = (kind for kind, count in self.motion.recording.flags.items() if count)
-        return (*samples, *level_flags(self), *self.doubts)
+        sides = list(self.sides.values())
+        speeds = [abs(side.velocity_m_s) for side in sides]
+        stick_slip = any(side.stick_slip for side in sides)
+        ripple = any(side.ripple > RIPPLE_LIMIT for side in sides)
+        seen = {
+            **self.motion.recording.flags,
+            "unpaired": len(sides) < 2,
+            "negative_friction": self.friction_n < -2 * self.expanded_n,
+            "single_stroke": min(side.strokes for side in sides) == 1,
+            "trend": any(side.spread.has_trend for side in sides),
+            "stick_slip": stick_slip,
+            "speed_ripple": ripple and not stick_slip,
+            "window_not_covered": self.uses_window and self.bins.sum() < 0.9 * self.profile.in_window.sum(),
+            "pressure_moves": any(side.pressure_moves_n > 0.5 * abs(self.friction_n) for side in sides),
+            "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
+            "mixed_speeds": any(speeds_differ(side.used) for side in sides),
+            **self.doubts,
+        }
+        return tuple(name for name, is_so in seen.items() if is_so)
 
     @property
     def seal(self) -> str:
@@ -269,60 +313,6 @@ def level_of(
     return Level(motion, index, window_m, table, sides, bins, uses_window, (*entries, window))
 
 
-def level_flags(level: Level) -> list[str]:
-    """Return the flags of a speed class, without those of its samples and of its doubtful values."""
-    sides = list(level.sides.values())
-    speeds = [abs(side.velocity_m_s) for side in sides]
-    stick_slip = any(side.stick_slip for side in sides)
-    ripple = any(side.ripple > RIPPLE_LIMIT for side in sides)
-    covered = not level.uses_window or level.bins.sum() >= 0.9 * level.profile.in_window.sum()
-    seen = {
-        "unpaired": len(sides) < 2,
-        "negative_friction": level.friction_n < -2 * level.expanded_n,
-        "single_stroke": min(side.strokes for side in sides) == 1,
-        "trend": any(side.spread.has_trend for side in sides),
-        "stick_slip": stick_slip,
-        "speed_ripple": ripple and not stick_slip,
-        "window_not_covered": not covered,
-        "pressure_moves": any(side.pressure_moves_n > 0.5 * abs(level.friction_n) for side in sides),
-        "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
-        "mixed_speeds": any(speeds_differ(side.used) for side in sides),
-    }
-    return [name for name, is_so in seen.items() if is_so]
-
-
-def doubts_of(level: Level) -> dict[str, str]:
-    """Return the doubtful values of a speed class: flag -> sentence with a check.
-
-    A recording with zero areas has no pressure force, so its force is the friction.
-    """
-    recording, ambient, gauge = level.motion.recording, level.ambient_pressure_pa, level.gauge_pa
-    areas = recording.area_a_m2, recording.area_b_m2
-    lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
-    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + recording.weight_n
-    speed = level.speed_m_s
-    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN if one direction is missing
-    unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n) and abs(pushed) > friction
-    full = FULL_PRESSURE_PA * max(areas)
-    seen = {
-        "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
-        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
-        "force_not_pressure": any(areas) and unfollowed,
-        "friction_beyond_piston": any(areas) and friction > full,
-        "no_friction": any(areas) and friction < SMALLEST_N,
-    }
-    values = {
-        "lowest": lowest / 1e5,
-        "highest": highest / 1e5,
-        "speed_m_s": speed,
-        "force_n": pushed + level.offset_n,
-        "pushed_n": pushed,
-        "friction_n": friction,
-        "full_n": full,
-    }
-    return {flag: sentence(f"doubt.{flag}", **values) for flag, is_so in seen.items() if is_so}
-
-
 LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
 LEAST_STROKES = 4  # strokes in a part: the one before, one that is counted, and two for the start of the next part
@@ -426,10 +416,9 @@ def _result(
     RecordingError
         If no speed class has settled samples in the window.
     """
-    place = {id(stroke): i for i, stroke in enumerate(strokes)}
     levels, used, counting = [], set(), set()
     for table in tables:
-        rows = {place[id(table.rows[row].stroke)] for rows in table.directions.values() for row in rows}
+        rows = {id(table.rows[row].stroke) for rows in table.directions.values() for row in rows}
         counting |= rows
         level = level_of(motion, len(levels), table, window, uses_window=choice.uses_window)
         if level is not None:

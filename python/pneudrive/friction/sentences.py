@@ -9,11 +9,9 @@ from pneudrive.errors import package_table
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 NAMED = 3  # most cycles that a sentence names
-Said = tuple[str, dict[str, Any]]
-"""Topic and name of a sentence, and the values for its placeholders."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +104,6 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
     """
     remedy = sentence(name, "remedy", **values)
     return Statement(name.partition(".")[0], sentence(name, **values), carried=not remedy, remedy=remedy)
-
-
-def say_all(said: Iterable[Said]) -> Iterator[Statement]:
-    """Return the statements of several sentences."""
-    return (say(name, **values) for name, values in said)
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:

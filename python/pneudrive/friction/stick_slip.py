@@ -306,16 +306,14 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     onsets = slip_onsets(stuck, slipping) if mean > 0 else []
     peaks = [float(speed[a:b].max()) for a, b in pairwise([*onsets, speed.size])]
     periods = max(len(onsets) - 1, 0)
-    moments = time_s[onsets] if onsets else np.array([])
-    places = position_m[onsets] if onsets else np.array([])
     return StickSlip(
         found=periods >= MINIMUM_PERIODS and slipped >= SLIPPED_SHARE and stuck_share >= RESTED_SHARE,
         direction=direction,
         start_s=float(time_s[0]),
         stop_s=float(time_s[-1]),
         periods=periods,
-        period_s=float(np.median(np.diff(moments))) if periods else np.nan,
-        step_m=float(np.median(np.abs(np.diff(places)))) if periods else np.nan,
+        period_s=float(np.median(np.diff(time_s[onsets]))) if periods else np.nan,
+        step_m=float(np.median(np.abs(np.diff(position_m[onsets])))) if periods else np.nan,
         peak_speed_m_s=float(np.median(peaks)) if peaks else float(speed.max()),
         stuck_share=stuck_share,
         mean_speed_m_s=mean,

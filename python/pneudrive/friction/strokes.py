@@ -304,18 +304,18 @@ def stroke_use(
     strokes : sequence of Stroke
         All strokes.
     used, counting : collection of int
-        Places of the strokes in a speed class with a result, and of those that count.
+        Identities (``id``) of the strokes in a speed class with a result, and of those that count.
     window_m : tuple of float
         Positions between which friction is averaged.
     """
 
-    def reason(place: int, stroke: Stroke) -> str:
+    def reason(stroke: Stroke) -> str:
         low, high = sorted((stroke.from_m, stroke.to_m))
         crossed = min(high, window_m[1]) - max(low, window_m[0])
         narrow = crossed < COVERED_SHARE * (window_m[1] - window_m[0])
-        return "apart" if place in counting else "window" if narrow else "unsettled"
+        return "apart" if id(stroke) in counting else "window" if narrow else "unsettled"
 
-    reasons = [reason(place, stroke) for place, stroke in enumerate(strokes) if place not in used]
+    reasons = [reason(stroke) for stroke in strokes if id(stroke) not in used]
     return StrokeUse(len(strokes), {n: reasons.count(n) for n in ("window", "unsettled", "apart") if n in reasons})
 
 

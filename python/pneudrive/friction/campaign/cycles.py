@@ -26,7 +26,7 @@ from pneudrive.friction.budget import stated_shares, usual_range
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES, Condition
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -182,7 +182,7 @@ class Loop(Shown):
         Key of the cycle.
     condition : Condition
     speed_m_s : float
-    time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
+    position_m, friction_n : ndarray, shape (m,)
         friction_n has the sign of the balance, positive if it opposes +x, without the offset.
     presliding_m : float
         Travel in which it goes from 10 % to 90 % of its swing.
@@ -194,20 +194,10 @@ class Loop(Shown):
     key: str
     condition: Condition
     speed_m_s: float
-    time_s: Array
     position_m: Array
-    velocity_m_s: Array
     friction_n: Array
     presliding_m: float
     width_n: float
-
-    def _card(self) -> Card:
-        rows = [
-            ("speed", f"{1e3 * self.speed_m_s:.3g} mm/s"),
-            ("presliding", f"{1e3 * self.presliding_m:.3g} mm"),
-            ("width", f"{self.width_n:.3g} N"),
-        ]
-        return Card(f"loop of cycle {self.key}", ("quantity", "value"), rows)
 
 
 def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loop | None:
@@ -220,13 +210,9 @@ def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loo
     if not turns:
         return None
     before, after = turns[0]
-    velocity, friction = motion.velocity_m_s, balance_of(recording)
-    turn = after.from_m
-    travel = abs(after.to_m - after.from_m)
-    away = np.abs(recording.position_m - turn)
-    index = np.arange(before.start, after.stop)
-    near = np.where(index < after.start, away[index] <= BEFORE * travel, away[index] <= AFTER * travel)
-    index = index[near]
+    friction, index = balance_of(recording), np.arange(before.start, after.stop)
+    reach = np.where(index < after.start, BEFORE, AFTER) * abs(after.to_m - after.from_m)
+    index = index[np.abs(recording.position_m[index] - after.from_m) <= reach]
     if index.size < 10:
         return None
     presliding = _presliding(recording, friction, before, after)
@@ -235,12 +221,10 @@ def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loo
         key=key,
         condition=condition,
         speed_m_s=abs(after.speed_m_s),
-        time_s=recording.time_s[shown],
         position_m=recording.position_m[shown],
-        velocity_m_s=velocity[shown],
         friction_n=friction[shown],
         presliding_m=presliding,
-        width_n=_width(recording, friction, velocity, after, presliding),
+        width_n=_width(motion, friction, after, presliding),
     )
 
 
@@ -259,11 +243,11 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
     return float(abs(recording.position_m[part][high] - recording.position_m[part][low]))
 
 
-def _width(recording: Recording, friction: Array, velocity: Array, stroke: Stroke, presliding: float) -> float:
+def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: float) -> float:
     """Return the mean difference of friction between slowing down and speeding up, at equal speeds of one stroke."""
     part = stroke.samples
-    speed = np.abs(velocity[part]) / abs(stroke.speed_m_s)
-    travel = np.abs(recording.position_m[part] - stroke.from_m)
+    speed = np.abs(motion.velocity_m_s[part]) / abs(stroke.speed_m_s)
+    travel = np.abs(motion.position_m[part] - stroke.from_m)
     fast = np.flatnonzero(speed >= 0.9)
     if not fast.size or not np.isfinite(presliding):
         return np.nan
@@ -301,9 +285,9 @@ class Gain:
     measured, measured_stderr : float
         Gain from the weights only. NaN without weights.
     cycles : int
-    doubt : str
-        "wrong": the error is too large for a sensor, and nothing is corrected. "surprising": the error exceeds stated
-        accuracy and scatter, and only the weights count. Otherwise "".
+    sentence : str
+        Name of the sentence on the error. An error that is too large for a sensor is wrong, and nothing is corrected.
+        One that exceeds stated accuracy and scatter is surprising: then only the weights count.
     """
 
     error: float = 0.0
@@ -311,7 +295,7 @@ class Gain:
     measured: float = np.nan
     measured_stderr: float = np.nan
     cycles: int = 0
-    doubt: str = ""
+    sentence: str = "curve.gain"
 
 
 def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> Gain:
@@ -330,11 +314,13 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
     scatter = float(np.var(values, ddof=1)) / count if count > 1 else 0.0
     stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
-        return Gain(0.0, np.nan, measured, stderr, count, "wrong")
+        return Gain(0.0, np.nan, measured, stderr, count, "curve.gain_wrong")
     prior = stated_gain(identity)
-    total = np.inf if prior is None else float(np.hypot(prior, stderr))
-    if prior is None or abs(measured) > SURPRISE * total:
-        return Gain(measured, stderr, measured, stderr, count, "" if prior is None else "surprising")
+    if prior is None:
+        return Gain(measured, stderr, measured, stderr, count)
+    total = float(np.hypot(prior, stderr))
+    if abs(measured) > SURPRISE * total:
+        return Gain(measured, stderr, measured, stderr, count, "curve.gain_surprising")
     share = prior**2 / total**2 if total > 0 else 0.0
     return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, count)
 
@@ -380,7 +366,7 @@ class PressureZero:
     tares : int
         Number of usable zero runs.
     unusable : dict
-        Fault ("far", "unsteady") -> key of a zero run with it -> its deviation from ambient, and its change, Pa.
+        Sentence on a fault -> key of a zero run with it -> its deviation from ambient, and its change, Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
@@ -405,7 +391,7 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
     off, change = seen[f"open_{side}_pa"] - ambient_pa, seen[f"open_{side}_change_pa"]
     unsteady = np.abs(change) > accuracy_pa
     far = ~unsteady & (np.abs(off) > REACH * accuracy_pa)
-    faults = {"far": (far, off), "unsteady": (unsteady, change)}
+    faults = {"zero.pressure_far": (far, off), "zero.pressure_unsteady": (unsteady, change)}
     unusable = {name: by_name(seen["key"][some].tolist(), values[some]) for name, (some, values) in faults.items()}
     good = ~(far | unsteady)
     if not good.any():

@@ -19,7 +19,7 @@ from pneudrive.friction.campaign.cycles import CycleTable
 from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
-from pneudrive.friction.sentences import Said, named
+from pneudrive.friction.sentences import Statement, named, say
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints, Row
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.friction.campaign.reading import CampaignData
 
 
@@ -96,7 +96,7 @@ OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
 SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
-def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
+def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Statement]:
     """Return sentences on cycles whose speeds or pressures differ from those of their plan.
 
     The moving air raises the pressure in one direction and lowers it in the other. Their mean is therefore compared
@@ -110,13 +110,13 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
     ambient_pa : float
     """
 
-    def of(doubtful: Bools, **values: object) -> Row:
-        return {"count": doubtful.sum(), "keys": named(cycles["key"][doubtful]), **values}
+    def of(kind: str, doubtful: Bools, **values: object) -> Statement:
+        return say(kind, count=doubtful.sum(), keys=named(cycles["key"][doubtful]), **values)
 
     ratio, ambient = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], ambient_pa / PA_PER_BAR
     off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
     if off.any():
-        yield "data.other_speed", of(off, ratio=float(np.median(ratio[off])))
+        yield of("data.other_speed", off, ratio=float(np.median(ratio[off])))
     for side in "ab":
         name = f"pressure_{side}_pa"
         least = max(SET_PA, PRESSURE_ACCURACIES * accuracy.get(name, 0.0))
@@ -126,14 +126,14 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         if off.any():
             mean = float(np.median(away[off]))
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
-            yield f"data.{kind}", of(off, side=side, mean=mean / PA_PER_BAR, all=len(cycles))
+            yield of(f"data.{kind}", off, side=side, mean=mean / PA_PER_BAR, all=len(cycles))
         low = (measured < ambient_pa - least) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
         if low.any():
-            yield "data.vacuum", of(low, side=side, lowest=measured[low].min() / PA_PER_BAR, ambient=ambient)
+            yield of("data.vacuum", low, side=side, lowest=measured[low].min() / PA_PER_BAR, ambient=ambient)
     lowest = np.array([min(c.pressure_a_pa, c.pressure_b_pa) for c in cycles["condition"]])
     low = lowest < (1.0 - BELOW_AMBIENT) * ambient_pa
     if low.any():
-        yield "data.below_ambient", of(low, lowest=lowest[low].min() / PA_PER_BAR, ambient=ambient)
+        yield of("data.below_ambient", low, lowest=lowest[low].min() / PA_PER_BAR, ambient=ambient)
 
 
 ITERATIONS = 8

@@ -11,7 +11,7 @@ from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, s
 from pneudrive.friction.campaign.smooth import CARRIED
 from pneudrive.friction.campaign.trends import pure_scatter, together
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
-from pneudrive.friction.sentences import NAMED, Said, Statement, named, say_all
+from pneudrive.friction.sentences import NAMED, Statement, named, say
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
@@ -36,46 +36,46 @@ def statements(
     """Return statements on the determined and undetermined effects."""
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
-        return tuple(say_all([*said, ("curve.none", {})]))
+        return (*said, say("curve.none"))
     said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
     said += [*_drift(found, fits), *_pressure_zeros(reading)]
     for effects in (_directions, _pressure, _air, _position, _stick_slip, _excluded):
         said += effects(found)
-    return tuple(say_all(said))
+    return tuple(said)
 
 
-def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None) -> Iterator[Said]:
+def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None) -> Iterator[Statement]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
-        yield "data.skipped", {"count": len(found.skipped), "named": several + more}
+        yield say("data.skipped", count=len(found.skipped), named=several + more)
     if found.flags:
-        yield "data.flags", {"counts": ", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items()))}
+        yield say("data.flags", counts=", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items())))
     sliding, keys = reading.sliding, reading.sliding["key"]
     single = ~sliding.moves.all(axis=1)
     if points is not None and single.any():
-        yield "data.unpaired", {"count": single.sum(), "keys": named(keys[single])}
+        yield say("data.unpaired", count=single.sum(), keys=named(keys[single]))
     used, recorded = (np.nansum(sliding[name], axis=1).astype(int) for name in ("strokes", "strokes_recorded"))
     if (some := used < recorded).any():
         numbers = {"used": used[some].sum(), "recorded": recorded[some].sum()}
-        yield "data.strokes", {"count": some.sum(), "keys": named(keys[some]), **numbers}
+        yield say("data.strokes", count=some.sum(), keys=named(keys[some]), **numbers)
     if points is not None and (bad := points["reason"] == NEGATIVE).any():
-        yield "data.negative", {"negative": bad.sum(), "count": len(points), "keys": named(points["key"][bad])}
+        yield say("data.negative", negative=bad.sum(), count=len(points), keys=named(points["key"][bad]))
     yield from suspicions(reading.sliding, reading.identity.accuracy, reading.identity.ambient_pressure_pa)
     if reading.notes:
-        yield "data.notes", {"notes": named(reading.notes, "; ")}
+        yield say("data.notes", notes=named(reading.notes, "; "))
     if found.synthetic:
-        yield "data.synthetic", {}
+        yield say("data.synthetic")
 
 
-def _ranges(found: CampaignCharacteristics) -> Iterator[Said]:
+def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
     (slowest, fastest), a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
     if not np.isfinite(slowest):
         return
-    yield "range.measured", {"slowest": 1e3 * slowest, "fastest": 1e3 * fastest, "a": _bar(a), "b": _bar(b)}
+    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_bar(a), b=_bar(b))
     highest = max(a[1], b[1]) / PA_PER_BAR
     if highest < SERVICE_BAR[0]:
-        yield "range.below_service", {"highest": highest, "service": SERVICE_BAR}
+        yield say("range.below_service", highest=highest, service=SERVICE_BAR)
 
 
 def _bar(span: Interval) -> str:
@@ -83,47 +83,47 @@ def _bar(span: Interval) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
+def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     measured = {c.condition: int(c.measured.sum()) for c in found.curves}
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
-        yield "curve.few_speeds", {"few": FEW_LEVELS, "conditions": "; ".join(poor)}
+        yield say("curve.few_speeds", few=FEW_LEVELS, conditions="; ".join(poor))
     place = 1e3 * fits.points.pattern.position_m[fits.points.pattern.common]
     relative = fits.friction.relative
     open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
     kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
-    yield kind, {"first_mm": place[0], "last_mm": place[-1]}
+    yield say(kind, first_mm=place[0], last_mm=place[-1])
 
 
-def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
+def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     """Return statements on the accuracy of the force sensor."""
     points = fits.points
     if points["assumed"].any():
-        yield ("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated"), {}
+        yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
     known = found.identity.force_calibration
     largest = float(np.abs(points["force_n"]).max())
     if known is not None and 0.0 < known.largest_n < largest:
-        yield "curve.beyond_calibration", {"largest": largest, "known": known}
+        yield say("curve.beyond_calibration", largest=largest, known=known)
     gain = reading.gain
     if gain.cycles:
         percent = {"measured": 100 * gain.measured, "expanded": 200 * gain.measured_stderr, "taken": 100 * gain.error}
-        yield f"curve.gain-{gain.doubt}".rstrip("-"), percent
+        yield say(gain.sentence, **percent)
 
 
-def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
+def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
         kind = "within" if repeat.between is None else "within_and_between"
-        yield f"repeatability.{kind}", {"r": repeat, "kind": fits.block_kind}
+        yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
         yield from _once(found, repeat, fits)
     if fits.blocks is None:
-        yield ("repeatability.one_block_each" if reading.several else "repeatability.one_block"), {}
+        yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
 
 
-def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Said]:
+def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
     """Return a statement on unrepeated points whose band is narrow because neighbours contribute."""
     if repeat.basis == "smooth curve":
-        yield "repeatability.nothing_repeated", {}
+        yield say("repeatability.nothing_repeated")
     elif repeat.basis == "sentinels":
         shares = [np.zeros(0)]  # width of the band at a point measured once, over the 95 % scatter of a single cycle
         for curve, band in zip((c for c in found.curves if c.direction == BOTH), fits.bands, strict=True):
@@ -132,16 +132,11 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
         share = np.concatenate(shares)
         if share.size and np.median(share) < 1.0:
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
-            numbers = {
-                "narrow": (share < 1.0).sum(),
-                "points": share.size,
-                "least": share.min(),
-                "sentinels": count,
-            }
-            yield "repeatability.measured_once", numbers
+            narrow = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min()}
+            yield say("repeatability.measured_once", sentinels=count, **narrow)
 
 
-def _left(fits: Fits) -> Iterator[Said]:
+def _left(fits: Fits) -> Iterator[Statement]:
     """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
@@ -152,37 +147,34 @@ def _left(fits: Fits) -> Iterator[Said]:
         if far.size:
             keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
             several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)
-            yield "curve.leaves", {"count": far.size, "named": several}
+            yield say("curve.leaves", count=far.size, named=several)
     if fits.doubtful:
         keys = named(points["key"][list(fits.doubtful)])
-        yield "curve.doubtful", {"count": len(fits.doubtful), "keys": keys}
+        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
 
 
-def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
+def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     drift = found.drift
     if drift is None:
         return
     if fits.drift_share >= CARRIED:
-        yield ("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order"), {}
+        yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
-    yield (
-        "drift.moved",
-        {"moved": np.ptp(drift.drift_n), "drift": drift, "share": 100.0 * drift.spread_n / fits.level_n},
-    )
+    yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
     yield from still_changing(drift)
     effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
     for cause, effect in effects.items():
         if effect is not None:
-            yield "drift.effect", {"cause": cause, "effect": effect}
+            yield say("drift.effect", cause=cause, effect=effect)
     for a, b, r in together(fits):
-        yield "drift.together", {"first": a.title(), "second": b, "r": r}
+        yield say("drift.together", first=a.title(), second=b, r=r)
     if drift.interrupted is not None:
-        yield "drift.interrupted", {"effect": drift.interrupted}
+        yield say("drift.interrupted", effect=drift.interrupted)
     else:
-        yield "drift.never_interrupted", {}
+        yield say("drift.never_interrupted")
 
 
-def still_changing(drift: Drift) -> Iterator[Said]:
+def still_changing(drift: Drift) -> Iterator[Statement]:
     """Return statements on friction that still changes when the campaign ends."""
     last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
     if last.sum() < NAMED:
@@ -192,54 +184,53 @@ def still_changing(drift: Drift) -> Iterator[Said]:
     change = slope * float(np.ptp(drift.time_s[last]))
     reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
     if abs(change) > reach:
-        yield "drift.still_changing", {"change": change, "share": 100 * LAST_SHARE}
+        yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
 
 
-def _directions(found: CampaignCharacteristics) -> Iterator[Said]:
+def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     if found.zero.basis != "tare":
-        yield "direction.no_tare", {}
+        yield say("direction.no_tare")
         return
     if found.zero.per_hour is not None:
-        yield "zero.drift", {"effect": found.zero.per_hour}
-    differ = [a for a in found.asymmetry if a.mean.p < CHANCE]
-    same = [a for a in found.asymmetry if a.mean.p >= CHANCE]
-    for group, finding in (
-        (differ, "friction differs between the directions"),
-        (same, "friction shows no difference between the directions"),
+        yield say("zero.drift", effect=found.zero.per_hour)
+    for differs, finding in (
+        (True, "friction differs between the directions"),
+        (False, "friction shows no difference between the directions"),
     ):
+        group = [a for a in found.asymmetry if (a.mean.p < CHANCE) == differs]
         means = [a.mean for a in group]
         if len(group) == 1:
             condition = group[0].condition.label(found.identity.ambient_pressure_pa)
-            yield "direction.one", {"condition": condition, "finding": finding, "mean": means[0]}
+            yield say("direction.one", condition=condition, finding=finding, mean=means[0])
         elif group:
             ends = {"low": min(m.value for m in means), "high": max(m.value for m in means)}
             half = max((m.high - m.low) / 2.0 for m in means)
-            yield "direction.several", dict(count=len(group), finding=finding, half=half, **ends)
+            yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
 
 
-def _pressure_zeros(reading: CampaignData) -> Iterator[Said]:
+def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
     for chamber, zero in reading.pressure_zeros.items():
         if zero.tares:
-            yield "zero.pressure", {"chamber": chamber, "zero": zero, "expanded": 2 * zero.stderr_pa}
+            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
         for fault, tares in zero.unusable.items():
             if tares:
                 several = named(f"{key}: {value:+.3g} Pa" for key, value in tares.items())
-                yield f"zero.pressure_{fault}", {"chamber": chamber, "count": len(tares), "named": several}
+                yield say(fault, chamber=chamber, count=len(tares), named=several)
 
 
-def _pressure(found: CampaignCharacteristics) -> Iterator[Said]:
+def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
     for effect in found.pressure:
         prefix = f"{effect.levels}: " if effect.levels else ""
         separate = {"a", "b"} <= effect.slopes.keys()
-        yield ("pressure.effect" if separate else "pressure.not_separate"), {"prefix": prefix, "effect": effect}
+        yield say("pressure.effect" if separate else "pressure.not_separate", prefix=prefix, effect=effect)
         if separate and effect.interaction is None:
-            yield "pressure.not_crossed", {"prefix": prefix}
+            yield say("pressure.not_crossed", prefix=prefix)
     if not found.pressure:
         pairs = {(c.condition.pressure_a_pa, c.condition.pressure_b_pa) for c in found.curves}
-        yield ("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed"), {}
+        yield say("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed")
 
 
-def _air(found: CampaignCharacteristics) -> Iterator[Said]:
+def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     shares = found.air
     if not shares:
         return
@@ -249,9 +240,9 @@ def _air(found: CampaignCharacteristics) -> Iterator[Said]:
     if shares[0].separated:
         air, total = _span([float(s.air_n[-1]) for s in shares]), _span([float(s.total_n[-1]) for s in shares])
         half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
-        yield "air.separated", {"where": where, "speed": speed, "air": air, "half": half, "total": total}
+        yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
     else:
-        yield "air.bound", {"where": where, "speed": speed, "air": _span([float(s.air_bound_n[-1]) for s in shares])}
+        yield say("air.bound", where=where, speed=speed, air=_span([float(s.air_bound_n[-1]) for s in shares]))
 
 
 def _span(values: list[float]) -> str:
@@ -259,33 +250,33 @@ def _span(values: list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _position(found: CampaignCharacteristics) -> Iterator[Said]:
+def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
     whole = [p for p in found.position if p.condition is None]
     if not whole:
-        yield "position.none", {}
+        yield say("position.none")
     for p in whole:
         prefix = f"{p.levels}: " if p.levels else ""
-        yield "position.trend", {"prefix": prefix, "trend": p.trend_per_m.scaled(100)}
+        yield say("position.trend", prefix=prefix, trend=p.trend_per_m.scaled(100))
         strong = [h for h in p.harmonics if h.amplitude.p < CHANCE]
         if strong:
             waves = (f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
-            yield "position.waves", {"prefix": prefix, "waves": ", ".join(waves)}
+            yield say("position.waves", prefix=prefix, waves=", ".join(waves))
 
 
-def _stick_slip(found: CampaignCharacteristics) -> Iterator[Said]:
+def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
     for threshold in found.stick_slip_thresholds:
         if threshold.low_m_s > 0.0:
             condition = threshold.condition.label(found.identity.ambient_pressure_pa)
-            yield "stick-slip.threshold", {"condition": condition, "threshold": threshold}
+            yield say("stick-slip.threshold", condition=condition, threshold=threshold)
 
 
-def _excluded(found: CampaignCharacteristics) -> Iterator[Said]:
+def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
     """Return statements on cycles that are not points of F(v)."""
     points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
     off = [p for p in points if p.reason == OUTLIER]
     if off:
         values = named(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off)
-        yield "data.outliers", {"count": len(off), "values": values}
+        yield say("data.outliers", count=len(off), values=values)
     excluded = [p for p in points if p.reason not in {OUTLIER, NEGATIVE}]
     if excluded:
         speeds = sorted(1e3 * p.speed_m_s for p in excluded)
@@ -293,4 +284,4 @@ def _excluded(found: CampaignCharacteristics) -> Iterator[Said]:
         at = f"{speeds[0]:.3g}" if alike else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
         reasons = ", ".join(sorted({p.reason for p in excluded}))
         kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
-        yield kind, {"count": len(excluded), "speeds": at, "reasons": reasons}
+        yield say(kind, count=len(excluded), speeds=at, reasons=reasons)

@@ -19,7 +19,7 @@ from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, s
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, Condition, classify_pressures
-from pneudrive.friction.sentences import Said, say_all
+from pneudrive.friction.sentences import Statement, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -456,8 +456,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         slopes=slopes,
         means=means,
     )
-    said = say_all(_sentences(design, found, with_time, u))
-    return replace(found, statement=" ".join(one.text for one in said))
+    return replace(found, statement=" ".join(one.text for one in _sentences(design, found, with_time, u)))
 
 
 def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
@@ -542,7 +541,7 @@ def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> F
     return None if fit is None else fit.f_test(np.eye(kept.size)[x.shape[1] :])
 
 
-def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Said]:
+def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
     """Report the slopes that the pairs of pressures show, the test of their sum, and undetermined values.
 
     An interaction within the accuracy of the sensors does not count.
@@ -551,26 +550,26 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u:
     titles = {"a": "p_a", "b": "p_b", "sum": "both pressures together"}
     slopes = " and ".join(f"{e.scaled(PA_PER_BAR, 'N/bar'):.2f} of {titles[name]}" for name, e in found.means.items())
     pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
-    yield "pressure.slopes", {"pairs": pairs, "speeds": design.speeds.size, "slopes": slopes}
+    yield say("pressure.slopes", pairs=pairs, speeds=design.speeds.size, slopes=slopes)
     if design.kind != "both":
-        yield f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}", {}
+        yield say(f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}")
     elif test is None or joint is None:
-        yield "pressure.no_interaction", {}
+        yield say("pressure.no_interaction")
     else:
         reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
         most = reach * float(np.abs(design.gauge[:, 0] * design.gauge[:, 1]).max())
         numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
         if test.p >= CHANCE:
-            yield "pressure.add", {"test": numbers, "reach": reach}
+            yield say("pressure.add", test=numbers, reach=reach)
         elif most < 2.0 * u:
-            yield "pressure.add_within_accuracy", {"test": numbers, "most": most, "accuracy": 2.0 * u}
+            yield say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
         else:
-            yield "pressure.interact", {"test": numbers, "joint": joint.scaled(PA_PER_BAR**2, "N/bar2")}
+            yield say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
     if found.curvature is not None and found.curvature.p < CHANCE:
-        yield "pressure.curved", {"chance": _chance(found.curvature.p)}
+        yield say("pressure.curved", chance=_chance(found.curvature.p))
     if with_time:
         names = " and ".join({"a": "p_a", "b": "p_b", "sum": "the pressures"}[name] for name in with_time)
-        yield "pressure.follows_time", {"names": names, "hidden": found.hidden_n, "share": 100 * HIDDEN_CHANGE}
+        yield say("pressure.follows_time", names=names, hidden=found.hidden_n, share=100 * HIDDEN_CHANGE)
 
 
 def _chance(p: float) -> str:
