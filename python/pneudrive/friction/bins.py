@@ -206,10 +206,10 @@ def _effective_number(values: Array, *, has_trend: bool) -> float:
     """Estimate the number of independent strokes: fewer if neighbouring strokes are significantly correlated."""
     n = values.size
     away = values - values.mean()
-    power = float(away @ away)
+    power = away @ away
     if n < 4 or power == 0:
         return float(n)
-    r = float(away[1:] @ away[:-1]) / power
+    r = away[1:] @ away[:-1] / power
     if not has_trend and r < 1.645 / np.sqrt(n):
         return float(n)
     r = float(np.clip(r, 0.0, 0.9))
@@ -239,7 +239,7 @@ def profile_stderr(profile_n: Array) -> float:
         return np.nan
     x = np.arange(n, dtype=float)
     slope, intercept = straight_line(x, values)
-    return stderr_of_mean(values - (intercept + slope * x)) * float(np.sqrt((n - 1) / (n - 2)))
+    return stderr_of_mean(values - (intercept + slope * x)) * np.sqrt((n - 1) / (n - 2))
 
 
 def within_stderr(strokes_n: Array) -> float:

@@ -231,7 +231,7 @@ def assemblies_of(table: xr.Dataset) -> list[str]:
 def classify_pressures(pairs: Array) -> str:
     """Return the slopes that pressure pairs determine: both, one, their sum, or one along a line."""
     away = pairs - pairs.mean(axis=0)
-    scale = max(float(np.abs(pairs).max()), 1e-12)
+    scale = max(np.abs(pairs).max(), 1e-12)
     spans = np.ptp(pairs, axis=0)
     if spans[1] < SAME_SLOPE * scale:
         return "a"

@@ -135,8 +135,8 @@ class Level(Shown):
         else:
             deviation = np.array([[spread.deviation_n for spread in self.spreads.values()]])
             effective = np.array([[spread.effective for spread in self.spreads.values()]])
-            scatter, single = float(pair_stderr(deviation, effective)[0]), self.profile.friction_n[self.bins]
-            inside = float(np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows))) / 2
+            scatter, single = pair_stderr(deviation, effective)[0], self.profile.friction_n[self.bins]
+            inside = np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows)) / 2
         return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
 
     @cached_property

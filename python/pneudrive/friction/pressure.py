@@ -157,7 +157,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
     residual = np.asarray(force - matrix @ solution, dtype=float)
     dof = len(points) - matrix.shape[1]
-    deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else np.nan
+    deviation = np.sqrt(residual @ residual / dof) if dof > 0 else np.nan
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     doubt = _contradiction(points, residual) if dof > 0 else "few"
     freedom = 0 if doubt else dof
@@ -292,10 +292,10 @@ def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
             continue
         for cell in _repeats(members):
             runs = dict.fromkeys(p.run for p in cell)
-            values = np.array([float(np.mean([p.friction_n for p in cell if p.run == run])) for run in runs])
+            values = np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
             if values.size >= 2:
                 mean = float(values.mean())
-                squares += float(((values / mean - 1) ** 2).sum())
+                squares += ((values / mean - 1) ** 2).sum()
                 freedom += values.size - 1
                 low, high = float(values.min()), float(values.max())
                 cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
@@ -355,16 +355,16 @@ def _speed_groups(seal: str, points: list[LevelPoint]) -> list[tuple[str, list[L
 def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | None) -> PressureLine:
     pressure = np.array([p.pressure_pa for p in points])
     friction = np.array([p.friction_n for p in points])
-    scale = float(np.abs(pressure).max())
+    scale = np.abs(pressure).max()
     matrix = np.column_stack([np.ones(pressure.size), pressure / scale])
     solution = np.linalg.lstsq(matrix, friction, rcond=None)[0]
     residual = friction - matrix @ solution
     dof = pressure.size - 2
-    own = float(residual @ residual) / dof
+    own = residual @ residual / dof
     repeated = spread is not None and any(cell[0] == seal for cell in spread.cells)
     basis = "own" if repeated else "pooled" if spread else "unknown"
 
-    band = np.linspace(min(float(pressure.min()), 0.0), float(pressure.max()), BAND_POINTS)
+    band = np.linspace(min(pressure.min(), 0.0), pressure.max(), BAND_POINTS)
     design = np.column_stack([np.ones(BAND_POINTS), band / scale])
     mean = design @ solution
     single, freedom = np.full(BAND_POINTS, own), float(dof)
@@ -375,7 +375,7 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
         # the deviation of a further recording; the larger one counts. With one run the scatter lacks
         # the spread between runs, so the pooled spread is added.
         between = (spread.relative * np.abs(mean)) ** 2
-        typical = float(np.mean((spread.relative * friction) ** 2))
+        typical = np.mean((spread.relative * friction) ** 2)
         single = np.maximum(single, between) if repeated else single + between
         variance = max(own, typical) if repeated else own + typical
         if typical > own:

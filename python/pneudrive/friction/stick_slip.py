@@ -95,7 +95,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     offset may differ. If there are too few bins in between, the bins of the window are used.
     """
     known = np.isfinite(profile.offset_n)
-    away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))
+    away = np.abs(profile.position_m - turn_m) / np.ptp(profile.position_m)
     near = known & (away > OFFSET_FROM[0]) & (away < OFFSET_FROM[1])
     if near.sum() < FEWEST_BINS:
         near = known & profile.in_window
@@ -128,7 +128,7 @@ def _peak(
     top = int(np.argmax(friction))
     low, high = rise(friction[: top + 1])
     times = time[part]
-    duration = float(times[high] - times[low])
+    duration = times[high] - times[low]
     swing, excess = float(friction[top] - friction[low]), float(friction[top] - usual.sliding_n)
     gap = np.diff(times[low : top + 1]).max(initial=0.0)
     moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), usual.pressures_pa)
@@ -164,7 +164,7 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
         pressure = getattr(recording, f"pressure_{side}_pa")[part]
         # Noise spreads n samples over about 2 sqrt(2 ln n) deviations.
         by_noise = 2 * noise * np.sqrt(2 * np.log(max(pressure.size, 2)))
-        moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
+        moved += max(np.ptp(pressure) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
     return moved
 
 
@@ -176,7 +176,7 @@ def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
     time, speed = recording.time_s[stroke.samples], 0.8 * abs(stroke.speed_m_s)
     velocity = motion.local_slope(time, recording.position_m[stroke.samples])
     reached = max(int(np.argmax(np.abs(velocity) >= speed)), 1)
-    return mass * (speed / float(time[reached] - time[0]))
+    return mass * (speed / (time[reached] - time[0]))
 
 
 def rise(friction_n: Array) -> tuple[int, int]:
@@ -184,8 +184,8 @@ def rise(friction_n: Array) -> tuple[int, int]:
 
     A slow drift between the rise and the peak does not belong to the rise.
     """
-    bottom = float(friction_n.min())
-    swing = float(friction_n[-1]) - bottom
+    bottom = friction_n.min()
+    swing = friction_n[-1] - bottom
     high = int(np.argmax(friction_n >= bottom + 0.9 * swing))
     below = np.flatnonzero(friction_n[: high + 1] <= bottom + 0.1 * swing)
     return (int(below[-1]) if below.size else 0), high
@@ -301,10 +301,10 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     stuck, slipping = speed < STUCK_SHARE * mean, speed > SLIP_SHARE * mean
     stuck_share = float(weights[stuck].sum() / total) if mean > 0 else 0.0
     ripple = float(np.sqrt((weights * (speed - mean) ** 2).sum() / total) / mean) if mean > 0 else 0.0
-    travel = float((np.abs(speed) * weights).sum())
-    slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
+    travel = (np.abs(speed) * weights).sum()
+    slipped = (speed * weights)[slipping].sum() / travel if travel > 0 else 0.0
     onsets = slip_onsets(stuck, slipping) if mean > 0 else []
-    peaks = [float(speed[a:b].max()) for a, b in pairwise([*onsets, speed.size])]
+    peaks = [speed[a:b].max() for a, b in pairwise([*onsets, speed.size])]
     periods = max(len(onsets) - 1, 0)
     return StickSlip(
         found=periods >= MINIMUM_PERIODS and slipped >= SLIPPED_SHARE and stuck_share >= RESTED_SHARE,
@@ -324,7 +324,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
 
 def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
     """Return half width of the slope window at which position noise gives at most 5 % of the mean speed."""
-    step = float(time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
+    step = (time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
     noise = motion.noise_level(position_m)
     if mean <= 0 or step <= 0:
         return 1

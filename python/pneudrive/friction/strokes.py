@@ -220,17 +220,17 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> dict[str
     if not index.size:
         return {}
     pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
-    seconds, way = (float(np.diff(values[index[[0, -1]]])[0]) for values in (motion.time_s, motion.position_m))
-    gas = float(np.diff(recording.area_a_m2 * pressure_a[[0, -1]] - recording.area_b_m2 * pressure_b[[0, -1]])[0])
+    seconds, way = (np.diff(values[index[[0, -1]]])[0] for values in (motion.time_s, motion.position_m))
+    gas = np.diff(recording.area_a_m2 * pressure_a[[0, -1]] - recording.area_b_m2 * pressure_b[[0, -1]])[0]
     moves = _usual_range(pressure_a) * recording.area_a_m2 + _usual_range(pressure_b) * recording.area_b_m2
     return {
-        "mean_n": float(motion.balance_n[part][settled].mean()),
+        "mean_n": motion.balance_n[part][settled].mean(),
         "samples": index.size,
-        "force_n": float(recording.force_n[index].mean()),
-        "pressure_a_pa": float(pressure_a.mean()),
-        "pressure_b_pa": float(pressure_b.mean()),
+        "force_n": recording.force_n[index].mean(),
+        "pressure_a_pa": pressure_a.mean(),
+        "pressure_b_pa": pressure_b.mean(),
         "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
-        "parallel_n": float(sum(f.uncertainty * float(f.force_n[index].mean()) for f in recording.parallel)),
+        "parallel_n": sum(f.uncertainty * f.force_n[index].mean() for f in recording.parallel),
         "late_n": motion.late_s * (gas / seconds) if seconds > 0 else 0.0,
         "pressure_moves_n": moves,
     }

@@ -209,7 +209,7 @@ def compare_curves(
     cycles = [count[campaign == k].sum() for k in (0, 1)]
     if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
-    u, u_log = float(np.sqrt(2.0)) * gain, np.log10(common.points["speed_m_s"].to_numpy())
+    u, u_log = np.sqrt(2.0) * gain, np.log10(common.points["speed_m_s"].to_numpy())
     sign = (campaign.astype(float) - 0.5)[:, None]
     dummies = (point[:, None] == np.arange(m)[None, :]).astype(float)
     away = u_log - u_log.mean()
@@ -490,7 +490,7 @@ def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
         assert series.curve is not None
         row = np.zeros((1, len(series.conditions)))
         row[0, list(of)] = 1.0 / len(of)
-        slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
+        slopes.append(series.curve.gains(np.log10(low), np.log10(high)).combine(row).estimates()[0])
         levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
     level, slope = levels[1] - levels[0], slopes[1] - slopes[0]
     where, span = f"{a.name}, at {at:.3g} s", f"{a.name}, mean from {low:.3g} to {high:.3g} s"

@@ -94,7 +94,7 @@ class Fits:
     @property
     def level_n(self) -> float:
         """Mean friction of the points, N."""
-        return float(self.points["friction_n"][self.points.use].mean())
+        return self.points["friction_n"][self.points.use].mean()
 
     @property
     def scale_n(self) -> float:
@@ -182,7 +182,7 @@ def _better(data: smooth.CurveData) -> smooth.CurveFit:
     relative = smooth.fit_curves(data.logarithms())
     # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
     freedom = len(data) - plain.fit.model.x.shape[1]
-    likelier = relative.fit.log_likelihood() - freedom * float(np.mean(np.log(data.y)))
+    likelier = relative.fit.log_likelihood() - freedom * np.mean(np.log(data.y))
     better = relative if likelier > plain.fit.log_likelihood() else plain
     del plain, relative  # free the other one before a third: each takes much memory
     return smooth.either_chance(better)
@@ -204,15 +204,15 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     """
     points, pattern = fits.points, fits.points.pattern
     here = points.at(points.use & (points["curve"] == condition))
-    gain = float(np.mean(here["u_gain_n"])) / max(abs(float(np.mean(here["friction_n"]))), 1e-12)
-    spread, size = float(np.std(fits.friction.drift)), np.abs(friction_n)
+    gain = np.mean(here["u_gain_n"]) / max(abs(np.mean(here["friction_n"])), 1e-12)
+    spread, size = np.std(fits.friction.drift), np.abs(friction_n)
     ones = np.ones(size.size)
     return SharedTerms(
         gain_n=gain * size,
-        hysteresis_n=float(np.mean(here["u_hysteresis_n"])) * ones,
+        hysteresis_n=np.mean(here["u_hysteresis_n"]) * ones,
         position_n=pattern.u_friction * size,
         state_n=spread * (size if fits.friction.logarithmic else ones),
-        zero_n=np.hypot(float(np.mean(here["u_offset_n"])), pattern.u_offset_n) * ones,
+        zero_n=np.hypot(np.mean(here["u_offset_n"]), pattern.u_offset_n) * ones,
         half_sum_n=0.0 * ones if fits.has_zero else np.abs(half_sum_n),
     )
 

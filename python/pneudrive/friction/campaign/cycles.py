@@ -231,9 +231,9 @@ def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loo
 def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
     """Return the travel after the reversal in which friction goes from 10 % to 90 % of its change."""
     part = slice(before.stop - 1, after.stop)
-    start = float(np.median(friction[max(before.stop - 20, before.start) : before.stop]))
+    start = np.median(friction[max(before.stop - 20, before.start) : before.stop])
     middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)
-    end = float(np.median(friction[middle]))
+    end = np.median(friction[middle])
     if start == end:
         return np.nan
     share = (friction[part] - start) / (end - start)
@@ -311,7 +311,7 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
     values = (near["standing_n"] - weights["standing_n"]) / weights["weight_n"] - 1.0
     variances = (weights["standing_stderr_n"] ** 2 + near["standing_stderr_n"] ** 2) / weights["weight_n"] ** 2
     measured = float(np.mean(values))
-    scatter = float(np.var(values, ddof=1)) / count if count > 1 else 0.0
+    scatter = np.var(values, ddof=1) / count if count > 1 else 0.0
     stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
         return Gain(0.0, np.nan, measured, stderr, count, "curve.gain_wrong")
@@ -399,7 +399,7 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
     block = seen["block"]
     offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
     values = np.concatenate(list(offs.values()))
-    scatter = float(np.std(values, ddof=1)) if values.size > 1 else 0.0
+    scatter = np.std(values, ddof=1) if values.size > 1 else 0.0
     noise = rms(seen[f"open_{side}_stderr_pa"][good])
     stderr = float(np.hypot(noise, scatter) / np.sqrt(values.size))
     means = {b: float(np.mean(some)) for b, some in offs.items()}

@@ -82,7 +82,7 @@ def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, s
             near = order[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS + 1]
             near = near[near != i]
             near = near[np.argsort(np.abs(pace[near] - pace[i]), kind="stable")][:NEIGHBOURS]
-            usual = float(np.median(np.abs(friction_n[near]))) if near.size >= ENOUGH else 0.0
+            usual = np.median(np.abs(friction_n[near])) if near.size >= ENOUGH else 0.0
             if friction_n[i] < -SURE * stderr_n[i]:
                 found[i] = NEGATIVE
             elif usual > 0 and not usual / FAR <= abs(friction_n[i]) <= usual * FAR:
@@ -116,7 +116,7 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
     ratio, ambient = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], ambient_pa / PA_PER_BAR
     off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
     if off.any():
-        yield of("data.other_speed", off, ratio=float(np.median(ratio[off])))
+        yield of("data.other_speed", off, ratio=np.median(ratio[off]))
     for side in "ab":
         name = f"pressure_{side}_pa"
         least = max(SET_PA, PRESSURE_ACCURACIES * accuracy.get(name, 0.0))
@@ -124,7 +124,7 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         away = measured - planned
         off = np.abs(away) > np.maximum(SET_SHARE * np.abs(planned - ambient_pa), least)
         if off.any():
-            mean = float(np.median(away[off]))
+            mean = np.median(away[off])
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
             yield of(f"data.{kind}", off, side=side, mean=mean / PA_PER_BAR, all=len(cycles))
         low = (measured < ambient_pa - least) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
@@ -164,12 +164,12 @@ class Pattern:
     @property
     def u_friction(self) -> float:
         """Relative standard uncertainty of the common range's mean as an estimate of the whole stroke's mean."""
-        return unseen_n(self.friction[self.common], float(self.common.mean()))
+        return unseen_n(self.friction[self.common], self.common.mean())
 
     @property
     def u_offset_n(self) -> float:
         """The same for half the sum, N."""
-        return unseen_n(self.offset_n[self.common], float(self.common.mean()))
+        return unseen_n(self.offset_n[self.common], self.common.mean())
 
 
 def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, dict[str, Array]]:

@@ -98,7 +98,7 @@ def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambien
     holds = [(i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     meant = [i for i, step in holds if step.released or step.weight_n]
     standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
-    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
+    begin, end = np.quantile(recording.time_s[standing], [0.0, 1.0])
     standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
     if standing.sum() < MINIMUM_SAMPLES:
         raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))

@@ -188,8 +188,8 @@ class _Basis:
     @classmethod
     def of(cls, data: CurveData) -> _Basis:
         on = data.curve >= 0
-        lowest = float(data.speed_m_s[on].min())
-        width = max(float(stretched(data.speed_m_s[on], lowest).max()), 1e-6)
+        lowest = data.speed_m_s[on].min()
+        width = max(stretched(data.speed_m_s[on], lowest).max(), 1e-6)
         basis = cls(data, lowest, width, int(data.curve.max()) + 1, np.zeros(0, dtype=np.intp))
         return replace(basis, kept=mixed.independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
 
@@ -237,7 +237,7 @@ def carried_drift(data: CurveData) -> float:
     time = data.order[on]
     left = time - columns @ np.linalg.lstsq(columns, time, rcond=None)[0]
     away = time - time.mean()
-    return 1.0 - float(left @ left) / float(away @ away)
+    return 1.0 - left @ left / (away @ away)
 
 
 def fit_curves(data: CurveData) -> CurveFit:
@@ -300,7 +300,7 @@ def curve_model(data: CurveData) -> mixed.MixedModel:
     basis = _Basis.of(data)
     on = data.curve >= 0
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
-    usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(float(np.abs(data.y[on]).mean()), spread)
+    usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(np.abs(data.y[on]).mean(), spread)
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
     kernels = basis.with_data(data.speed_m_s, data.curve)
     components = [mixed.RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
@@ -371,7 +371,7 @@ def _path(data: CurveData) -> list[_Taken]:
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
     # Cost of an outlier: -log(odds of an outlier * its density / density of a good cycle).
-    price = float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
+    price = np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level)
     path = [_Taken([], *_deviations(data, [], None))]
     while len(path[-1].rows) < most:
         taken, sd = path[-1].rows, path[-1].sd
@@ -419,4 +419,4 @@ def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     """Return the deviation of a removed cycle from the others, in standard deviations."""
     rows, off, far = _off(data, [i for i in taken if i != one], sd)
     at = int(np.searchsorted(rows, one))
-    return abs(float(off[at])) / float(far[at]) if abs(off[at]) > LEAST_SHARE * data.level else 0.0
+    return abs(off[at]) / far[at] if abs(off[at]) > LEAST_SHARE * data.level else 0.0

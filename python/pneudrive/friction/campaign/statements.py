@@ -101,7 +101,7 @@ def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
     if points["assumed"].any():
         yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
     known = found.identity.force_calibration
-    largest = float(np.abs(points["force_n"]).max())
+    largest = np.abs(points["force_n"]).max()
     if known is not None and 0.0 < known.largest_n < largest:
         yield say("curve.beyond_calibration", largest=largest, known=known)
     gain = reading.gain
@@ -181,8 +181,8 @@ def still_changing(drift: Drift) -> Iterator[Statement]:
         return
     # From a line: a single cycle at either end is chance.
     slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
-    change = slope * float(np.ptp(drift.time_s[last]))
-    reach = float(np.mean((drift.high_n - drift.low_n)[last])) / 2.0
+    change = slope * np.ptp(drift.time_s[last])
+    reach = np.mean((drift.high_n - drift.low_n)[last]) / 2.0
     if abs(change) > reach:
         yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
 
@@ -238,11 +238,11 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     where = f"At {label}" if len(shares) == 1 else f"At {len(shares)} conditions"
     speed = 1e3 * max(s.speed_m_s[-1] for s in shares)
     if shares[0].separated:
-        air, total = _span([float(s.air_n[-1]) for s in shares]), _span([float(s.total_n[-1]) for s in shares])
-        half = max(float(s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
+        air, total = _span([s.air_n[-1] for s in shares]), _span([s.total_n[-1] for s in shares])
+        half = max((s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
         yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
     else:
-        yield say("air.bound", where=where, speed=speed, air=_span([float(s.air_bound_n[-1]) for s in shares]))
+        yield say("air.bound", where=where, speed=speed, air=_span([s.air_bound_n[-1] for s in shares]))
 
 
 def _span(values: list[float]) -> str:

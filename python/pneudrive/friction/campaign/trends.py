@@ -247,7 +247,7 @@ def _trend(
     found, variance = _slopes(position, rows, waves, length)
     if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
         return mean_estimate(found, "1/m"), 0.0
-    usual = float(np.median(slowness))
+    usual = np.median(slowness)
     groups = np.array_split(np.argsort(slowness), min(MOST_FITTED, found.size))
     count = np.array([group.size for group in groups], dtype=float)
     slow = np.array([slowness[group].mean() for group in groups]) / usual
@@ -272,7 +272,7 @@ def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float)
     weights = np.linalg.pinv(columns)[1]
     spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # noise absorbed by the columns
     variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
-    return found[:, 1], np.maximum(variance, 1e-12 * float(np.var(found[:, 1])) + 1e-30)
+    return found[:, 1], np.maximum(variance, 1e-12 * np.var(found[:, 1]) + 1e-30)
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
@@ -291,14 +291,14 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     Waves are added one after the other, the strongest first, while a wave explains more of the pattern than chance.
     With each new wave, all orders are adjusted.
     """
-    weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
+    weight = 1.0 / np.maximum(stderr, 1e-3 * np.median(stderr) + 1e-12)
 
     def left(waves: Sequence[float]) -> float:
         if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
             return np.inf
         columns = weight[:, None] * _columns(position, waves, length)
         rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
-        return float(rest @ rest)
+        return rest @ rest
 
     waves: list[float] = []
     while len(waves) < MOST_WAVES:
@@ -436,7 +436,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     for (name, gauge), rows in zip(gauges.items(), rows_of, strict=True):
         span, of_mean = float(np.ptp(gauge)), rows.mean(axis=0)
         slopes[name], means[name] = tuple(slope(row, span) for row in rows), slope(of_mean, span)
-        if hidden_n * abs(float(of_mean @ of_order)) * span > FOLLOWS_TIME * hidden_n:
+        if hidden_n * abs(of_mean @ of_order) * span > FOLLOWS_TIME * hidden_n:
             with_time.append(name)
     interaction, joint, curvature = None, None, None
     if together.shape[1] and not hidden_n:
@@ -498,7 +498,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
     level = steady / steady.mean()
     share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
-    usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
+    usual = CYCLE_SCALE * max(np.abs(y).mean(), 1e-9)
     outer, own = np.outer(share, share), relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / fits.points.count[design.used], usual)]
     if fits.drift_share < CARRIED:
@@ -557,7 +557,7 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u:
         yield say("pressure.no_interaction")
     else:
         reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
-        most = reach * float(np.abs(design.gauge[:, 0] * design.gauge[:, 1]).max())
+        most = reach * np.abs(design.gauge[:, 0] * design.gauge[:, 1]).max()
         numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
         if test.p >= CHANCE:
             yield say("pressure.add", test=numbers, reach=reach)

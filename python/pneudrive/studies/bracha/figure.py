@@ -221,13 +221,14 @@ class PaperFigure:
         cls,
         number: int,
         verdicts: Mapping[str, str],
-        quantities: dict[str, float],
+        quantities: Keyed,
         columns: dict[str, Array],
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:
         """Return a figure of these numbers; the numbers in `more` are used only in its texts."""
-        texts, numbers = texts_of(TEXTS)[str(number)], {**quantities, **more}
+        found = {name: float(value) for name, value in quantities.items()}
+        texts, numbers = texts_of(TEXTS)[str(number)], {**found, **more}
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))
-        return cls(number, texts["title"], claims, measured, quantities, columns, texts.get("assumed", ""), rig)
+        return cls(number, texts["title"], claims, measured, found, columns, texts.get("assumed", ""), rig)

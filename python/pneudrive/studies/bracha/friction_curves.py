@@ -60,17 +60,17 @@ def figure_5(run: Experiment) -> PaperFigure:
     share = np.abs(result.recording.position_m[part] - stroke.from_m) / abs(stroke.to_m - stroke.from_m)
     rest = raw[(share > ENDS) & (share < 1.0 - ENDS)]
     top = int(np.argmax(smooth))
-    excess = float(smooth[top] - rest.mean())
+    excess = smooth[top] - rest.mean()
     # noise and the barrel cause peaks elsewhere, too
-    elsewhere = float(smooth[share > PEAK_WITHIN].max() - rest.mean())
-    travel = float(share[top]) * abs(stroke.to_m - stroke.from_m)
+    elsewhere = smooth[share > PEAK_WITHIN].max() - rest.mean()
+    travel = share[top] * abs(stroke.to_m - stroke.from_m)
     early = share[top] < PEAK_WITHIN
     return PaperFigure.make(
         5,
         {"largest": judge(excess > CLEAR * elsewhere and early, part=early)},
         {
-            "peak_n": float(smooth[top]),
-            "mean_n": float(rest.mean()),
+            "peak_n": smooth[top],
+            "mean_n": rest.mean(),
             "excess_n": excess,
             "elsewhere_n": elsewhere,
             "travel_at_peak_m": travel,
@@ -108,16 +108,16 @@ def figure_6(run: Experiment) -> PaperFigure:
     speed, seal, air = share["speed_m_s"], share["seal_n"], share["air_n"]
     by_paper, truth = paper["total_n"], _truths(run)
     low, high = speed <= LOW_M_S, speed >= HIGH_M_S
-    lead = float(by_paper[low].min() - by_paper[high].max())
-    biggest = float(speed[int(np.argmax(by_paper))])
+    lead = by_paper[low].min() - by_paper[high].max()
+    biggest = speed[np.argmax(by_paper)]
     error = by_paper - (truth + air)
     worst = int(np.argmax(np.abs(error)))
     (whole,) = _shares(campaign_friction(run.campaign, SourcePaper(dropped_share=0.0)))
-    undropped = float(np.max(np.abs(whole["total_n"] - (truth + air))))
+    undropped = np.max(np.abs(whole["total_n"] - (truth + air)))
     lowest = int(np.argmin(by_paper))
-    scatter = float(np.max(high_n - low_n))
-    fall, rise = float(by_paper[0] - by_paper[lowest]), float(by_paper[-1] - by_paper[lowest])
-    left = float(abs(error[worst]))
+    scatter = np.max(high_n - low_n)
+    fall, rise = by_paper[0] - by_paper[lowest], by_paper[-1] - by_paper[lowest]
+    left = abs(error[worst])
     return PaperFigure.make(
         6,
         {
@@ -127,12 +127,12 @@ def figure_6(run: Experiment) -> PaperFigure:
         },
         {
             "biggest_at_m_s": biggest,
-            "biggest_n": float(by_paper.max()),
+            "biggest_n": by_paper.max(),
             "lead_n": lead,
-            "air_at_top_n": float(air[-1]),
-            "protocol_error_n": float(error[worst]),
-            "protocol_error_at_m_s": float(speed[worst]),
-            "settled_error_n": float(np.max(np.abs(seal - truth))),
+            "air_at_top_n": air[-1],
+            "protocol_error_n": error[worst],
+            "protocol_error_at_m_s": speed[worst],
+            "settled_error_n": np.max(np.abs(seal - truth)),
         },
         {
             "speed_m_s": speed,
@@ -180,12 +180,12 @@ def figure_8(run: Experiment) -> PaperFigure:
     truth = _truths(run).reshape(total.shape)
     rises = np.diff(total, axis=0)
     lowest = total[:, 0]
-    slope = float(np.polyfit(gauge, lowest, 1)[0])
+    slope = np.polyfit(gauge, lowest, 1)[0]
     dip = lowest / total.min(axis=1) - 1.0
     inner = np.argmin(total, axis=1)
     has_minimum = (inner > 0) & (inner < speed.size - 1)
     more = bool(np.all(has_minimum >= has_minimum[0]) and np.all(np.diff(dip) > 0.0))
-    ordered = float(np.mean(rises > 0.0))
+    ordered = np.mean(rises > 0.0)
     low_rises = slope > 0.0 and np.all(rises[:, 0] > 0.0)
     return PaperFigure.make(
         8,
@@ -196,13 +196,13 @@ def figure_8(run: Experiment) -> PaperFigure:
         },
         {
             "ordered_share": ordered,
-            "smallest_rise_n": float(rises.min()),
+            "smallest_rise_n": rises.min(),
             "low_speed_slope_n_pa": slope,
-            "dip_at_lowest_pressure": float(dip[0]),
-            "dip_at_highest_pressure": float(dip[-1]),
-            "air_at_lowest_pressure_n": float(air[0, -1]),
-            "air_at_highest_pressure_n": float(air[-1, -1]),
-            "seal_error_n": float(np.max(np.abs(seal - truth))),
+            "dip_at_lowest_pressure": dip[0],
+            "dip_at_highest_pressure": dip[-1],
+            "air_at_lowest_pressure_n": air[0, -1],
+            "air_at_highest_pressure_n": air[-1, -1],
+            "seal_error_n": np.max(np.abs(seal - truth)),
         },
         {
             "speed_m_s": speed,

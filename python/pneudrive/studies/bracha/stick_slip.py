@@ -18,7 +18,7 @@ from pneudrive.studies.bracha.figure import PaperFigure, judge
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Row
     from pneudrive.studies.bracha.figure import Experiment
 
 
@@ -134,7 +134,7 @@ def figure_3() -> PaperFigure:
     """Return stick-slip of the same drive with Coulomb and Stribeck friction combined, sticking exactly."""
     columns = _columns(creep("stribeck"))
     found = whole_periods(columns)
-    still = float(np.mean(columns["velocity_m_s"] == 0.0))
+    still = np.mean(columns["velocity_m_s"] == 0.0)
     verdicts = {"simulates": judge(sticks(found) and still > 0.0, part=sticks(found))}
     return PaperFigure.make(3, verdicts, _quantities(found) | {"rest_share": still}, columns)
 
@@ -153,7 +153,7 @@ def _columns(run: xr.Dataset) -> dict[str, Array]:
 def whole_periods(columns: dict[str, Array]) -> StickSlip:
     """Measure stick-slip between the first and the last onset of a slip, so that the mean covers whole periods."""
     time, position, velocity = columns["time_s"], columns["position_m"], columns["velocity_m_s"]
-    mean = float((position[-1] - position[0]) / (time[-1] - time[0]))
+    mean = (position[-1] - position[0]) / (time[-1] - time[0])
     onsets = slip_onsets(velocity < STUCK_SHARE * mean, velocity > mean)
     part = slice(onsets[0], onsets[-1] + 1) if len(onsets) >= 2 else slice(None)
     return measure_stick_slip(time[part], position[part], velocity[part])
@@ -165,10 +165,10 @@ def sticks(found: StickSlip) -> bool:
     return found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
 
 
-def _quantities(found: StickSlip) -> dict[str, float]:
+def _quantities(found: StickSlip) -> Row:
     names = ("period_s", "step_m", "mean_speed_m_s", "peak_speed_m_s", "stuck_share")
     return {
-        "periods": float(found.periods),
+        "periods": found.periods,
         **{name: getattr(found, name) for name in names},
         "peak_ratio": found.peak_speed_m_s / found.mean_speed_m_s,
     }
@@ -213,7 +213,7 @@ def figure_9(run: Experiment) -> PaperFigure:
     width = np.array([mean.high for mean in means]) - increment
     running = np.array([np.mean(group["running_n"].to_numpy()) for group in rested])
     relaxed = stops["relaxation_n"].drop_nans().to_numpy()
-    back = float(np.median(stops["recovery_m"].drop_nans()))
+    back = np.median(stops["recovery_m"].drop_nans())
     shown = rested[len(speeds) // 2].row(0, named=True)
     trace = {name: np.array(shown[f"trace_{name}"]) for name in ("time_s", "position_m", "friction_n")}
     changed = bool(np.all(increment - width > CHANGE * running))
@@ -225,10 +225,10 @@ def figure_9(run: Experiment) -> PaperFigure:
             "ages": judge(False, part=np.all(increment - width > HIGH * running)),
         },
         {
-            "least_increment_n": float(increment.min()),
-            "largest_increment_n": float(increment.max()),
-            "largest_share": float((increment / running).max()),
-            "relaxed_n": float(np.median(relaxed)),
+            "least_increment_n": increment.min(),
+            "largest_increment_n": increment.max(),
+            "largest_share": (increment / running).max(),
+            "relaxed_n": np.median(relaxed),
             "recovery_m": back,
         },
         {
@@ -261,7 +261,7 @@ def figure_4(run: Experiment) -> PaperFigure:
     return PaperFigure.make(
         4,
         {"speeds": judge(rising, part=False), "samples": judge(near, part=False)},
-        {"slowest_m_s": float(speeds.min()), "fastest_m_s": float(speeds.max()), "samples": float(samples.min())},
+        {"slowest_m_s": speeds.min(), "fastest_m_s": speeds.max(), "samples": samples.min()},
         {"speed_m_s": speeds, "samples": samples},
         (run.campaign.identity, run.envelope),
         cycles=speeds.size,
@@ -278,7 +278,7 @@ def figure_7(run: Experiment) -> PaperFigure:
     return PaperFigure.make(
         7,
         {"ranges": judge(spans, part=False)},
-        {"lowest_gauge_pa": float(gauges.min()), "highest_gauge_pa": float(gauges.max())},
+        {"lowest_gauge_pa": gauges.min(), "highest_gauge_pa": gauges.max()},
         {"speed_m_s": speeds, "gauge_pa": gauges, "samples": samples},
         (run.campaign.identity, run.envelope),
         cycles=speeds.size,
@@ -294,9 +294,9 @@ def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for file in run.campaign.cycles():
         samples = file.samples()
         inner = slice(len(samples) // 5, 2 * len(samples) // 5)  # within the outward stroke, between its ramps
-        speed = abs(float(np.polyfit(samples.time_s[inner], samples.position_m[inner], 1)[0]))
-        gauge = 0.5 * float(np.mean(samples.pressure_a_pa + samples.pressure_b_pa)) - ambient
-        even = float(np.median(np.diff(samples.time_s)))  # most samples lie outside the bursts
+        speed = abs(np.polyfit(samples.time_s[inner], samples.position_m[inner], 1)[0])
+        gauge = 0.5 * np.mean(samples.pressure_a_pa + samples.pressure_b_pa) - ambient
+        even = np.median(np.diff(samples.time_s))  # most samples lie outside the bursts
         rows.append((speed, gauge, np.rint((samples.time_s[-1] - samples.time_s[0]) / even)))
     speeds, gauges, sizes = np.array(rows, dtype=float).T
     return speeds, gauges, sizes
@@ -304,5 +304,5 @@ def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _spans(values: np.ndarray, ends: tuple[float, float], zero_error: float = 0.0) -> bool:
     """Return whether the values reach both ends of a range, within the error of the sensors."""
-    low, high = float(values.min()), float(values.max())
+    low, high = values.min(), values.max()
     return low <= ends[0] * (1.0 + REACHED) + zero_error and high >= ends[1] * (1.0 - REACHED) - zero_error

@@ -142,11 +142,11 @@ def steady_part(recording: Recording, part: slice) -> slice:
     """Return the part of one move at constant speed, from the first to the last sample near its usual speed."""
     time_s, position_m = recording.time_s[part], recording.position_m[part]
     n = time_s.size
-    share = np.abs(position_m - position_m[0]) / max(abs(float(position_m[-1] - position_m[0])), 1e-12)
+    share = np.abs(position_m - position_m[0]) / max(abs(position_m[-1] - position_m[0]), 1e-12)
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
     if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
         return slice(part.start, part.start + n)
-    usual = float(position_m[inner[-1]] - position_m[inner[0]]) / float(time_s[inner[-1]] - time_s[inner[0]])
+    usual = (position_m[inner[-1]] - position_m[inner[0]]) / (time_s[inner[-1]] - time_s[inner[0]])
     steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
     first, last = (steady[0], steady[-1]) if steady.size >= FEWEST else (0, n - 1)
     return slice(part.start + int(first), part.start + int(last) + 1)
@@ -155,7 +155,7 @@ def steady_part(recording: Recording, part: slice) -> slice:
 def mean_velocity(recording: Recording, part: slice) -> float:
     """Return the mean signed velocity of a part of a recording."""
     time, position = recording.time_s[part], recording.position_m[part]
-    return float(position[-1] - position[0]) / max(float(time[-1] - time[0]), 1e-12)
+    return (position[-1] - position[0]) / max(time[-1] - time[0], 1e-12)
 
 
 def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases | None:
@@ -166,9 +166,9 @@ def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases |
     begins, end = int(after[0]), int(after[-1])
     last = int(before[-1]) if before.size else (int(rest[0]) if rest.size else begins - 1)
     approach = slice(int(before[0]), last + 1) if before.size >= FEWEST else slice(last, last)
-    at = float(position_m[max(begins - 1, 0)])
+    at = position_m[max(begins - 1, 0)]
     direction = 1 if position_m[end] >= at else -1
-    came = float(at - position_m[approach.start]) if approach.stop > approach.start else 0.0
+    came = at - position_m[approach.start] if approach.stop > approach.start else 0.0
     return Phases(
         approach=approach,
         rest=slice(last + 1, begins),
@@ -256,7 +256,7 @@ def _means(values: Array, most: int) -> tuple[Array, float]:
     """Return the means over equal parts, and the mean number of samples in a part."""
     edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
     sizes = np.diff(edges)
-    return np.add.reduceat(values, edges[:-1]) / sizes, float(sizes.mean())
+    return np.add.reduceat(values, edges[:-1]) / sizes, sizes.mean()
 
 
 def _noise(values: Array) -> float:
@@ -319,11 +319,11 @@ def running_level(
     condition : Condition
     """
     steady = steady_part(recording, phases.restart)
-    at = float(recording.position_m[phases.restart.start])
+    at = recording.position_m[phases.restart.start]
     speed = abs(mean_velocity(recording, steady))
     approach = _approach(recording, phases, speed)
-    end = float(recording.position_m[steady.stop - 1])
-    low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
+    end = recording.position_m[steady.stop - 1]
+    low, high = sorted((recording.position_m[approach.start] if approach else at, end))
     alike = (phases.direction, speed, low, high, condition)
     references = _references(own, *alike) or _references(others, *alike)
     reference_m, reference_n, noise = _averaged(references)
@@ -333,7 +333,7 @@ def running_level(
         before = friction_n[approach] - nothing.shape(recording.position_m[approach])
         level, stderr, texture = _of_approach(before)
     elif references:
-        basis, level = "reference", [float(np.interp(at, s.position_m, s.friction_n)) for s in references]
+        basis, level = "reference", [np.interp(at, s.position_m, s.friction_n) for s in references]
         near = np.abs(reference_m - at) < 0.1 * (high - low)
         texture = float(np.std(reference_n[near])) if near.sum() > 3 else 0.0
         stderr = float(np.std(level, ddof=1)) / np.sqrt(len(level)) if len(level) > 1 else texture
@@ -348,9 +348,9 @@ def _of_approach(friction: Array) -> tuple[float, float, float]:
     bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
     noise = _noise(friction) / np.sqrt(each)
     stderr = profile_stderr(bins)
-    lean = abs(float(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0])) / 2.0 if bins.size > 3 else 0.0
-    texture = float(np.sqrt(max(np.var(bins, ddof=2) - noise**2, 0.0))) if bins.size > 3 else 0.0
-    return float(bins.mean()), float(np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0))), texture
+    lean = abs(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0]) / 2.0 if bins.size > 3 else 0.0
+    texture = np.sqrt(max(np.var(bins, ddof=2) - noise**2, 0.0)) if bins.size > 3 else 0.0
+    return bins.mean(), np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0)), texture
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
@@ -361,7 +361,7 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
     if abs(abs(mean_velocity(recording, steady)) - speed) > SAME_SPEED * speed:
         return None
     position = recording.position_m[steady]
-    share = np.abs(position - position[0]) / max(abs(float(position[-1] - position[0])), 1e-12)
+    share = np.abs(position - position[0]) / max(abs(position[-1] - position[0]), 1e-12)
     first = steady.start + int(np.argmax(share >= 1.0 - LAST_SHARE))
     return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None
 
@@ -373,7 +373,7 @@ def _references(
     out = []
     for s in strokes:
         alike = s.direction == direction and s.condition == condition
-        covered = min(float(s.position_m[-1]), high) - max(float(s.position_m[0]), low)
+        covered = min(s.position_m[-1], high) - max(s.position_m[0], low)
         if alike and abs(s.speed_m_s - speed) <= SAME_SPEED * speed and covered >= COVERED * (high - low):
             out.append(s)
     return out[-MOST_REFERENCES:]
@@ -383,12 +383,12 @@ def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, flo
     """Return the mean friction of the strokes over the travel, smoothed over three points, and its noise."""
     if not strokes:
         return np.zeros(0), np.zeros(0), 0.0
-    ends = max(float(s.position_m[0]) for s in strokes), min(float(s.position_m[-1]) for s in strokes)
+    ends = max(s.position_m[0] for s in strokes), min(s.position_m[-1] for s in strokes)
     grid = np.linspace(*ends, 200)
     mean = np.mean([np.interp(grid, s.position_m, s.friction_n) for s in strokes], axis=0)
     padded = np.r_[mean[0], mean, mean[-1]]
     smooth = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
-    return grid, smooth, float(np.mean([s.noise_n for s in strokes])) / np.sqrt(3.0 * len(strokes))
+    return grid, smooth, np.mean([s.noise_n for s in strokes]) / np.sqrt(3.0 * len(strokes))
 
 
 BACK = 0.05  # of the excess at the peak
@@ -427,8 +427,8 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     travel, time, excess = travel_m[known], time_s[known], excess_n[known]
     if travel.size < FEWEST_BINS * LEAST_IN_BIN:
         return None
-    low = float(travel[LEAST_IN_BIN])
-    edges = np.r_[0.0, np.geomspace(low, float(travel[-1]) * (1 + 1e-9), BINS_PER_DECADE * 4)]
+    low = travel[LEAST_IN_BIN]
+    edges = np.r_[0.0, np.geomspace(low, travel[-1] * (1 + 1e-9), BINS_PER_DECADE * 4)]
     at = np.searchsorted(edges, travel, side="right") - 1
     number = np.bincount(at, minlength=edges.size)
     # Bins with too few samples join the following one.
@@ -469,11 +469,11 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     """
     s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
-    start = float(np.average(y[first], weights=sigma[first] ** -2))
-    if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
+    start = np.average(y[first], weights=sigma[first] ** -2)
+    if start < SIGNIFICANT * np.hypot(sigma[first].min(), running_stderr_n):
         return {}
     freedom = s.size - 3
-    coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
+    coarse = np.geomspace(s[0], 3.0 * s[-1], LENGTHS)
 
     def at(lengths: Array) -> Scan:
         decay = np.exp(-s[None, :] / lengths[:, None])
@@ -483,7 +483,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     lengths = found.shape[:, 0]
     back = lengths * np.log(1.0 / BACK)
     inside = back[found.inside(found.rise(freedom, 1.0))]
-    best, cost, (drop, left) = found.best, float(found.cost[found.best]), found.coefficient[found.best].tolist()
+    best, cost, (drop, left) = found.best, found.cost[found.best], found.coefficient[found.best].tolist()
     rest = y - drop * np.exp(-s / lengths[best]) - left
     strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
     value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
@@ -491,7 +491,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
     high = high if complete else np.inf
-    level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
+    level = np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n)
     reach = student(freedom) * level
     # Beyond the observed travel, at the speed of the move.
     ends = np.array([value, low, high])
@@ -507,7 +507,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
 
 def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, float]:
     """Return the distance from the bins: where the excess falls below 5 % and stays there, with its error."""
-    top = float(above[: max(2, above.size // 10)].mean())
+    top = above[: max(2, above.size // 10)].mean()
 
     def crossing(shift: float) -> float:
         over = np.flatnonzero(above + shift * sigma > BACK * top)
@@ -546,13 +546,13 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     """
     if time_s.size < 2 * LEAST_SAMPLES:
         return {}
-    noise = max(noise_level(friction_n), 1e-12 * float(np.abs(friction_n).max()) + 1e-300)
-    duration = float(time_s[-1])
+    noise = max(noise_level(friction_n), 1e-12 * np.abs(friction_n).max() + 1e-300)
+    duration = time_s[-1]
     early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
     late = min(int(np.searchsorted(time_s, (1.0 - END_SHARE) * duration)), time_s.size - LEAST_SAMPLES)
     early = min(early, late)
     start, end = friction_n[:early], friction_n[late:]
-    stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
+    stderr = noise * np.sqrt(1.0 / start.size + 1.0 / end.size)
     value, reach = float(start.mean() - end.mean()), NORMAL_95 * stderr
     row: Row = {"relaxation_form": "none", "relaxation_held_n": float(end.mean())}
     row |= _interval("relaxation_n", value, value - reach, value + reach)
@@ -560,8 +560,8 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     if known.sum() < FEWEST_TIMES:
         return row
     time, friction = time_s[known], friction_n[known]
-    low, high = max(float(time[0]), float(time[-1]) * 1e-6), float(time[-1]) * (1 + 1e-9)
-    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(float(time[-1]) / low)), FEWEST_TIMES) + 1)
+    low, high = max(time[0], time[-1] * 1e-6), time[-1] * (1 + 1e-9)
+    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(time[-1] / low)), FEWEST_TIMES) + 1)
     group = cells(np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2))
     time, friction = means(group, time, friction)
     if time.size < FEWEST_TIMES:
@@ -587,7 +587,7 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         shape = np.array(shapes).reshape(len(shapes), -1)
         columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -_basis(form, time, shape)], axis=2)
         fits[form] = scan(shape, columns * root[None, :, None], force * root)
-        aicc[form] = corrected_criterion(float(fits[form].cost.min()), 1 + 2 * shape.shape[1], time.size)
+        aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
     best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)
     found: Row = {"relaxation_form": form}
@@ -602,7 +602,7 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
 
 def _slow_variance(time: Array, force: Array, variance: Array) -> float:
     u = np.log10(time)
-    design = np.vander((u - u.mean()) / max(float(np.ptp(u)), 1e-9), min(6, max(u.size - 3, 1)))
+    design = np.vander((u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1)))
     w = 1.0 / np.sqrt(variance)
     rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
-    return max(float(rest.sum()) / max(u.size - design.shape[1], 1) - float(variance.mean()), 0.0)
+    return max(rest.sum() / max(u.size - design.shape[1], 1) - variance.mean(), 0.0)

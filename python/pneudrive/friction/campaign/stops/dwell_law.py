@@ -270,7 +270,7 @@ def fit_contact_age(
         return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
-    limits = (float(dwell.min()) / REACH[0], float(dwell.max()) * REACH[1])
+    limits = (dwell.min() / REACH[0], dwell.max() * REACH[1])
     found = refined(at, np.geomspace(*limits, TIMES), FINE, lambda one: one.rise(freedom))
     rise, best = found.rise(freedom), found.best
     b, time = found.coefficient[best], float(found.shape[best, 0])
@@ -335,7 +335,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     columns = series.stops.select("stop_s", "direction", "increment_n").iter_rows()
     for condition, (stop_s, direction, increment) in zip(conditions_of(series.stops), columns, strict=True):
         cells.setdefault((condition, round(stop_s, 6)), {1: [], -1: []})[direction].append(increment)
-    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
+    pairs = np.array([np.mean(c[1]) - np.mean(c[-1]) for c in cells.values() if c[1] and c[-1]])
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
     if slope is None or slope.differs:  # else there is no effect
@@ -370,7 +370,7 @@ def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement
     text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
     text += f"; without support: {', '.join(refuted)}" if refuted else ""
     yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
-    longest = float(np.max(series.stops["dwell_s"].to_numpy()))
+    longest = np.max(series.stops["dwell_s"].to_numpy())
     open_end = best.name == "log" or any(
         law.form.saturates and law.delta < dwell_models.CONCLUSIVE for law in series.laws
     )
@@ -385,8 +385,8 @@ def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve
     known = np.isfinite(rate) & (rate > 0)
     if known.sum() > 5:
         logs, durations = np.log(rate[known]), curve.data.log_s[known]
-        spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
-        together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
+        spread = np.subtract(*np.quantile(logs, [0.9, 0.1]))
+        together = np.corrcoef(logs, durations)[0, 1] if spread > 0 and np.ptp(durations) > 0 else 0.0
         if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
             yield say("stops.loading_rate", where=where, together=together)
     numbers = {"where": where, "stops": len(series.stops), "inertia": series.inertia_n}
@@ -448,14 +448,14 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     )
     if not len(used):
         return series
-    drift_n = _running_drift(used) * float(np.ptp(used["increment_n"].to_numpy()))
+    drift_n = _running_drift(used) * np.ptp(used["increment_n"].to_numpy())
     curve = dwell_models.fit_curve(dwell_models.DwellData(used, tuple(enough), drift_n))
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
 def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float) -> Row:
     at = np.log10([series.reference_s])
-    low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
+    low, high = curve.data.log_s.min(), curve.data.log_s.max()
     slopes, gains = curve.slopes(at), curve.gains(low, high)
     # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
     u = series.inertia_n / max(high - low, 0.3) / np.sqrt(12.0)
@@ -503,7 +503,7 @@ def _running_drift(stops: pl.DataFrame) -> float:
         return 0.0
     for own in (direction == d for d in set(direction.tolist())):
         running[own] -= running[own].mean()
-    slope = float(np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0])
+    slope = np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0]
     return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)
 
 

@@ -181,7 +181,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
     n, conditions = len(curve.data), len(curve.data.conditions)
-    shortest, longest = float(curve.data["dwell_s"].min()), float(curve.data["dwell_s"].max())
+    shortest, longest = curve.data["dwell_s"].min(), curve.data["dwell_s"].max()
     limits = {"s": (shortest / form.reach[0], longest * form.reach[1]), "": (EXPONENTS[0], np.inf)}
     linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
     count = linear + len(form.units) + 1
@@ -195,8 +195,8 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     slope = np.zeros_like(profile.coefficient)
     slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
     slope_low, slope_high = profile.interval(slope, rise)
-    cost = max(float(profile.cost[profile.best]), 1e-300)
-    deviance = n * np.log(cost / n) - 2.0 * float(np.log(np.diag(whitener)).sum())
+    cost = max(profile.cost[profile.best], 1e-300)
+    deviance = n * np.log(cost / n) - 2.0 * np.log(np.diag(whitener)).sum()
     aicc = mixed.corrected_criterion(deviance, count, n)
     return DwellLawFit(
         form=form,
@@ -421,16 +421,16 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
         return np.inf
     before = wanted @ np.linalg.pinv(x.T @ x) @ wanted
     wider = np.r_[wanted, 0.0]
-    return float(wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300))
+    return wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300)
 
 
 def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomEffect, ...]:
     """Return the sources of scatter; the scatter from stop to stop comes first."""
     y, u = data["increment_n"], data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
-    size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
+    size = np.clip(line / max(line.mean(), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
-    swing = max(float(np.ptp(line)), tau)
+    swing = max(np.ptp(line), tau)
     out = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
     if data.durations > 2:
         share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
@@ -443,7 +443,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomE
         same = (member[:, None] == member[None, :]).astype(float)
         out.append(mixed.RandomEffect("block", same, tau))
         if names.size >= BLOCKS_FOR_SLOPES:
-            away = (u - u.mean()) / max(float(u.std()), 1e-9)
+            away = (u - u.mean()) / max(u.std(), 1e-9)
             out.append(mixed.RandomEffect("block slope", same * np.outer(away, away), tau))
     if hidden.shape[1]:
         out.append(mixed.RandomEffect("drift", hidden @ hidden.T, 1.0))
@@ -457,12 +457,12 @@ def _first_scatter(data: DwellData, x: Array) -> float:
     counts = np.bincount(cell)
     repeats = int((counts - 1).sum())
     if repeats >= 3:
-        total = float(((y - (np.bincount(cell, y) / counts)[cell]) ** 2).sum() / repeats)
+        total = ((y - (np.bincount(cell, y) / counts)[cell]) ** 2).sum() / repeats
     else:
         rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        total = float(rest @ rest) / max(y.size - x.shape[1], 1)
-    noise = float(np.mean(data["increment_stderr_n"] ** 2))
-    return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * float(y @ y), 1e-300)))
+        total = rest @ rest / max(y.size - x.shape[1], 1)
+    noise = np.mean(data["increment_stderr_n"] ** 2)
+    return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * (y @ y), 1e-300)))
 
 
 def _standardised(curve: DwellCurve) -> Array:

@@ -90,7 +90,7 @@ def _read(
     level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
     peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
-    shift = float(running.shape(recording.position_m[[at_peak]])[0])
+    shift = running.shape(recording.position_m[[at_peak]])[0]
     held = phases.rest
     increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
     inertia = _inertia(recording, peak, cycle.speed_m_s)
@@ -140,7 +140,7 @@ def _recovery(recording: Recording, friction: Array, part: slice, direction: int
     time = recording.time_s[part] - recording.time_s[part.start]
     excess = friction[part] - running.level_n - running.shape(position)
     bins = course.bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
-    speed = float(travel[-1]) / max(float(time[-1]), 1e-12)
+    speed = travel[-1] / max(time[-1], 1e-12)
     return course.recover(bins, running.stderr_n, speed) if bins is not None else {}
 
 
@@ -176,7 +176,7 @@ def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int)
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
         places = max(phases.restart.start - 3, 0), at_peak
-        ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in places]
+        ends = [channel[max(i - 20, 0) : i + 20].mean() for i in places]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
     return moved
@@ -187,7 +187,7 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
     speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
     stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
-    return speed * float(np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg))
+    return speed * np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg)
 
 
 def _trace(recording: Recording, friction: Array, phases: course.Phases) -> Row:
@@ -354,7 +354,7 @@ def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float)
         f, at which the sensor shows 71 % of an amplitude.
     """
     lag = 1.0 / (2.0 * np.pi * bandwidth_hz)
-    unit = max(lag, LEAST_LAG * float(np.median(np.diff(time_s)))) if time_s.size > 1 else lag
+    unit = max(lag, LEAST_LAG * np.median(np.diff(time_s))) if time_s.size > 1 else lag
 
     def slope(begin: float, end: float) -> float:
         part = slice(*np.searchsorted(time_s, (at_s + begin * unit, at_s + end * unit)).tolist())
@@ -385,8 +385,8 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
     heights, rows = values[each, at], columns[each, at]
     variances = np.einsum("gi,gij,gj->g", rows, found.covariance[chosen], rows) * many_n**2
     share = weight[chosen] / weight[chosen].sum()
-    height = float(share @ heights)
-    return height, float(np.sqrt(share @ (variances + (heights - height) ** 2)))
+    height = share @ heights
+    return height, np.sqrt(share @ (variances + (heights - height) ** 2))
 
 
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
@@ -400,7 +400,7 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
         found, weight = tried
         step, corner = (high - low) / (PLACES - 1), found.shape[:, 0]
         share = weight / weight.sum()
-        middle = float(share @ corner)
+        middle = share @ corner
         if share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
             break
         low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
@@ -509,12 +509,12 @@ def find_breakaway(
     corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
     if corner is not None:
         # The loss by smoothing is corrected, and is part of the uncertainty.
-        value, stderr = corner[0], float(np.hypot(corner[1], corner[0] - value))
+        value, stderr = corner[0], np.hypot(corner[1], corner[0] - value)
     if bandwidth_hz is not None:
-        stderr = float(np.hypot(stderr, lag_loss(time_s, friction_n, float(time[top]), bandwidth_hz)))
+        stderr = np.hypot(stderr, lag_loss(time_s, friction_n, time[top], bandwidth_hz))
     index = int(np.argmin(np.abs(time_s[:end] - at)))
     low, high = rise(_quick(friction_n[: index + 1]))
-    span = float(time_s[high] - time_s[low])
+    span = time_s[high] - time_s[low]
     steps = np.diff(time)
     flags = []
     near = friction >= value - max(TOP * (value - running_n), 3.0 * noise.total)
@@ -531,7 +531,7 @@ def find_breakaway(
         travel_m=float(travel_m[index]),
         index=index,
         rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else np.nan,
-        loading_rate_n_s=float(friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
+        loading_rate_n_s=(friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
         flags=tuple(flags),
     )
 
@@ -558,7 +558,7 @@ class Noise:
 
         The smoothed curve is used after the largest value, where the force changes slowly.
         """
-        white = max(noise_level(values), 1e-12 * float(np.abs(values).max()) + 1e-300)
+        white = max(noise_level(values), 1e-12 * np.abs(values).max() + 1e-300)
         behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
         if behind.size < 6 * NOISE_HALF_WIDTH:
             return cls(white, 0.0, 0.0)
@@ -566,35 +566,35 @@ class Noise:
         rest = behind[NOISE_HALF_WIDTH:-NOISE_HALF_WIDTH] - np.convolve(behind, kernel, "valid")
         limit = 4.0 * robust_deviation(rest)
         rest = np.clip(rest, -limit, limit)
-        first, second = (float(rest[k:] @ rest[:-k]) / rest.size for k in (1, 2))
-        power = float(rest @ rest) / rest.size
+        first, second = (rest[k:] @ rest[:-k] / rest.size for k in (1, 2))
+        power = rest @ rest / rest.size
         if first < SIGNIFICANT * power / np.sqrt(rest.size) or not 0.0 < second < first:
             return cls(white, 0.0, 0.0)
         slow2 = min(first * first / second, power)
-        white = float(np.sqrt(max(power - slow2, 0.01 * power)))
-        return cls(white, float(np.sqrt(slow2)), -1.0 / float(np.log(second / first)))
+        white = np.sqrt(max(power - slow2, 0.01 * power))
+        return cls(white, np.sqrt(slow2), -1.0 / np.log(second / first))
 
     @property
     def total(self) -> float:
         """Standard deviation of one sample."""
-        return float(np.hypot(self.white, self.slow))
+        return np.hypot(self.white, self.slow)
 
     def of_many(self) -> float:
         """Return the standard deviation of one sample for means of many, in which correlated noise counts more."""
-        return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
+        return np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
         """Return the standard deviation of a weighted sum of samples that are `spacing` s apart.
 
         `share` is the fraction of white variance.
         """
-        variance = share * self.white**2 * float(weights @ weights)
+        variance = share * self.white**2 * (weights @ weights)
         if self.slow > 0.0:
             lags = np.arange(weights.size) * spacing
             shared = np.exp(-lags / self.memory)
             both = np.correlate(weights, weights, "full")[weights.size - 1 :]
-            variance += self.slow**2 * float(2.0 * both @ shared - both[0])
-        return float(np.sqrt(variance))
+            variance += self.slow**2 * (2.0 * both @ shared - both[0])
+        return np.sqrt(variance)
 
 
 def _run(mask: Bools, at: int) -> slice:
@@ -621,9 +621,9 @@ def _search_end(
     if not reached.size or reached[0] >= most:
         return most, False
     first = int(reached[0])
-    rise = running - float(smooth[0])
-    slope = rise / float(travel[first]) if rise > 10 * spread and travel[first] > 0 else (stiffness or 1e5)
-    reach = float(travel[first]) + max(REACH * abs(running) / slope, LEAST_TRAVEL_M)
+    rise = running - smooth[0]
+    slope = rise / travel[first] if rise > 10 * spread and travel[first] > 0 else (stiffness or 1e5)
+    reach = travel[first] + max(REACH * abs(running) / slope, LEAST_TRAVEL_M)
     end = int(np.clip(np.searchsorted(travel, reach), first + LEAST_SAMPLES, most))
     while True:
         part = smooth[first:end]
@@ -649,8 +649,8 @@ def _even(time: Array, friction: Array) -> tuple[Array, Array]:
     near = min(top - part.start, part.stop - 1 - top)
     if near >= NEAR_CHANGE or (part.stop >= time.size - 1 and part.start == 0):
         return time[part], friction[part]
-    coarse = float(np.median(steps[max(part.start - 5, 0) : part.stop + 5][-10:]))
-    coarse = max(coarse, float(np.median(steps[part.stop : part.stop + 5])) if part.stop < steps.size else coarse)
+    coarse = np.median(steps[max(part.start - 5, 0) : part.stop + 5][-10:])
+    coarse = max(coarse, np.median(steps[part.stop : part.stop + 5]) if part.stop < steps.size else coarse)
     span = SPAN_AT_CHANGE * coarse
     wanted = np.arange(max(time[top] - span, time[0]), min(time[top] + span, time[-1]), coarse)
     chosen = np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
@@ -658,7 +658,7 @@ def _even(time: Array, friction: Array) -> tuple[Array, Array]:
 
 
 def _one_rate(steps: Array, top: int) -> slice:
-    usual = float(np.median(steps[max(top - 3, 0) : top + 3]))
+    usual = np.median(steps[max(top - 3, 0) : top + 3])
     run = _run(np.abs(steps - usual) <= UNEVEN * usual, top)
     return slice(run.start, run.stop + 1)
 
@@ -674,7 +674,7 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
         smooth = [np.convolve(friction[half], kernel, "valid") for half in halves]
         place = [time[half][w : time[half].size - w] for half in halves]
         tops = [int(np.argmax(s)) for s in smooth]
-        read = [float(np.interp(place[a][tops[a]], place[b], smooth[b])) for a, b in ((0, 1), (1, 0))]
+        read = [np.interp(place[a][tops[a]], place[b], smooth[b]) for a, b in ((0, 1), (1, 0))]
         value, stderr = float(np.mean(read)), noise.of_mean(kernel, 2, share=0.5)
         if any(abs(value - v) > AGREE * s for v, s, _, _ in chosen):
             break
@@ -682,7 +682,7 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
         chosen.append((value, stderr, at, 4.0 * w * step))
     value, stderr, at, width = chosen[-1]
     bias = max((abs(value - v) for v, _, _, _ in chosen[-3:-1] if len(chosen) > 3), default=0.0)
-    return value, float(np.hypot(stderr, bias)), at, width
+    return value, np.hypot(stderr, bias), at, width
 
 
 def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
@@ -694,8 +694,8 @@ def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
     near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
     at = max(top - SINGLE, 0) + int(np.argmax(near))
     lower = np.sort(near)[-2] if near.size > 1 else near[0]
-    spread = SINGLE_DOUBT * float(np.hypot(noise.total, (near.max() - lower) / 2.0))
-    return float(near.max() - SINGLE_EXCESS * noise.white), spread, float(time[at]), 0.0
+    spread = SINGLE_DOUBT * np.hypot(noise.total, (near.max() - lower) / 2.0)
+    return near.max() - SINGLE_EXCESS * noise.white, spread, time[at], 0.0
 
 
 def _parabola(half: int) -> Array:
