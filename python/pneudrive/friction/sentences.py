@@ -109,8 +109,3 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
 def named(names: Iterable[str], separator: str = ", ") -> str:
     """Return the first few of several names as one text."""
     return separator.join(list(names)[:NAMED])
-
-
-def capitalised(text: str) -> str:
-    """Return a text with a capital letter."""
-    return text[:1].upper() + text[1:]

@@ -128,7 +128,7 @@ def _peak(
     top = int(np.argmax(friction))
     low, high = rise(friction[: top + 1])
     times = time[part]
-    duration = times[high] - times[low]
+    duration = float(times[high] - times[low])
     swing, excess = float(friction[top] - friction[low]), float(friction[top] - usual.sliding_n)
     gap = np.diff(times[low : top + 1]).max(initial=0.0)
     moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), usual.pressures_pa)

@@ -108,8 +108,8 @@ def _labels(found: CampaignCharacteristics) -> str:
 
 
 def _curves(c: Comparison, curves: CurveComparison) -> Section:
-    topic, common = Topic("comparison", "curves"), curves.common
-    first, second = (int(common["count"][common["campaign"] == k].sum()) for k in (0, 1))
+    topic = Topic("comparison", "curves")
+    first, second = (int(curves["count"][curves["campaign"] == k].sum()) for k in (0, 1))
     rows = (
         (
             Condition(point["gauge_a_pa"], point["gauge_b_pa"], point["title"]).label(0.0),

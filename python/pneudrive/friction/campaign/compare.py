@@ -31,7 +31,7 @@ from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
-from pneudrive.friction.sentences import Statement, capitalised, say
+from pneudrive.friction.sentences import Statement, say
 from pneudrive.lazy_names import upper
 from pneudrive.views import View, Viewed
 
@@ -146,17 +146,21 @@ class CommonPoints:
         """Number of blocks of each campaign."""
         return [int((self.block[self["campaign"] == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
 
+    @property
+    def several_blocks(self) -> bool:
+        """Whether both campaigns have more than one block: the tests then include differences of blocks."""
+        return min(self.blocks) > 1
+
 
 @dataclass(frozen=True, eq=False)
-class CurveComparison:
+class CurveComparison(CommonPoints):
     """Difference of friction: second campaign minus first.
+
+    Further columns of ``points`` are ``first_n`` and ``second_n`` (mean of each campaign), and ``corrected_p``, the
+    probability of the difference after Holm's correction for the number of points [holm1979].
 
     Attributes
     ----------
-    common : CommonPoints
-    points : polars.DataFrame
-        A row for each common point: `KEY`, ``first_n`` and ``second_n`` (mean of each campaign), and ``corrected_p``,
-        the probability of the difference after Holm's correction for the number of points [holm1979].
     difference : tuple of Estimate
         At each common point, relative to friction.
     mean : Estimate
@@ -167,17 +171,10 @@ class CurveComparison:
         Probability for a difference in the effect of pressure.
     """
 
-    common: CommonPoints
-    points: pl.DataFrame
     difference: tuple[Estimate, ...]
     mean: Estimate
     shape: FTest
     pressure: FTest | None
-
-    @property
-    def several_blocks(self) -> bool:
-        """Whether both campaigns have more than one block: the tests then include differences of blocks."""
-        return min(self.common.blocks) > 1
 
     @property
     def friction_n(self) -> Array:
@@ -229,9 +226,9 @@ def compare_curves(
         fit, each = (_model(common, columns).fit() for columns in (x[:, kept], np.c_[dummies, dummies * sign]))
         difference = tuple(each.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
         p = holm(np.array([e.p for e in difference]))
+        points = common.points.with_columns(first_n=means[0], second_n=means[1], corrected_p=p)
         return CurveComparison(
-            common=common,
-            points=common.points.with_columns(first_n=means[0], second_n=means[1], corrected_p=p),
+            **vars(replace(common, points=points)),
             difference=difference,
             mean=fit.contrast(rows[m], unit="").widened(u),
             shape=fit.f_test(rows[of_shape], u**2),
@@ -509,11 +506,11 @@ def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
     """Return cautions on the tests. `not_comparable` is the reason for missing curves."""
     for check in found.checks:
         if not check.comparable:
-            yield say("data.rigs_differ", what=capitalised(check.what), check=check)
+            yield say("data.rigs_differ", what=check.what[:1].upper() + check.what[1:], check=check)
     if found.curves is None:
         yield say("curve.not_comparable", why=not_comparable)
     else:
-        size, left = found.curves.points.height, found.curves.common.left_out
+        size, left = found.curves.points.height, found.curves.left_out
         if left:
             yield say("curve.thinned", all=size + left, compared=size)
         if not found.curves.several_blocks:

@@ -79,10 +79,6 @@ class Fits:
             found.append(CurveBand(number, index, *of_speed, value, low, high, cycle, offset, shared))
         return tuple(found)
 
-    def rest(self) -> Array:
-        """Return the residuals of the used cycles without drift, in the response's unit, shape (used,)."""
-        return self.friction.data.y - self.friction.drift - self.friction.steady()
-
     @property
     def blocks(self) -> Array | None:
         """Fraction of each block (or day) in the cycles of each point.
@@ -204,8 +200,8 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     """
     points, pattern = fits.points, fits.points.pattern
     here = points.at(points.use & (points["curve"] == condition))
-    gain = np.mean(here["u_gain_n"]) / max(abs(np.mean(here["friction_n"])), 1e-12)
-    spread, size = np.std(fits.friction.drift), np.abs(friction_n)
+    gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
+    spread, size = fits.friction.drift.std(), np.abs(friction_n)
     ones = np.ones(size.size)
     return SharedTerms(
         gain_n=gain * size,

@@ -141,8 +141,9 @@ def _left(fits: Fits) -> Iterator[Statement]:
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
         data = fits.friction.data
+        rest = data.y - fits.friction.drift - fits.friction.steady()
         scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
-        off = np.abs(fits.rest()) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
+        off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
         far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
         if far.size:
             keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()

@@ -298,7 +298,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
             return np.inf
         columns = weight[:, None] * _columns(position, waves, length)
         rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
-        return rest @ rest
+        return float(rest @ rest)
 
     waves: list[float] = []
     while len(waves) < MOST_WAVES:
@@ -420,7 +420,9 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     fit = _fit(fits, design, x)
     if fit is None:
         return None
-    u, hidden_n = accuracy_n(fits, design.used), 0.0
+    used, hidden_n = fits.points.at(design.used), 0.0
+    # Standard uncertainty of a change of friction between pressures from the sensors, N.
+    u = float(np.mean(np.hypot(used["u_gain_n"], used["u_hysteresis_n"])))
     # A steady change by 1 N from the first cycle to the last looks like these coefficients of the pressure columns.
     of_order = np.linalg.lstsq(fit.model.x, design.order - design.order.mean(), rcond=None)[0]
     if fits.drift_share >= CARRIED:  # else the design determines a drift, which is then in the model
@@ -508,12 +510,6 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
         if blocks.any(axis=0).sum() > 1:
             components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
     return MixedModel(y, x, here["friction_stderr_n"] ** 2, tuple(components)).fit()
-
-
-def accuracy_n(fits: Fits, members: Bools) -> float:
-    """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
-    here = fits.points.at(members)
-    return float(np.mean(np.hypot(here["u_gain_n"], here["u_hysteresis_n"])))
 
 
 def _together(design: _Design, x: Array) -> Array:

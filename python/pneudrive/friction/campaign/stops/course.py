@@ -146,7 +146,7 @@ def steady_part(recording: Recording, part: slice) -> slice:
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
     if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
         return slice(part.start, part.start + n)
-    usual = (position_m[inner[-1]] - position_m[inner[0]]) / (time_s[inner[-1]] - time_s[inner[0]])
+    usual = float((position_m[inner[-1]] - position_m[inner[0]]) / (time_s[inner[-1]] - time_s[inner[0]]))
     steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
     first, last = (steady[0], steady[-1]) if steady.size >= FEWEST else (0, n - 1)
     return slice(part.start + int(first), part.start + int(last) + 1)
@@ -319,11 +319,11 @@ def running_level(
     condition : Condition
     """
     steady = steady_part(recording, phases.restart)
-    at = recording.position_m[phases.restart.start]
+    at = float(recording.position_m[phases.restart.start])
     speed = abs(mean_velocity(recording, steady))
     approach = _approach(recording, phases, speed)
-    end = recording.position_m[steady.stop - 1]
-    low, high = sorted((recording.position_m[approach.start] if approach else at, end))
+    end = float(recording.position_m[steady.stop - 1])
+    low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
     alike = (phases.direction, speed, low, high, condition)
     references = _references(own, *alike) or _references(others, *alike)
     reference_m, reference_n, noise = _averaged(references)

@@ -151,11 +151,6 @@ class DwellSeries(Shown):
         parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
         return ", ".join(part for part in parts if part)
 
-    @property
-    def inertia_n(self) -> float:
-        """Median of the largest contributions of the moving mass."""
-        return inertia_of(self.stops)
-
     def effects(self, named: Callable[[Condition], str]) -> dict[str, Estimate | None]:
         """Return the effects of stops, at each condition and as the mean over several."""
         at, found = f"{self.reference_s:g} s", dict[str, Estimate | None]()
@@ -335,7 +330,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     columns = series.stops.select("stop_s", "direction", "increment_n").iter_rows()
     for condition, (stop_s, direction, increment) in zip(conditions_of(series.stops), columns, strict=True):
         cells.setdefault((condition, round(stop_s, 6)), {1: [], -1: []})[direction].append(increment)
-    pairs = np.array([np.mean(c[1]) - np.mean(c[-1]) for c in cells.values() if c[1] and c[-1]])
+    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
     if slope is None or slope.differs:  # else there is no effect
@@ -389,7 +384,7 @@ def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve
         together = np.corrcoef(logs, durations)[0, 1] if spread > 0 and np.ptp(durations) > 0 else 0.0
         if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
             yield say("stops.loading_rate", where=where, together=together)
-    numbers = {"where": where, "stops": len(series.stops), "inertia": series.inertia_n}
+    numbers = {"where": where, "stops": len(series.stops), "inertia": inertia_of(series.stops)}
     for flag in ("long_loading", "inertia", "slow_samples"):
         count = sum(flag in raised for raised in series.stops["flags"].to_list())
         if count:
@@ -458,7 +453,7 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
     low, high = curve.data.log_s.min(), curve.data.log_s.max()
     slopes, gains = curve.slopes(at), curve.gains(low, high)
     # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
-    u = series.inertia_n / max(high - low, 0.3) / np.sqrt(12.0)
+    u = inertia_of(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
     grid = np.linspace(low, high, GRID_POINTS)
     shown = curve.values(grid).estimates()
     ends = {"increment_n": "value", "low_n": "low", "high_n": "high"}

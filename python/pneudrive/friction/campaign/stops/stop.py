@@ -571,8 +571,8 @@ class Noise:
         if first < SIGNIFICANT * power / np.sqrt(rest.size) or not 0.0 < second < first:
             return cls(white, 0.0, 0.0)
         slow2 = min(first * first / second, power)
-        white = np.sqrt(max(power - slow2, 0.01 * power))
-        return cls(white, np.sqrt(slow2), -1.0 / np.log(second / first))
+        white = float(np.sqrt(max(power - slow2, 0.01 * power)))
+        return cls(white, float(np.sqrt(slow2)), -1.0 / float(np.log(second / first)))
 
     @property
     def total(self) -> float:
@@ -594,7 +594,7 @@ class Noise:
             shared = np.exp(-lags / self.memory)
             both = np.correlate(weights, weights, "full")[weights.size - 1 :]
             variance += self.slow**2 * (2.0 * both @ shared - both[0])
-        return np.sqrt(variance)
+        return float(np.sqrt(variance))
 
 
 def _run(mask: Bools, at: int) -> slice:
