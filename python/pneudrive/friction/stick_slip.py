@@ -301,8 +301,8 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     stuck, slipping = speed < STUCK_SHARE * mean, speed > SLIP_SHARE * mean
     stuck_share = float(weights[stuck].sum() / total) if mean > 0 else 0.0
     ripple = float(np.sqrt((weights * (speed - mean) ** 2).sum() / total) / mean) if mean > 0 else 0.0
-    travel = (np.abs(speed) * weights).sum()
-    slipped = (speed * weights)[slipping].sum() / travel if travel > 0 else 0.0
+    travel = float((np.abs(speed) * weights).sum())
+    slipped = float((speed * weights)[slipping].sum()) / travel if travel > 0 else 0.0
     onsets = slip_onsets(stuck, slipping) if mean > 0 else []
     peaks = [speed[a:b].max() for a, b in pairwise([*onsets, speed.size])]
     periods = max(len(onsets) - 1, 0)
