@@ -156,8 +156,9 @@ class CommonPoints:
 class CurveComparison(CommonPoints):
     """Difference of friction: second campaign minus first.
 
-    Further columns of ``points`` are ``first_n`` and ``second_n`` (mean of each campaign), and ``corrected_p``, the
-    probability of the difference after Holm's correction for the number of points [holm1979].
+    Further columns of ``points`` are ``first_n``, ``second_n`` and ``corrected_p``. The first two are the mean of each
+    campaign. The third is the probability of the difference after Holm's correction for the number of points
+    [holm1979].
 
     Attributes
     ----------
