@@ -294,17 +294,8 @@ def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys):
     """A load behind the end of a run; pressures beyond their sensors; and a run that lost its drive."""
     high = tmp_path / "high.toml"
     high.write_text(AXIS.read_text().replace("7 bar abs", "16 bar abs"))
-    head = [
-        "control",
-        "run",
-        str(high),
-        "--reference",
-        STEP,
-        "--law",
-        "inversion",
-        "--initial",
-        "cylinder.position = 190 mm",
-    ]
+    given = ["--reference", STEP, "--law", "inversion", "--initial", "cylinder.position = 190 mm"]
+    head = ["control", "run", str(high), *given]
     assert run([*head, "--mismatch", "load-step"]) == 0
     said = capsys.readouterr()
     assert "disturbances: the entry at 6.2 s has no effect, because the run ends at 2.4 s" in said.err

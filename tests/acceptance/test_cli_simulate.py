@@ -108,21 +108,11 @@ def test_interrupted(folder):
     adiabatic = swings.replace("[valve]", 'heat_transfer = "0 W/(m2 K)"\n[valve]')
     (folder / "drive.toml").write_text(adiabatic)
     program = Path(sys.executable).with_name("pneudrive")
-    long = [
-        "simulate",
-        "drive.toml",
-        "--command",
-        "0 s: 0",
-        "--initial",
-        "position = 50 mm, pressure_a = 5 bar abs, pressure_b = 3 bar abs",
-        "--duration",
-        "1e6 s",
-        "--sample-rate",
-        "0.001 Hz",
-        "--out",
-        "run.csv",
+    line = [
+        *("simulate", "drive.toml", "--command", "0 s: 0", "--duration", "1e6 s", "--sample-rate", "0.001 Hz"),
+        *("--initial", "position = 50 mm, pressure_a = 5 bar abs, pressure_b = 3 bar abs", "--out", "run.csv"),
     ]
-    started = subprocess.Popen([program, *long], cwd=folder, stderr=subprocess.PIPE, text=True)
+    started = subprocess.Popen([program, *line], cwd=folder, stderr=subprocess.PIPE, text=True)
     time.sleep(2.0)
     started.send_signal(signal.SIGINT)
     _, message = started.communicate(timeout=20)

@@ -109,8 +109,6 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys):
             ["export", "DRIVE", "--to", "fmu", "--out", "x.fmu", "--speeds", "1 mm/s .. 2 mm/s"],
             "--speeds has no effect",
         ),
-        (["export", "DRIVE", "--to", "st", "--initial", "position = 1 mm"], "--initial has no effect with --to st"),
-        (["export", "DRIVE", "--to", "c", "--out", "x", "--actuator"], "--actuator has no effect with --to c"),
         (["export", "DRIVE", "--to", "c", "--out", "x", "--fmi", "2.0"], "--fmi has no effect with --to c"),
         (["export", str(CIRCUIT), "--to", "st", "--speeds", "1 mm/s .. 2 mm/s"], "describes a circuit"),
     ],

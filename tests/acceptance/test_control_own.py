@@ -111,17 +111,8 @@ def test_a_controller_file_runs_code_that_the_user_allows(folder, capsys, monkey
 
 def test_a_comparison_keeps_a_law_that_fails_as_lost(folder, axis, capsys, monkeypatch):
     monkeypatch.chdir(folder)
-    compared = [
-        "--laws",
-        "inversion,mine.py:Law,mine.py:Raises",
-        "--references",
-        STEP,
-        "--seeds",
-        "1",
-        "--out",
-        "compared",
-    ]
-    assert run(["control", "benchmark", str(AXIS), *compared]) == 0
+    compared = ["--laws", "inversion,mine.py:Law,mine.py:Raises", "--references", STEP, "--seeds", "1"]
+    assert run(["control", "benchmark", str(AXIS), *compared, "--out", "compared"]) == 0
     table = pl.read_csv("compared/score.csv")
     reasons = dict(zip(table["law"], table["reason"], strict=True))
     assert not reasons["inversion"]

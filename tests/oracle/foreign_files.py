@@ -394,19 +394,9 @@ def _tdms(
 
 #: Flags that tell of a doubt about how the file was read.
 DOUBTS = {
-    *(
-        "unit_guessed",
-        "counter_wrap",
-        "position_jump",
-        "non_finite",
-        "repeated_time",
-        "unreadable_row",
-        "spike",
-        "saturated",
-        "gap",
-    ),
-    *("below_ambient", "beyond_usual", "force_not_pressure", "friction_beyond_piston", "no_friction"),
-    *("negative_friction", "unpaired", "stuck"),
+    *("unit_guessed", "counter_wrap", "position_jump", "non_finite", "repeated_time", "unreadable_row", "spike"),
+    *("saturated", "gap", "below_ambient", "beyond_usual", "force_not_pressure", "friction_beyond_piston"),
+    *("no_friction", "negative_friction", "unpaired", "stuck"),
 }
 
 

@@ -15,23 +15,8 @@ from pneudrive.files.content import _KINDS, FOLDERS
 from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
 
 PARTS = [
-    "..",
-    ".",
-    "",
-    "a",
-    "b.toml",
-    "link",
-    "out.toml",
-    "...",
-    "..\\",
-    "/",
-    "\0",
-    "%2e%2e",
-    "C:",
-    "~",
-    ".ssh",
-    "è",
-    "\ud800",
+    *("..", ".", "", "a", "b.toml", "link", "out.toml", "...", "..\\", "/", "\0", "%2e%2e"),
+    *("C:", "~", ".ssh", "è", "\ud800"),
 ]
 
 

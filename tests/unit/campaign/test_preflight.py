@@ -17,12 +17,6 @@ BROKEN = {
         {},
         ["cycle b1/sweep/v500/a0/b0/r1", "500 mm/s; at most 400 mm/s", "Lower the"],
     ),
-    "speed, own limit": (
-        SWEEP + '[limits]\nspeed = "300 mm/s"\n',
-        {},
-        {},
-        ["1 of 2 cycles breaks", "500 mm/s; at most 300 mm/s (1 cycle)"],
-    ),
     "ramp": (
         SWEEP + '[position]\nrange = "100 mm .. 140 mm"\n',
         {},
@@ -78,8 +72,6 @@ BROKEN = {
         {},
         ["3 bar abs in chamber a", "1 bar abs to 2.5 bar abs"],
     ),
-    "pressure, own limit": (SWEEP + BOTH + '[limits]\npressure = "1.5 bar gauge"\n', {}, {}, ["to 2.5 bar abs"]),
-    "pressure, vacuum": (SWEEP + BOTH.replace("2 bar", "-0.5 bar"), {}, {}, ["0.5 bar abs in chamber a"]),
     "manifold": (
         SWEEP + UNEQUAL,
         {"separate_pressures": False},

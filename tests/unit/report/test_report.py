@@ -27,17 +27,8 @@ from pneudrive.studies.bracha.stick_slip import creep
 
 FLAGS = flag_table()
 ORDER = [
-    "result",
-    "measured",
-    "record",
-    "drift",
-    "reversals",
-    "budget",
-    "recovered",
-    "paper",
-    "stick-slip",
-    "chambers",
-    "provenance",
+    *("result", "measured", "record", "drift", "reversals", "budget", "recovered"),
+    *("paper", "stick-slip", "chambers", "provenance"),
 ]
 
 

@@ -193,18 +193,9 @@ def test_friction_that_varies_over_position_has_settled_where_it_is_low(make):
 # --- The friction map: exactly the contract's columns, the same numbers back from its files.
 
 CONTRACT = [
-    *(
-        "recording",
-        "direction",
-        "velocity_m_s",
-        "pressure_a_pa",
-        "pressure_b_pa",
-        "balance_n",
-        "friction_n",
-        "offset_n",
-    ),
-    *("stderr_n", "u_systematic_n", "samples", "strokes", "strokes_recorded", "position_from_m", "position_to_m"),
-    *("breakaway_n", "dwell_s", "loading_rate_n_s", "flags", "ambient_pressure_pa"),
+    *("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n"),
+    *("offset_n", "stderr_n", "u_systematic_n", "samples", "strokes", "strokes_recorded", "position_from_m"),
+    *("position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s", "flags", "ambient_pressure_pa"),
 ]
 
 
