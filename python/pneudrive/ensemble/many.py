@@ -399,14 +399,8 @@ class ChunkStore:
 
     def missing(self) -> list[Chunk]:
         """Return the chunks to run: those without a file, or with a damaged file."""
-        return [chunk for chunk in self.chunks if not self._is_whole(self.path(chunk))]
-
-    @staticmethod
-    def _is_whole(path: Path) -> bool:
-        try:
-            return damage(path.read_bytes()) is None
-        except FileNotFoundError:
-            return False
+        files = [(chunk, self.path(chunk)) for chunk in self.chunks]
+        return [chunk for chunk, path in files if not path.exists() or damage(path.read_bytes()) is not None]
 
     def write(self, frame: pl.DataFrame) -> None:
         """Store a finished chunk.

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.stats import t as student_t
 
 from pneudrive import units
 from pneudrive.arrays import by_name
@@ -683,10 +682,10 @@ def _intervals(
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]
     scores = np.add.reduceat(best.jac * best.fun[:, None], edges, axis=0)
     covariance = inverse @ (scores.T @ scores) @ inverse
-    deviation = student_t.ppf(0.975, max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
+    deviation = student(max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
     if len(own) > 1:
         between = np.std([p[:4] for p in own.values()], axis=0, ddof=1) / np.sqrt(len(own))
-        deviation = np.maximum(deviation, student_t.ppf(0.975, len(own) - 1) * between)
+        deviation = np.maximum(deviation, student(len(own) - 1) * between)
     low, high = (REGULATOR_SCALES.natural(best.x + sign * deviation) for sign in (-1.0, 1.0))
     ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
