@@ -12,6 +12,7 @@ import pytest
 
 import pneudrive as pn
 from oracle.cramer_rao import half_widths
+from oracle.rig_faults import with_friction
 from pneudrive.cli.main import run
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import SimulatedRig, sweep
@@ -179,7 +180,7 @@ def test_truth_lies_in_the_interval_as_often_as_stated():
 
 @pytest.mark.parametrize("law", ["stribeck", "lugre"])
 def test_friction_of_every_point_lies_within_its_u(law):
-    rig = RIG.with_friction(law, bristle_stiffness=2e6, bristle_damping=200.0) if law == "lugre" else RIG
+    rig = with_friction(RIG, law, bristle_stiffness=2e6, bristle_damping=200.0) if law == "lugre" else RIG
     recordings = sweep(rig, np.geomspace(1e-3, 0.45, 8), [0.0, 0.5e5, 1.5e5, (0.3e5, 1.2e5)], count=2, seed=11)
     curves = pn.characterise(recordings)
     true = np.repeat([recording.truth["friction_n"] for recording in recordings], 2)

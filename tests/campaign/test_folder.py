@@ -56,7 +56,7 @@ def test_what_was_written_is_read_to_the_last_bit(folder):
     assert first.head.memory == {"clock_s": 1.1}
     for name, values in vars(some_samples()).items():
         assert np.array_equal(getattr(first.samples(), name), values), name
-    assert campaign.problems() == []
+    assert campaign.checked()[1] == []
 
 
 def test_no_cycle_is_written_twice(folder):
@@ -86,7 +86,7 @@ def test_every_damage_is_found_and_others_stay_valid(folder):
         assert all(np.array_equal(getattr(found, name), getattr(samples, name)) for name in vars(samples))
     assert harmless <= 4
     path.write_bytes(whole[: len(whole) // 2])
-    assert [problem.where for problem in campaign.problems()] == [f"cycles/{path.name}"]
+    assert [problem.where for problem in campaign.checked()[1]] == [f"cycles/{path.name}"]
     assert [file.head.index for file in campaign.cycles()] == [1, 3]
 
 
@@ -101,7 +101,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
     else:
         path.write_bytes(content)
     campaign = Campaign.open(folder)
-    assert what in str(campaign.problems()[0])
+    assert what in str(campaign.checked()[1][0])
     assert len(list(campaign.cycles())) == 3
 
 
@@ -144,7 +144,7 @@ def test_one_cycle_in_two_files_counts_once(folder):
     first.with_name("00004-copy.parquet").write_bytes(first.read_bytes())
     campaign = Campaign.open(folder)
     assert len(list(campaign.cycles())) == 3
-    assert "in 00001-b1_sweep_v1_r1.parquet already" in str(campaign.problems()[0])
+    assert "in 00001-b1_sweep_v1_r1.parquet already" in str(campaign.checked()[1][0])
 
 
 def test_tidying_removes_leftovers_and_keeps_damaged_files_aside(folder):
@@ -194,7 +194,7 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
     samples = CycleFile(path, read_head(path)).samples()
     assert set(samples.pressure_b_pa) == {1.5e5}
     assert np.isnan(samples.temperature_k).all()
-    assert "digest is ignored" in str(Campaign.open(folder).problems()[0])
+    assert "digest is ignored" in str(Campaign.open(folder).checked()[1][0])
 
 
 def test_status_says_whose_samples_no_checksum_proves(folder):

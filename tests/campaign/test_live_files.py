@@ -41,8 +41,6 @@ def test_another_process_sees_the_cycle_as_it_runs_and_requests_stay_requests(tm
     assert found.samples == len(first) <= 4000
     for name, values in found.points.items():
         assert np.array_equal(values, getattr(first, name).astype(np.float32))
-    assert found.done == 3
-    assert found.planned > 4
     assert sorted(path.name for path in (folder / "control").iterdir()) == []
     assert read_live(folder) is None
 

@@ -309,7 +309,7 @@ def test_a_signal_to_end_leaves_the_axis_at_rest(tmp_path, number):
     ended, *done = calls.read_text().split()
     assert ended == ENDED
     assert "stop" in done[-3:]
-    assert Campaign.open(folder).problems() == []
+    assert Campaign.open(folder).checked()[1] == []
     assert holder(folder) is None
 
 
@@ -450,7 +450,7 @@ def test_a_bad_sensor_is_a_named_flag_of_its_cycle_alone(tmp_path, undisturbed, 
     flags = {file.head.cycle.key: file.head.flags for file in result.campaign.cycles() if file.head.flags}
     assert list(flags) == ["b1/sweep/v2/a0/b0/r1"]
     assert flags["b1/sweep/v2/a0/b0/r1"][flag] > 0
-    assert result.campaign.problems() == []
+    assert result.campaign.checked()[1] == []
     others = contents(tmp_path / "c")
     assert all(others[key] == undisturbed[key] for key in others if key not in flags)
 
@@ -482,7 +482,7 @@ def test_a_disk_that_refuses_ends_the_campaign_and_spoils_nothing(tmp_path, undi
     monkeypatch.undo()
     assert os.strerror(number) in str(caught.value)
     assert at_rest(rig)
-    assert Campaign.open(tmp_path / "c").problems() == []
+    assert Campaign.open(tmp_path / "c").checked()[1] == []
     assert not list((tmp_path / "c").rglob("*.part"))
     finish(tmp_path / "c", undisturbed)
 

@@ -31,7 +31,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_the_example_of_the_page_is_a_campaign(folder):
     campaign = Campaign.open(folder)
-    assert campaign.problems() == []
+    assert campaign.checked()[1] == []
     assert campaign.identity.labels == {"seal": "B"}
     for file, speed in zip(campaign.cycles(), [0.005, 0.02, 0.1], strict=True):
         assert file.head.cycle.key == f"sweep-{1e3 * speed:g}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import RigState, closed_after
+from pneudrive.rig.simulated import SimulatedRig
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -135,3 +136,10 @@ def with_tables(description: RigDescription, **changes: dict[str, Any]) -> RigDe
     tables = description.tables
     changed = {name: getattr(tables, name).model_copy(update=values) for name, values in changes.items()}
     return replace(description, tables=tables.model_copy(update=changed))
+
+
+def with_friction(rig: SimulatedRig, law: str | None = None, **parameters: float) -> SimulatedRig:
+    """Return a rig with another friction law or other parameters (SI, names as in the drive file)."""
+    known = rig.description.friction
+    changed = known | {"law": law or known["law"], "parameters": known["parameters"] | parameters}
+    return SimulatedRig(replace(rig.description, friction=changed))

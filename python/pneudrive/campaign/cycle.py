@@ -66,10 +66,6 @@ class Cycle:
     start_m: Number | None = None
     weight_kg: Number | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON; the keys of a step show its kind."""
-        return asdict(self)
-
 
 SCHEMA = 1
 

@@ -398,7 +398,7 @@ def _all_parts(
         if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
             kept, largest_n = motion, most
     if kept is None or window is None:
-        raise RecordingError.of("friction.motionless", where=file.file.name)
+        raise RecordingError.of("friction.motionless", where=file.name)
     return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
 
 
@@ -460,20 +460,20 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
 
 def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]:
     """Read a recording part by part, each with its counted strokes; the next part is read in the background."""
-    name, first, count = file.file.name, file.first, file.count
+    name, first, count = file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
     left: dict[str, Array] = {}
     is_first = True
-    for block, read in zip(blocks, in_advance(file.read, blocks, 1, ahead=1), strict=True):
+    for block, read in zip(blocks, in_advance(file.rows, blocks, 1, ahead=1), strict=True):
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
-        recording = file.recording(raw)
+        recording = file.part(raw)
         motion = RecordedMotion.of(clean(recording), choice)
         is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:
                 sizes = {"samples": len(recording), "strokes": n, "most": LONG_SAMPLES, "least": LEAST_STROKES}
-                raise RecordingError.of("friction.long_strokes", where=str(file.file.path), **sizes)
+                raise RecordingError.of("friction.long_strokes", where=str(file.path), **sizes)
             left = raw
             continue
         counted = motion.strokes[0 if is_first else 1 : n if is_last else n - 1]

@@ -81,7 +81,7 @@ def find_reversal_peaks(
     pressures = (recording.pressure_a_pa, recording.pressure_b_pa)
     usual = _Usual(
         float(np.nanmean(profile.friction_n[profile.in_window])),
-        motion.middle_step(recording.time_s),
+        motion.middle(np.diff(recording.time_s)),
         motion.noise_level(balance_n),
         [motion.noise_level(pressure, quantisation=False) for pressure in pressures],
     )

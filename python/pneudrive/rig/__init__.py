@@ -2,7 +2,7 @@
 
 A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine methods), and for simulated
 rigs `Reproducible` (begin_cycle, memory, restore) and `Changeable` (levels, change: mounting, seal, drive).
-Times of samples are those of `pneudrive.rig.motion.schedule`::
+Times of samples are those of `pneudrive.rig.motion.step_times`::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
     rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
@@ -39,15 +39,7 @@ from pneudrive.rig.interface import Sampling as Sampling
 with lazily(__name__):
     from pneudrive.rig.description import AnalogSensor as AnalogSensor
     from pneudrive.rig.description import Encoder as Encoder
-    from pneudrive.rig.description import EncoderClock as EncoderClock
-    from pneudrive.rig.description import TimeClock as TimeClock
     from pneudrive.rig.motion import Limits as Limits
-    from pneudrive.rig.motion import Motion as Motion
-    from pneudrive.rig.motion import cycles as cycles
-    from pneudrive.rig.motion import dwell as dwell
-    from pneudrive.rig.motion import move as move
-    from pneudrive.rig.motion import schedule as schedule
-    from pneudrive.rig.motion import uniform_in_position as uniform_in_position
     from pneudrive.rig.rig_file import load_rig as load_rig
     from pneudrive.rig.rig_file import shipped_rigs as shipped_rigs
     from pneudrive.rig.simulated import RigSession as RigSession

@@ -24,7 +24,7 @@ from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, Problems, WrongValueError, package_table, wrong
 from pneudrive.rig.interface import Sampling
-from pneudrive.rig.motion import Motion, MotionLimits, uniform_in_position
+from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.rig_file import RigFile, shipped_rigs
 
 if TYPE_CHECKING:
@@ -60,17 +60,9 @@ class AnalogSensor:
     hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check range, resolution, noise and errors."""
-        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
-            raise DescriptionError(f"a sensor range goes from a lower to a higher value, got {self.low} .. {self.high}")
+        """Check the resolution; the rig file checks the other values."""
         if not 4 <= self.bits <= 32:
             raise DescriptionError(f"a converter has 4 to 32 bits, got {self.bits}")
-        if not (np.isfinite(self.noise) and self.noise >= 0.0):
-            raise DescriptionError(f"noise is a standard deviation and not negative, got {self.noise}")
-        if not np.isfinite([self.zero, self.gain_error, self.hysteresis]).all():
-            raise DescriptionError(
-                f"errors of a sensor are finite, got {self.zero}, {self.gain_error}, {self.hysteresis}"
-            )
 
     @property
     def step(self) -> float:
@@ -98,42 +90,6 @@ class AnalogSensor:
 
 
 @dataclass(frozen=True)
-class TimeClock:
-    """Sample clock that is uniform in time, with the same number of samples for a cycle at any speed.
-
-    Parameters
-    ----------
-    samples_per_cycle : int
-    """
-
-    samples_per_cycle: int
-
-    def times(self, motion: Motion, count: int) -> Array:
-        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
-        return np.linspace(0.0, motion.duration_s, count * self.samples_per_cycle)
-
-
-@dataclass(frozen=True)
-class EncoderClock:
-    """Sample clock triggered by the encoder at equal steps of position; no samples while the carriage is at rest.
-
-    Parameters
-    ----------
-    samples_per_cycle : int
-    """
-
-    samples_per_cycle: int
-
-    def times(self, motion: Motion, count: int) -> Array:
-        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
-        return uniform_in_position(motion, count * self.samples_per_cycle)
-
-
-#: Names of the clocks in a rig file.
-CLOCKS = {"time": TimeClock, "encoder": EncoderClock}
-
-
-@dataclass(frozen=True)
 class Encoder:
     """Incremental encoder.
 
@@ -144,11 +100,6 @@ class Encoder:
     """
 
     resolution_m: float
-
-    def __post_init__(self) -> None:
-        """Check that the resolution is positive."""
-        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
-            raise DescriptionError(f"an encoder resolution is positive, got {self.resolution_m} m")
 
     def read(self, position_m: Array) -> Array:
         """Return the counted position: the last full count."""
@@ -425,11 +376,6 @@ class RigDescription:
         return piston_areas(self.tables.cylinder.kind, self.tables.cylinder.bore, self.tables.cylinder.rod_diameter)
 
     @property
-    def area_m2(self) -> float:
-        """Piston area in chamber a."""
-        return self.areas_m2[0]
-
-    @property
     def ambient_pressure_pa(self) -> float:
         """Absolute pressure of the room."""
         return self.tables.ambient.pressure
@@ -443,11 +389,6 @@ class RigDescription:
     def limits(self) -> MotionLimits:
         """Limits of the servo axis."""
         return MotionLimits(self.tables.servo.acceleration, self.tables.servo.jerk)
-
-    @cached_property
-    def clock(self) -> TimeClock | EncoderClock:
-        """Sample clock of `SimulatedRig.drag`."""
-        return CLOCKS[self.tables.sampling.clock](int(self.tables.sampling.samples_per_cycle))
 
     @cached_property
     def sampling(self) -> Sampling:
@@ -490,8 +431,8 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     with toml.locating(path, toml.read(path)[1]):
         _check(tables)
     description = RigDescription(name, friction.core(), tables, sources)
-    for sensor in ("force_sensor", "pressure_sensor", "thermometer", "encoder"):
-        getattr(description, sensor)  # a range or resolution that is not possible is an error of the file
+    for sensor in ("force_sensor", "pressure_sensor"):
+        getattr(description, sensor)  # a resolution that is not possible is an error of the file
     return description
 
 

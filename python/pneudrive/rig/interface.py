@@ -152,7 +152,7 @@ class Sampling:
 
     See Also
     --------
-    pneudrive.rig.motion.schedule : times and number of the samples.
+    pneudrive.rig.motion.step_times : times of the samples of a step.
     """
 
     __pydantic_config__: ClassVar = ONLY_KNOWN

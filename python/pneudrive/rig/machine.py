@@ -8,8 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from copy import deepcopy
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -198,13 +197,9 @@ class Past:
     levels: dict[str, str] = field(default_factory=lambda: {"mounting": RIGID})
     changes: dict[str, int] = field(default_factory=dict)
 
-    def to_dict(self) -> Plain:
-        """Return plain data for JSON, exact to the bit."""
-        return asdict(self)
-
     @classmethod
     def from_dict(cls, data: Plain) -> Past:
-        """Return the history from the data of `to_dict`.
+        """Return the history from plain data, exact to the bit.
 
         Raises
         ------
@@ -306,12 +301,14 @@ class Machine:
     ----------
     d : RigDescription
     seed : int
+    past : Past, optional
+        History; the default is a new rig.
     """
 
-    def __init__(self, d: RigDescription, seed: int) -> None:
+    def __init__(self, d: RigDescription, seed: int, past: Past | None = None) -> None:
         self.d, self.seed = d, seed
         ambient = d.ambient_pressure_pa
-        self.past = Past(commanded_m=d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
+        self.past = past or Past(commanded_m=d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
     def motion(self, step: Step) -> Motion | None:
         """Plan the motion of a step from the present position; None without a motion."""
@@ -407,13 +404,3 @@ class Machine:
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError.of("rig.moves-away", push=push, holds=holds)
-
-    def copy(self) -> Machine:
-        """Return a machine with a copy of the history."""
-        other = Machine(self.d, self.seed)
-        other.past = self.snapshot()
-        return other
-
-    def snapshot(self) -> Past:
-        """Return a copy of the history."""
-        return deepcopy(self.past)

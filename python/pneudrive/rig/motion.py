@@ -16,11 +16,9 @@ from pneudrive.errors import CommandError
 from pneudrive.files.bounds import within
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array
     from pneudrive.rig.interface import Sampling
 
 
@@ -144,21 +142,12 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
     Motion
         Motion of at most seven segments.
 
-    Raises
-    ------
-    CommandError
-        If the distance is zero or the speed not positive.
-
     Examples
     --------
     >>> motion = move(0.1, 0.05, MotionLimits(2.0, 100.0))
     >>> float(round(motion.at(motion.duration_s)[0], 12))
     0.1
     """
-    if not (np.isfinite(distance_m) and distance_m != 0.0):
-        raise CommandError(f"a move needs a distance that is finite and not zero, got {distance_m} m")
-    if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
-        raise CommandError(f"a move needs a positive speed, got {speed_m_s} m/s")
     sign, distance = float(np.sign(distance_m)), abs(distance_m)
     speed = min(speed_m_s, limits.top_speed_m_s(distance))
     a, j = limits.acceleration_m_s2, limits.jerk_m_s3
@@ -172,8 +161,6 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
 
 def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
     """Return a rest of `duration_s`, s."""
-    if not (np.isfinite(duration_s) and duration_s > 0.0):
-        raise CommandError(f"a stop needs a positive duration, got {duration_s} s")
     return Motion(np.array([duration_s]), np.array([0.0]), start_m)
 
 
@@ -209,9 +196,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
     return Motion.of(durations, sign * j * np.array([1.0, 0.0, -1.0]), position_m)
 
 
-def cycles(
-    low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, *, count: int = 1, dwell_s: float = 0.0
-) -> Motion:
+def cycles(low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, *, count: int = 1) -> Motion:
     """Return `count` motions out and back between two positions, at one speed.
 
     Parameters
@@ -223,8 +208,6 @@ def cycles(
     limits : MotionLimits
     count : int
         Number of cycles, >= 1.
-    dwell_s : float
-        Stop at each reversal, s.
 
     Returns
     -------
@@ -236,8 +219,6 @@ def cycles(
         If the ramps do not fit between the positions.
     """
     distance = high_m - low_m
-    if not distance > 0.0:
-        raise CommandError(f"a cycle goes from a lower to a higher position, got {low_m} m to {high_m} m")
     if count < 1:
         raise CommandError(f"at least one cycle is needed, got {count}")
     ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
@@ -245,44 +226,8 @@ def cycles(
         top = 1e3 * limits.top_speed_m_s(distance)
         speed, way, ramps = (1e3 * value for value in (speed_m_s, distance, ramps))
         raise CommandError.of("rig.speed", limits=limits, speed=speed, distance=way, ramps=ramps, top=top)
-    out, back = move(distance, speed_m_s, limits, low_m), move(-distance, speed_m_s, limits, high_m)
-    both = out.then(dwell(dwell_s)).then(back).then(dwell(dwell_s)) if dwell_s > 0.0 else out.then(back)
+    both = move(distance, speed_m_s, limits, low_m).then(move(-distance, speed_m_s, limits, high_m))
     return Motion(np.tile(both.durations_s, count), np.tile(both.jerks_m_s3, count), low_m)
-
-
-def uniform_in_position(motion: Motion, samples: int) -> Array:
-    """Return the times of an encoder-triggered sample clock: equal steps along the path of the carriage.
-
-    Parameters
-    ----------
-    motion : Motion
-    samples : int
-        Number of samples over the whole motion, the first at the start and the last at the end.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Strictly increasing times, s; no samples while the carriage is at rest.
-    """
-    knots = motion.knots()
-    share = np.linspace(0.0, 1.0, 33)
-    fine = np.unique(np.r_[(knots[0, :-1, None] + share * np.diff(knots[0])[:, None]).ravel(), knots[0, -1]])
-    position = motion.at(fine)[0]
-    path = np.r_[0.0, np.cumsum(np.abs(np.diff(position)))]
-    wanted = np.linspace(0.0, path[-1], samples)
-    moving = np.r_[True, np.diff(path) > 1e-15 * path[-1]]
-    fine, path, position = fine[moving], path[moving], position[moving]
-    i = np.clip(np.searchsorted(path, wanted, side="right") - 1, 0, path.size - 2)
-    low, high = fine[i], fine[i + 1]
-    sign = np.sign(position[i + 1] - position[i])
-    target = position[i] + sign * (wanted - path[i])
-    for _ in range(52):  # bisection: robust where the speed vanishes, exact to rounding
-        middle = 0.5 * (low + high)
-        short = sign * (motion.at(middle)[0] - target) < 0.0
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
-    times = 0.5 * (low + high)
-    times[0], times[-1] = 0.0, motion.duration_s
-    return times
 
 
 def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
@@ -335,33 +280,3 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
     total = sum(counts)
     within("samples", total, f"a step of {duration_s:g} s would have {np.ceil(total):,.15g} samples", CommandError)
     return [(begin, end, math.ceil(count)) for (begin, end, _), count in zip(spans, counts, strict=True)]
-
-
-def schedule(durations_s: Sequence[float], moving: Sequence[bool], sampling: Sampling) -> tuple[Array, Ints]:
-    """Return the times of all samples of a cycle, including its end, and the step of each.
-
-    Parameters
-    ----------
-    durations_s : sequence of float
-        Durations of the steps, s.
-    moving : sequence of bool
-        Whether a step is a move.
-    sampling : Sampling
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Times, s, strictly ascending.
-    ndarray of int64, shape (n,)
-        Index of the step of each sample.
-    """
-    total = sum(step_samples(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True))
-    within("samples", total, f"a cycle would have {total:,.15g} samples", CommandError)
-    each = [step_times(duration, move, sampling) for duration, move in zip(durations_s, moving, strict=True)]
-    borders = np.concatenate([[0.0], np.cumsum(durations_s)])
-    last = max((i for i, part in enumerate(each) if part.size), default=-1)
-    if last < 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
-    each[last] = np.append(each[last], durations_s[last])
-    times = np.concatenate([border + part for border, part in zip(borders, each, strict=False)])
-    return times, np.repeat(np.arange(len(each), dtype=np.int64), [part.size for part in each])

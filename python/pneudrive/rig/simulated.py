@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, RLock
 from typing import TYPE_CHECKING
@@ -26,14 +25,14 @@ from pneudrive.rig.machine import (
     steady_friction_n,
     stream,
 )
-from pneudrive.rig.motion import Limits, Motion, cycles, step_times
+from pneudrive.rig.motion import Motion, cycles, step_times
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.rig.description import AnalogSensor, EncoderClock, TimeClock
+    from pneudrive.rig.description import AnalogSensor
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | tuple[float, float]  # pressures of both chambers, or of a and b
@@ -129,23 +128,7 @@ class SimulatedRig:
             synthetic=True,
         )
 
-    def with_friction(self, law: str | None = None, **parameters: float) -> SimulatedRig:
-        """Return a rig with another friction law or other parameters (SI, names as in the drive file)."""
-        known = self.description.friction
-        changed = known | {"law": law or known["law"], "parameters": known["parameters"] | parameters}
-        return SimulatedRig(replace(self.description, friction=changed))
-
-    def drag(
-        self,
-        speed_m_s: float,
-        gauge_pa: Gauges = 0.0,
-        *,
-        count: int = 1,
-        dwell_s: float = 0.0,
-        clock: TimeClock | EncoderClock | None = None,
-        limits: Limits | None = None,
-        rtol: float = RTOL,
-    ) -> Trace:
+    def drag(self, speed_m_s: float, gauge_pa: Gauges = 0.0, *, count: int = 1) -> Trace:
         """Drag the piston out and back, and return the true signals.
 
         Parameters
@@ -156,14 +139,6 @@ class SimulatedRig:
             Gauge pressure in both chambers, or in a and b.
         count : int
             Number of cycles (out and back).
-        dwell_s : float
-            Stop at each reversal.
-        clock : TimeClock or EncoderClock, optional
-            Sample clock; default: the rig's.
-        limits : Limits, optional
-            Limits of the servo; default: the rig's.
-        rtol : float
-            Relative tolerance of the integration.
 
         Returns
         -------
@@ -177,22 +152,16 @@ class SimulatedRig:
             The core rejects the rig or cannot finish.
         """
         d = self.description
-        motion = cycles(
-            d.tables.servo.margin,
-            d.stroke_m - d.tables.servo.margin,
-            speed_m_s,
-            limits or d.limits,
-            count=count,
-            dwell_s=dwell_s,
-        )
-        pressure_a, pressure_b = self._absolute(gauge_pa)
-        times = (clock or d.clock).times(motion, count)
+        margin = d.tables.servo.margin
+        motion = cycles(margin, d.stroke_m - margin, speed_m_s, d.limits, count=count)
+        pressures = self._absolute(gauge_pa)
+        times = np.linspace(0.0, motion.duration_s, count * int(d.tables.sampling.samples_per_cycle))
         try:
-            rig = core_rig(d, (pressure_a, pressure_b))
-            result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, rtol)
+            rig = core_rig(d, pressures)
+            result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, RTOL)
         except (ValueError, RuntimeError) as error:
             raise SimulationError("the simulated rig cannot run", value=str(error)) from error
-        return Trace(result.columns, motion, speed_m_s, pressure_a, pressure_b, result.statistics)
+        return Trace(result.columns, motion, speed_m_s, *pressures, result.statistics)
 
     def record(self, trace: Trace, seed: int | Sequence[int] = 0, *, name: str | None = None) -> Recording:
         """Read a trace with the rig's sensors.
@@ -245,12 +214,11 @@ class SimulatedRig:
         gauge_pa: Gauges = 0.0,
         *,
         count: int = 1,
-        dwell_s: float = 0.0,
         seed: int | Sequence[int] = 0,
         name: str | None = None,
     ) -> Recording:
         """Drag and record in one step; see :meth:`drag` and :meth:`record`."""
-        return self.record(self.drag(speed_m_s, gauge_pa, count=count, dwell_s=dwell_s), seed, name=name)
+        return self.record(self.drag(speed_m_s, gauge_pa, count=count), seed, name=name)
 
     def true_friction(
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None
@@ -545,7 +513,7 @@ class RigSession:
 
     def memory(self) -> Plain:
         """Return the saved state as plain data."""
-        return self._machine.snapshot().to_dict()
+        return asdict(self.past)
 
     def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
@@ -596,7 +564,8 @@ class RigSession:
         self._idle()
         self._check([step])
         if self._machine.motion(step) is not None:
-            deque(self._acquire([step], None), maxlen=0)
+            for _ in self._acquire([step], None):
+                pass
 
     def _begin(self) -> _Run:
         """Reserve the axis."""
@@ -658,8 +627,8 @@ class RigSession:
         """
         with self._lock:
             self._alive(run)
-            run.before, run.step, run.motion, run.reached_s = self._machine.snapshot(), step, motion, 0.0
-            machine, before = self._machine.copy(), run.before
+            run.before, run.step, run.motion, run.reached_s = deepcopy(self.past), step, motion, 0.0
+            machine, before = Machine(self._machine.d, self.seed, deepcopy(self.past)), run.before
         true = machine.run(step, motion, times, lambda: self._alive(run))
         with self._lock:
             self._alive(run)

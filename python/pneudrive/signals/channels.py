@@ -244,12 +244,11 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
         same = next((it for it in other.channels if it.quantity == one.quantity), None)
         if same is None:
             continue
-        if (one.slope, one.zero, one.unit) == (same.slope, same.zero, same.unit):
+        are_raw = math.isnan(one.slope) and math.isnan(same.slope)
+        if one.unit == same.unit and (are_raw or (one.slope, one.zero) == (same.slope, same.zero)):
             out.append(SharedChannel(one, same, 1.0, 0.0))
         elif math.isfinite(one.slope + same.slope):
             out.append(SharedChannel(one, same, same.slope / one.slope, (same.zero - one.zero) / one.slope))
-        elif one.unit == same.unit and math.isnan(one.slope) and math.isnan(same.slope):
-            out.append(SharedChannel(one, same, 1.0, 0.0))
     return out
 
 

@@ -309,7 +309,3 @@ class Candidate(NamedTuple):
     column: FileColumn
     score: float
     evidence: tuple[str, ...]
-
-    def with_evidence(self, text: str) -> Candidate:
-        """Return the candidate with evidence from the numbers."""
-        return Candidate(self.column, self.score + PHYSICS, (*self.evidence, text))

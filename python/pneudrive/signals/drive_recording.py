@@ -398,10 +398,10 @@ def _labels(about: object) -> dict[str, str]:
 
 def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array | float]:
     """Return the columns of a file in SI, and warn of flags."""
-    imported = import_file(path, said)
-    for flag, count in imported.flags.items():
+    columns, flags, _ = import_file(path, said)
+    for flag, count in flags.items():
         warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
-    return dict(imported.columns)
+    return columns
 
 
 def check_plausible(recording: DriveRecording, stroke: float, ambient: float, supply: float) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,26 +40,6 @@ GUESSED_FROM = 400  # number of values for a guess of the format of dates
 #: Channel of a layout -> name of its column in SI.
 SI_NAMES = {channel: f"{channel}_{suffix(unit)}" if unit else channel for channel, unit in UNITS.items()}
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
-
-
-@dataclass(frozen=True)
-class Imported:
-    """A file as columns of one length.
-
-    Attributes
-    ----------
-    columns : dict
-        Columns in SI by the names of `SI_NAMES`, and the forces of ``[[force]]`` by ``force 1``; pressures absolute. A
-        stated pressure is a number.
-    flags : dict
-        Counts of faults on reading.
-    sha256 : str or None
-        Hash of the file; None for a part of it.
-    """
-
-    columns: Mapping[str, Any]
-    flags: dict[str, int] = field(default_factory=dict)
-    sha256: str | None = None
 
 
 def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
@@ -268,8 +248,13 @@ def read_rows(path: Path, layout: FileLayout, rows: tuple[int, int]) -> Columns:
     return {channel: table.columns[table.places[column.column]] for channel, column in layout.channels.items()}
 
 
-def import_file(path: Path, layout: FileLayout) -> Imported:
-    """Read the columns that a layout names, in SI.
+def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], str]:
+    """Read the columns that a layout names.
+
+    Returns
+    -------
+    dict, dict, str
+        Columns of `si_columns`, counts of faults on reading, and hash of the file.
 
     Raises
     ------
@@ -292,7 +277,7 @@ def import_file(path: Path, layout: FileLayout) -> Imported:
         raise RecordingError.of("signals.no-sample-left", where=str(path), **numbers)
     guessed = sum(column.guessed for column in layout.channels.values())
     flags = table.flags | ({"unit_guessed": guessed} if guessed else {})
-    return Imported(si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest())
+    return si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest()
 
 
 def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]:
@@ -335,6 +320,7 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
 
+    Their names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A stated pressure is a number.
     A delayed channel is shifted. Samples at the ends, where it has no values, are left out.
     """
     values = {channel: convert(layout, channel, column) for channel, column in raw.items()}

@@ -346,23 +346,15 @@ class FileLayout(Described):
         form["comment"] = self.comment or "\0"
         return TextForm(**form)
 
-    def missing(self, kind: str) -> Iterator[DescriptionError]:
-        """Return the keys that the layout lacks for a file of this kind."""
-        for channel in KINDS[kind].needed:
-            if getattr(self.columns, channel) is None:
+    def problems(self, kind: str, *, is_part: bool) -> Iterator[DescriptionError]:
+        """Return values that a layout for a file of this kind gives twice, and missing keys unless it is a part."""
+        channels, read = KINDS[kind], dict[int | str, str]()
+        for channel in channels.units:
+            column: Column | None = getattr(self.columns, channel)
+            if column is None and channel in channels.needed and not is_part:
                 unit = f', unit = "{EXAMPLES[UNITS[channel]]}"' if UNITS[channel] else ""
                 remedy = f"{channel} = {{ column = 0{unit} }}"
                 yield wrong("columns", f"[columns] does not name the column of the {channel}", remedy=remedy)
-        if kind == "rig":
-            for side in "ab":
-                if not self._ways(side):
-                    yield self._not_once(side, "does not state")
-
-    def contradictions(self, kind: str) -> Iterator[DescriptionError]:
-        """Return values that the layout gives twice for a file of this kind."""
-        read: dict[int | str, str] = {}
-        for channel in KINDS[kind].units:
-            column: Column | None = getattr(self.columns, channel)
             if column is None or column.column is None:
                 continue
             other = read.setdefault(column.column, channel)
@@ -370,20 +362,15 @@ class FileLayout(Described):
                 what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
                 yield wrong(f"columns.{channel}", what, rule="a column must be one quantity")
         for side in "ab" if kind == "rig" else "":
-            if self._ways(side) > 1:
-                yield self._not_once(side, "defines more than once")
-
-    def _ways(self, side: str) -> int:
-        """Return the number of ways in which the pressure in a chamber is given."""
-        chamber: ChamberTable = getattr(self, f"chamber_{side}")
-        is_measured = getattr(self.columns, f"pressure_{side}") is not None
-        return is_measured + chamber.open_to_ambient + (chamber.pressure is not None)
-
-    def _not_once(self, side: str, says: str) -> DescriptionError:
-        table, column = f"chamber_{side}", f"pressure_{side}"
-        rule = f"exactly one of columns.{column}, {table}.open_to_ambient = true, {table}.pressure"
-        key = table if table in self.model_fields_set else "columns"
-        return wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
+            table, column_name = f"chamber_{side}", f"pressure_{side}"
+            chamber: ChamberTable = getattr(self, table)
+            is_measured = getattr(self.columns, column_name) is not None
+            ways = is_measured + chamber.open_to_ambient + (chamber.pressure is not None)
+            if ways > 1 or (ways == 0 and not is_part):
+                says = "defines more than once" if ways else "does not state"
+                rule = f"exactly one of columns.{column_name}, {table}.open_to_ambient = true, {table}.pressure"
+                key = table if table in self.model_fields_set else "columns"
+                yield wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
 
     def chamber_pressures(self) -> dict[str, float]:
         """Return the absolute pressures of chambers that are stated, not measured."""
@@ -550,12 +537,10 @@ class Layout(Shown):
         problems, kind = Problems(), self.kind
         layout: FileLayout | None = problems.take(FileLayout.model_validate, tree)
         if layout is not None:
-            for error in layout.contradictions(kind):
+            for error in layout.problems(kind, is_part=is_part):
                 problems.add(error)
             if kind == "rig" and not (is_part and layout.geometry == GeometryTable()):
                 problems.take(layout.geometry.areas)
-            for error in () if is_part else layout.missing(kind):
-                problems.add(error)
         if is_part:  # another [[for]] may supply missing keys: only the layout of a file must be complete
             problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}
         for error in problems.found.values():

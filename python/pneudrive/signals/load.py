@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import Table, open_table
-from pneudrive.signals.importer import SI_NAMES, Imported, import_file, read_rows, si_columns
+from pneudrive.signals.importer import SI_NAMES, import_file, read_rows, si_columns
 from pneudrive.signals.layout import KINDS, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
 from pneudrive.signals.text_table import column_number, read_bytes
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Plain
 
 
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
@@ -57,7 +57,13 @@ class RecordingFile:
         """Read the only recording of the file."""
         if self.said is None:
             return read_trajectory(self.path, self.name)
-        return to_recording(self.name, self.path, self.said, import_file(self.path, self.said))
+        return to_recording(self.name, self.path, self.said, *import_file(self.path, self.said))
+
+    def part(self, raw: dict[str, Array], name: str = "") -> Recording:
+        """Return the recording of some rows of the raw columns, without the hash of the file."""
+        if self.said is None:
+            return from_trajectory(raw, self.name, self.path, is_part=True)
+        return to_recording(name or self.name, self.path, self.said, si_columns(self.said, raw))
 
 
 def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
@@ -152,56 +158,46 @@ def load_recording(path: Path, layout: Layout, kind: str = "rig") -> Recording:
         As for `load_recordings`.
     """
     said = layout.for_file(path, kind)
-    return to_recording(stem(path), path, said, import_file(path, said))
+    return to_recording(stem(path), path, said, *import_file(path, said))
 
 
 @dataclass(frozen=True)
-class LongFile:
+class LongFile(RecordingFile):
     """A Parquet file of many rows that is read part by part.
 
     Attributes
     ----------
-    file : RecordingFile
     count : int
         Rows of the file.
     table : Table
         The file, open.
     """
 
-    file: RecordingFile
     count: int
     table: Table
 
     @property
     def first(self) -> int:
         """First row that is used."""
-        return 0 if self.file.said is None else self.file.said.skip_samples
+        return 0 if self.said is None else self.said.skip_samples
 
-    def read(self, rows: tuple[int, int]) -> dict[str, Array]:
+    def rows(self, rows: tuple[int, int]) -> dict[str, Array]:
         """Read some rows of the raw columns, by channel."""
-        if self.file.said is None:
-            return read_columns(self.file.path, MEASURED, rows, self.table)
-        return read_rows(self.file.path, self.file.said, rows)
-
-    def recording(self, raw: dict[str, Array]) -> Recording:
-        """Return the recording of raw columns, without the hash of the file."""
-        name, path, said = self.file.name, self.file.path, self.file.said
-        if said is None:
-            return from_trajectory(raw, name, path, is_part=True)
-        return to_recording(name, path, said, Imported(si_columns(said, raw)))
+        if self.said is None:
+            return read_columns(self.path, MEASURED, rows, self.table)
+        return read_rows(self.path, self.said, rows)
 
     def sha256(self, ended: Event) -> str:
         """Return the hash of a recording of the whole file: of its bytes, or of the columns of a trajectory.
 
         If `ended` is set, the hash covers only the part that was read so far, because no caller needs it.
         """
-        path = self.file.path
-        if self.file.said is None:
+        if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
             pieces = ((column, part) for column in COLUMNS for part in parts if not ended.is_set())
-            return digest_of(read_columns(path, [c], part, self.table)[c] for c, part in pieces)
+            return digest_of(read_columns(self.path, [c], part, self.table)[c] for c, part in pieces)
         total, buffer = hashlib.sha256(), memoryview(bytearray(HASHED_BYTES))
-        with path.open("rb", buffering=0) as data:
+        with self.path.open("rb", buffering=0) as data:
             while not ended.is_set() and (count := data.readinto(buffer)):
                 total.update(buffer[:count])
         return total.hexdigest()
@@ -215,13 +211,21 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
     else:
         is_plain = said.format == "parquet" and said.is_plain and not said.dates and not file.has_cycles
     table = open_table(file.path, "parquet") if is_plain else None
-    count = None if table is None else table.count()
-    return LongFile(file, count, table) if table is not None and count is not None and count > least else None
+    if table is None or (count := table.count()) is None or count <= least:
+        return None
+    return LongFile(file.path, file.layout, file.name, count, table)
 
 
-def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) -> Recording:
-    """Return the recording of a file that was imported through a layout."""
-    columns, curve = imported.columns, layout.force_calibration if "force" in layout.channels else None
+def to_recording(
+    name: str,
+    path: Path,
+    layout: FileLayout,
+    columns: Plain,
+    flags: dict[str, int] | None = None,
+    sha256: str | None = None,
+) -> Recording:
+    """Return the recording of the columns in SI that were imported through a layout."""
+    curve = layout.force_calibration if "force" in layout.channels else None
     _, *rig_channels = KINDS["rig"].units
     measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
     limits = {name: column.range for name, column in measured.items() if column.range is not None}
@@ -244,9 +248,9 @@ def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) 
         labels=layout.labels,
         window_m=layout.window.position,
         source=path,
-        sha256=imported.sha256,
+        sha256=sha256,
         stiffness_n_m=layout.rig.stiffness_n_m,
-        flags=imported.flags,
+        flags=flags or {},
         limits=limits,
         calibration={name: column.calibration for name, column in measured.items() if column.calibration},
         force_calibration=curve.applied() if curve is not None else None,
@@ -261,10 +265,9 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 
 @dataclass(frozen=True)
-class CampaignFile:
+class CampaignFile(RecordingFile):
     """A campaign file: first row of each cycle, row after the last cycle, and numbers of the cycles."""
 
-    file: RecordingFile
     bounds: Ints
     numbers: Ints
 
@@ -274,16 +277,16 @@ class CampaignFile:
 
     def recordings(self) -> Iterator[Recording]:
         """Yield one cycle after the other, reading a batch of rows at a time."""
-        path, said, start = self.file.path, self.file.said, 0
-        assert said is not None
+        start = 0
+        assert self.said is not None
         while start < len(self):
             last = int(np.searchsorted(self.bounds, self.bounds[start] + BATCH_SAMPLES, side="right")) - 1
             stop = min(max(last, start + 1), len(self))
             rows = self.bounds[start : stop + 1] - self.bounds[start]
-            raw = read_rows(path, said, (int(self.bounds[start]), int(self.bounds[stop])))
+            raw = read_rows(self.path, self.said, (int(self.bounds[start]), int(self.bounds[stop])))
             for number, first, end in zip(self.numbers[start:stop], rows[:-1], rows[1:], strict=True):
                 cycle = {channel: column[first:end] for channel, column in raw.items()}
-                yield to_recording(f"{stem(path)}/{number}", path, said, Imported(si_columns(said, cycle)))
+                yield self.part(cycle, f"{stem(self.path)}/{number}")
             start = stop
 
 
@@ -316,7 +319,8 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     values, counts = np.unique(found, return_counts=True)
     if (counts > 1).any():
         raise RecordingError.of("signals.cycle-apart", where=str(path), cycle=values[counts > 1][0])
-    return CampaignFile(file, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
+    bounds = np.concatenate((starts, [numbers.size])).astype(np.int64)
+    return CampaignFile(path, file.layout, file.name, bounds, found)
 
 
 # Columns that identify a trajectory file; other files lack some.

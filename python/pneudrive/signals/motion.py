@@ -151,13 +151,6 @@ def middle(values: Array) -> float:
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
-def middle_step(values: Array) -> float:
-    """Return the median difference of neighbouring values, estimated as by `middle`."""
-    stride = max((values.size - 1) // ENOUGH_FOR_QUANTILES, 1)
-    some = values[1::stride] - values[:-1:stride]
-    return float(np.partition(some, some.size // 2)[some.size // 2])
-
-
 def quantiles(values: Array, *shares: float) -> list[float]:
     """Return quantiles of finite values, with the same bits as NumPy's linear method, but ten times faster."""
     at = [share * (values.size - 1) for share in shares]

@@ -14,7 +14,7 @@ from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.content import rendered
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.signals.columns import ROLES, SIGNALS, FileColumn, families
+from pneudrive.signals.columns import ROLES, SIGNALS, families
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout, stem
@@ -193,7 +193,7 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         keys=keys if reading.format == "csv" else {},
         guesses=[guess for guess in roles.guesses if not (kind == "drive" and guess.role == "force")],
         questions=roles.questions,
-        line=lambda guess: _column_line(guess, roles.columns, sign),
+        line=lambda guess: _column_line(guess, sign),
         unused=families(str(column.place) for column in roles.unused),
         cycle=cycle[:1] if reading.format == "parquet" else (),
         missing=[role for role in ("time", "position", "force") if role not in found and role not in open_roles],
@@ -205,14 +205,14 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     )
 
 
-def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
+def _column_line(guess: Guess, sign: str) -> str:
     """Return the line of a column."""
     place = value_text(guess.column)
-    if guess.index is None:
+    if guess.source is None:
         return f"{guess.role} = {{ {guess.keys} }}  # guess: {guess.reason}"
     keys = f", {guess.keys}" if guess.keys else ""
     if guess.role == "command":
-        signal = _signal(guess, columns[guess.index].values)
+        signal = _signal(guess.unit, guess.source.values)
         return f"command = {{ column = {place}{signal}{keys} }}  # guess: {guess.reason}"
     unit, note = guess.unit, ""
     if guess.role.startswith("pressure"):
@@ -225,12 +225,12 @@ def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
     return f'{guess.role} = {{ column = {place}, unit = "{unit}"{extra}{keys} }}  # guess: {guess.reason}{note}'
 
 
-def _signal(guess: Guess, values: Array) -> str:
+def _signal(unit: str, values: Array) -> str:
     """Return unit and range of a command that is not an opening fraction: the narrowest usual range around it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    unit = guess.unit or "V"
-    if low >= -1.0 and high <= 1.0 and guess.unit == "":
+    if low >= -1.0 and high <= 1.0 and not unit:
         return ""
+    unit = unit or "V"
     scale = 1e-3 if unit == "mV" else 1.0
     margin = 0.02 * (high - low)
     for a, b in SIGNALS["mA" if unit == "mA" else "V"]:

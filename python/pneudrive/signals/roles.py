@@ -16,7 +16,7 @@ from pneudrive.signals.times import rate_of_stamps, samples_of_a_stamp, unwrappe
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from pneudrive.arrays import Array
     from pneudrive.signals.text_table import FileForm
@@ -31,6 +31,7 @@ CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"
 CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
 HELD = ("constant from step to step, unlike a force",)
+ASK_RATE = 'state the rate of the samples, time = { rate = "50 Hz" }'
 ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with the position"
 
 
@@ -38,17 +39,26 @@ ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with t
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has no ``index``. A pressure without a mark has no ``gauge``.
+    A time from a sample rate has no ``source``. A pressure without a mark has no ``gauge``.
     ``keys`` are further keys of the column in the layout.
     """
 
     role: str
-    column: int | str
-    index: int | None
+    source: FileColumn | None
     unit: str
     reason: str
     gauge: bool | None = None
     keys: str = ""
+
+    @property
+    def column(self) -> int | str:
+        """Name or number of the column in a layout; empty for a sample rate."""
+        return "" if self.source is None else self.source.place
+
+    @property
+    def index(self) -> int | None:
+        """Number of the column in the file."""
+        return None if self.source is None else self.source.index
 
 
 @dataclass(frozen=True)
@@ -110,21 +120,20 @@ class RoleSearch:
     def column(self, role: str) -> FileColumn | None:
         """Return the column of a role."""
         guess = self.guess(role)
-        return None if guess is None or guess.index is None else self.columns[guess.index]
+        return None if guess is None else guess.source
 
     @property
     def unused(self) -> list[FileColumn]:
         """Columns of numbers that have no role and are in no question."""
         listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
-        used = {guess.index for guess in listed} | {self.times.index, self.times.date, *self.times.clocks.values()}
-        used |= {*self.form.words}
+        used = {guess.index for guess in listed} | {*self.times.used, *self.times.clocks.values(), *self.form.words}
         return [one for one in self.columns if one.index not in used and np.isfinite(one.values).any()]
 
     def ask_chambers(self) -> None:
         """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
         asked = " ".join(question.role for question in self.questions)
         sides = [f"pressure_{side}" for side in CLOSED if self.guess(f"pressure_{side}") is None]
-        used = [self.columns[guess.index].values for guess in self.guesses if guess.index is not None]
+        used = [guess.source.values for guess in self.guesses if guess.source is not None]
         spare = [one for one in self.unused if one.may_be_pressure]
         spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
         if sides and spare and "pressure" not in asked:
@@ -157,6 +166,15 @@ class RoleSearch:
         free = [one for one in self.columns if one.index not in self.taken and one.role is None]
         return [one for one in free if one.unit is None or one.unit.si == "count"]
 
+    def _signals(self) -> list[FileColumn]:
+        """Return the last column of each signal without a role. It may have several, such as volts and newtons."""
+        last: dict[int, FileColumn] = {}  # by the number of the first column
+        for column in self._without_role():
+            if np.isfinite(column.values).all() and np.ptp(column.values) > 0:
+                alike = (first for first in last if same_signal(self.columns[first].values, column.values))
+                last[next(alike, column.index)] = column
+        return [*last.values()]
+
     def _on_time(self, column: FileColumn, raw: Sequence[Array]) -> Array:
         """Return a column at the times of the table.
 
@@ -169,17 +187,17 @@ class RoleSearch:
         if (clock := times.clocks.get(column.index)) is not None:
             return timing.on_clock(times.values, raw[clock], values)
         if late := self._late(column):
-            return timing.on_clock(times.values, times.values + late * (times.rate_hz or 0.0), values)
+            return timing.on_clock(times.values, times.values + late * times.rate_hz, values)
         return timing.filled(times.values, values)
 
     def _late(self, column: FileColumn) -> float:
         """Return the start of a channel without times, s after the start of the first channel."""
-        return self.form.preamble.starts_s.get(column.index, 0.0) if self.times.index is None else 0.0
+        return 0.0 if self.times.used else self.form.preamble.starts_s.get(column.index, 0.0)
 
     def _position(self) -> None:
         if named := self.candidates("position"):
-            moving = [unevenness(one.column.values, is_one_of_many=True) < np.inf for one in named]
-            chosen = self._settle("position", _with(named, moving, "strokes"))
+            named = _backed(named, "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf)
+            chosen = self._settle("position", named)
         else:
             chosen = self._position_by_strokes()
         if chosen is not None:
@@ -187,7 +205,7 @@ class RoleSearch:
 
     def _position_by_strokes(self) -> Candidate | None:
         """Find the signal that moves evenly between its turning points, with little back and forth."""
-        signals = different_signals(self._without_role())
+        signals = self._signals()
         ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
         ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
         close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
@@ -215,10 +233,9 @@ class RoleSearch:
 
     def _force(self) -> None:
         directions, named = self.directions, self.candidates("force")
-        if named and directions is not None:
-            turns = [directions.sign(one.column.values) != 0 for one in named]
-            named = _with(named, turns, "changes with the direction")
         if named:
+            if directions is not None:
+                named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
             chosen, rank = self._choose("force", named)
         elif directions is not None and self.guess("command") is None:
             chosen, rank = self._force_by_swing(directions)
@@ -236,7 +253,7 @@ class RoleSearch:
 
     def _force_by_swing(self, directions: Directions) -> tuple[Candidate | None, str]:
         """Find the signal that changes most with the direction."""
-        signals = different_signals(self._without_role())
+        signals = self._signals()
         ranked = sorted(((directions.swing(one.values), one.index) for one in signals), reverse=True)
         if not ranked or ranked[0][0] == 0.0:
             return None, ""
@@ -251,7 +268,7 @@ class RoleSearch:
     def _pressures(self) -> None:
         named = self.candidates("pressure")
         if not named:
-            rest = different_signals(self._without_role())
+            rest = self._signals()
             has_position = self.guess("position") is not None
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
             why = "more constant than the force" if has_position else "the only signal besides the time"
@@ -333,31 +350,22 @@ class RoleSearch:
 
     def _time(self) -> None:
         """Add the guess of the time, or a question, before all others."""
-        times, dates = self.times, self.form.dates
-        if times.question:
-            self.questions.insert(0, Question("time", times.question))
-            return
-        if times.rate_hz is not None:
-            keys = f'rate = "{times.rate_hz:.6g} Hz"'
-            self.guesses.insert(0, Guess("time", "", None, "", times.reason, keys=keys))
-            return
-        assert times.index is not None
-        place, unit, reason = self.columns[times.index].place, times.unit, "unit as named"
-        if not unit:
-            position, guess = self.column("position"), self.guess("position")
-            metres = None
-            if position is not None and guess is not None and guess.unit:
-                metres = position.values * converter(guess.unit, "m")[0]
-            unit, reason = unit_by_size(times, metres)
-        if not unit:
-            self.questions.insert(0, Question("time", reason, (Guess("time", place, times.index, "s", reason),)))
-            return
-        keys = [f'format = "{form}"'] if (form := dates.get(times.index)) else []
-        if times.date is not None:
-            keys.append(f"date = {value_text(self.columns[times.date].place)}")
-            keys += [f'date_format = "{form}"'] if (form := dates[times.date]) else []
-        reason = f"{times.reason}, {reason}"
-        self.guesses.insert(0, Guess("time", place, times.index, unit, reason, keys=", ".join(keys)))
+        found = self.times.found
+        if isinstance(found, Guess) and found.source is not None:
+            unit, reason, metres = found.unit, "unit as named", None
+            position = self.guess("position")
+            if position is not None and position.source is not None and position.unit:
+                metres = position.source.values * converter(position.unit, "m")[0]
+            if not unit:
+                unit, reason = unit_by_size(self.times.values, metres)
+            if unit:
+                found = replace(found, unit=unit, reason=f"{found.reason}, {reason}")
+            else:
+                found = Question("time", reason, (replace(found, unit="s", reason=reason),))
+        if isinstance(found, Question):
+            self.questions.insert(0, found)
+        else:
+            self.guesses.insert(0, found)
 
     def _other_lengths(self) -> None:
         """Ask for channels whose names state an open role, but whose lengths differ from the others."""
@@ -420,16 +428,19 @@ class RoleSearch:
             keys.append(f'delay = "{-late:.9g} s"')
         reason = f"{', '.join(one.evidence)}, unit {'as named' if is_named else 'guessed from its size'}"
         reason = "; ".join(filter(None, [reason, rank]))
-        return Guess(role, column.place, column.index, unit, reason, gauge, ", ".join(keys))
+        return Guess(role, column, unit, reason, gauge, ", ".join(keys))
 
     def _ask(self, role: str, why: str, candidates: list[Candidate]) -> None:
         kind = "pressure" if " " in role and "pressure" in role else role
         self.questions.append(Question(role, why, tuple(self._guess(kind, one, "") for one in candidates)))
 
 
-def _with(candidates: Sequence[Candidate], shown: Sequence[bool], text: str) -> list[Candidate]:
-    """Return candidates, with evidence from the numbers where available."""
-    return [one.with_evidence(text) if is_so else one for one, is_so in zip(candidates, shown, strict=True)]
+def _backed(named: list[Candidate], text: str, shows: Callable[[Array], bool]) -> list[Candidate]:
+    """Return the candidates, with further evidence where their numbers show it."""
+    return [
+        Candidate(one.column, one.score + PHYSICS, (*one.evidence, text)) if shows(one.column.values) else one
+        for one in named
+    ]
 
 
 def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
@@ -451,20 +462,6 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
         whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
     by_size = ROLES[kind].by_size if kind in ROLES and not whole else ()
     return next((name for most, name in by_size if size < most), ""), None, False
-
-
-def different_signals(columns: Iterable[FileColumn]) -> list[FileColumn]:
-    """Return the last column of each signal; a signal may have several columns, such as volts and newtons."""
-    groups: list[list[FileColumn]] = []
-    for column in columns:
-        if not np.isfinite(column.values).all() or np.ptp(column.values) == 0:
-            continue
-        group = next((group for group in groups if same_signal(group[0].values, column.values)), None)
-        if group is None:
-            groups.append([column])
-        else:
-            group.append(column)
-    return [group[-1] for group in groups]
 
 
 GROUPED = ("tdms", "mf4")  # formats with names group/channel
@@ -505,19 +502,22 @@ INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 class Times:
     """The time of a table.
 
-    Samples at a rate have ``rate_hz`` instead of the ``index`` of a column; their ``values`` are numbers of samples.
-    An unstated ``unit`` is empty. A time of day may have a ``date`` column. ``clocks`` maps columns with
-    another time to the column of that time. ``question`` asks the user.
+    ``found`` is the guess of its column or rate, or the question to the user; an unstated unit is empty. ``used`` has
+    the numbers of its columns. Without a column, ``values`` are numbers of samples. ``clocks`` maps columns with
+    another time to the column of that time.
     """
 
-    index: int | None
     values: Array
-    unit: str = ""
-    rate_hz: float | None = None
-    reason: str = ""
-    date: int | None = None
+    found: Guess | Question
+    used: tuple[int, ...] = ()
+    rate_hz: float = 0.0
     clocks: dict[int, int] = field(default_factory=dict)
-    question: str = ""
+
+    @classmethod
+    def at_rate(cls, count: int, rate_hz: float, reason: str) -> Times:
+        """Return the times of samples at a rate."""
+        found = Guess("time", None, "", reason, keys=f'rate = "{rate_hz:.6g} Hz"')
+        return cls(np.arange(count, dtype=float), found, rate_hz=rate_hz)
 
 
 def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
@@ -528,7 +528,8 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
     if not candidates:
         return _without_column(form, columns[0].values.size, numbered)
     best = candidates[0]
-    times = _time(form, best.column, dates)
+    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
+    times = _time(form, best, dates, rank)
     if best.score > PHYSICS:
         clocks = [one.column for one in candidates if one.score >= best.score]
         other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
@@ -536,8 +537,6 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
             nearest = max((one.index for one in clocks if one.index < at), default=best.column.index)
             if nearest in other:
                 times.clocks[at] = nearest
-    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
-    times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
     taken.add(best.column.index)
     return times
 
@@ -617,48 +616,50 @@ def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> boo
     return rest <= 1.01 * quantum and not (is_shifted and is_number)
 
 
-def _time(form: FileForm, column: FileColumn, dates: Sequence[FileColumn]) -> Times:
+def _time(form: FileForm, best: Candidate, dates: Sequence[FileColumn], rank: str) -> Times:
     """Return the time of a column."""
+    column, evidence = best.column, ", ".join(best.evidence)
     unit, factor, moduli = "", 1.0, timing.COUNTERS
     if column.index in form.dates:
         unit, moduli = timing.DATE_TIME, timing.clocks_of(form.dates[column.index])
     elif column.unit is not None:
         unit, factor = column.unit.unit, converter(column.unit.unit, "s")[0]
-    times = Times(column.index, unwrapped(column.values, moduli, forward=True)[0], unit)
+    values, used = unwrapped(column.values, moduli, forward=True)[0], (column.index,)
+    keys = [f'format = "{written}"'] if (written := form.dates.get(column.index)) else []
     if unit == timing.DATE_TIME and dates:
-        times.date = dates[0].index
-        times.values = column.values + dates[0].values
-    count = samples_of_a_stamp(times.values)
-    if count > 1.0:  # stamps that many samples share are replaced by the rate of the samples, if it is even
-        shared = f"{count:g} samples share each stamp of column {column.place!r}"
-        rate = rate_of_stamps(times.values)
-        if rate is None or not unit:
-            times.question = f'{shared}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
-        else:
-            times.rate_hz, times.reason = rate / factor, shared
-        times.index = times.date = None
-        times.values = np.arange(times.values.size, dtype=float)
-    return times
+        date = dates[0]
+        values, used = column.values + date.values, (column.index, date.index)
+        keys.append(f"date = {value_text(date.place)}")
+        keys += [f'date_format = "{written}"'] if (written := form.dates[date.index]) else []
+    count = samples_of_a_stamp(values)
+    if count == 1.0:
+        return Times(values, Guess("time", column, unit, f"{evidence}; {rank}", keys=", ".join(keys)), used)
+    # Stamps that many samples share are replaced by the rate of the samples, if it is even.
+    shared, rate = f"{count:g} samples share each stamp of column {column.place!r}", rate_of_stamps(values)
+    if rate is None or not unit:
+        return _asked(values.size, f"{shared}: {ASK_RATE}")
+    return Times.at_rate(values.size, rate / factor, f"{evidence}; {shared}; {rank}")
+
+
+def _asked(count: int, why: str) -> Times:
+    """Return numbers of samples, and the question to the user."""
+    return Times(np.arange(count, dtype=float), Question("time", why))
 
 
 def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) -> Times:
     """Return the time of a table without a column of times: from the rate in the file, otherwise a question."""
-    preamble = form.preamble
-    times = Times(None, np.arange(count, dtype=float))
-    if len(set(preamble.steps_s)) > 1:
-        shown = ", ".join(f"{step:g} s" for step in sorted(set(preamble.steps_s)))
-        times.question = f"the channels have different rates ({shown}): resample them, or export one rate"
-    elif preamble.step_s:
-        times.rate_hz = 1.0 / preamble.step_s
-        times.reason = f"the file states the rate: {' '.join(preamble.source.split())[:40]}"
-    else:
-        only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
-        rate = 'state the rate of the samples, time = { rate = "50 Hz" }'
-        times.question = f"no column increases like a time{only}: {rate}"
-    return times
+    steps_s = sorted(set(form.preamble.steps_s))
+    if len(steps_s) > 1:
+        shown = ", ".join(f"{step:g} s" for step in steps_s)
+        return _asked(count, f"the channels have different rates ({shown}): resample them, or export one rate")
+    if steps_s:
+        source = " ".join(form.preamble.source.split())[:40]
+        return Times.at_rate(count, 1.0 / steps_s[0], f"the file states the rate: {source}")
+    only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
+    return _asked(count, f"no column increases like a time{only}: {ASK_RATE}")
 
 
-def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
+def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
     """Return the unit of a time without a stated unit, from the step of the samples and the speed of the piston.
 
     Returns
@@ -666,9 +667,9 @@ def unit_by_size(times: Times, position_m: Array | None) -> tuple[str, str]:
     str, str
         Unit and evidence; an empty unit, and a question.
     """
-    steps = np.diff(times.values[np.isfinite(times.values)])
+    steps = np.diff(time[np.isfinite(time)])
     step = float(np.median(steps)) if steps.size else 0.0
-    speed = _usual_speed(times.values, position_m)
+    speed = _usual_speed(time, position_m)
     fits = []
     longest = SLOWEST_S if speed is None else STEPS_S[1]
     for unit, factor in UNITS_S.items():

@@ -408,11 +408,6 @@ class Preamble:
     units: Fields = field(default_factory=list)
     source: str = ""
 
-    @property
-    def step_s(self) -> float | None:
-        """The common step of all channels, s, or None."""
-        return self.steps_s[0] if len(set(self.steps_s)) == 1 else None
-
 
 @dataclass(frozen=True)
 class FileForm:

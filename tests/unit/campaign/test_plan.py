@@ -12,7 +12,8 @@ import pytest
 
 from pneudrive.campaign.cycle import KINDS, Head, read_head
 from pneudrive.campaign.planning.protocol import ready_protocols
-from pneudrive.rig import Hold, Limits, Move, move
+from pneudrive.rig import Hold, Limits, Move
+from pneudrive.rig.motion import move
 
 SWEEP = """
 seed = 7

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.planned import size_of
 from pneudrive.campaign.planning.protocol import parse_protocol
 from pneudrive.campaign.storage.folder import Head, write_cycle
 from pneudrive.errors import RigError
@@ -38,7 +39,7 @@ def test_a_rig_does_what_the_plan_says(tmp_path, name):
         assert samples.time_s[-1] == pytest.approx(one.axis_s, abs=1e-6)
         assert abs(len(samples) - one.samples) <= len(cycle.steps)  # a sample more where a border rounds up
         written += write_cycle(tmp_path, Head(index, cycle), samples).stat().st_size
-    assert 0.5 < written / plan.bytes < 1.5
+    assert 0.5 < written / size_of(plan.planned) < 1.5
 
 
 @pytest.mark.parametrize(

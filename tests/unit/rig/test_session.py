@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oracle.rig_faults import with_tables
+from oracle.rig_faults import with_friction, with_tables
 from oracle.rig_truth import telling
 from pneudrive.errors import RigError
 from pneudrive.rig import (
@@ -23,10 +23,10 @@ from pneudrive.rig import (
     Sampling,
     SimulatedRig,
     load_rig,
-    schedule,
     shipped_rigs,
 )
 from pneudrive.rig.description import KEYS
+from pneudrive.rig.motion import step_times
 
 SPARSE = Sampling(samples_per_stroke=200, burst_rate_hz=0.0)
 NAMES = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa", "temperature_k", "step")
@@ -119,9 +119,9 @@ def test_bursts_resolve_every_restart_and_reversal():
         assert np.diff(samples.time_s[near]).max() <= 1.0001 / 5000.0
     # As many as the plan counts on, at the same times.
     edges = [samples.time_s[0], *samples.time_s[step], samples.time_s[-1]]
-    times, index = schedule(np.diff(edges).tolist(), [True, False, True, True], Sampling())
-    np.testing.assert_allclose(samples.time_s, times, atol=1e-9)
-    np.testing.assert_array_equal(samples.step, index)
+    parts = zip(edges[:-1], np.diff(edges).tolist(), [True, False, True, True], strict=True)
+    times = [begin + step_times(duration_s, moving, Sampling()) for begin, duration_s, moving in parts]
+    np.testing.assert_allclose(samples.time_s, [*np.concatenate(times), edges[-1]], atol=1e-9)
     slow = np.diff(samples.time_s[(samples.step == 0)])
     assert np.median(slow) == pytest.approx((0.1 - 0.005) / 0.002 / 5000.0, rel=0.01)
 
@@ -218,7 +218,7 @@ def test_the_air_of_open_chambers_is_in_the_force_and_in_the_pressures():
     air, left = [], []
     for i, direction in ((0, 1.0), (1, -1.0)):
         middle = (samples.step == i) & (np.abs(samples.position_m - 0.15) < 0.05)
-        air.append(d.area_m2 * (samples.pressure_a_pa[middle] - samples.pressure_b_pa[middle]).mean())
+        air.append(d.areas_m2[0] * (samples.pressure_a_pa[middle] - samples.pressure_b_pa[middle]).mean())
         left.append(samples.force_n[middle].mean() + air[i])
         told = rig.truth()["steps"][i]
         assert told["direction"] == direction
@@ -355,7 +355,7 @@ def test_gauges_at_the_regulator_do_not_see_what_the_piston_does_to_the_air():
 
 def test_who_stops_the_axis_ends_what_the_core_computes():
     """Stick-slip at 1 mm/s takes a million steps; the run is left in the middle, where the axis is told to stop."""
-    rig = SimulatedRig.default().with_friction(breakaway=60.0).session()
+    rig = with_friction(SimulatedRig.default(), breakaway=60.0).session()
     reached = []
 
     class Stops:

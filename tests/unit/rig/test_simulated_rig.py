@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from oracle.rig_faults import with_friction
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.rig import EncoderClock, SimulatedRig
+from pneudrive.rig import SimulatedRig
 from pneudrive.rig.description import DEFAULT
 
 RIG = SimulatedRig.default()
@@ -15,10 +16,10 @@ D = RIG.description
 
 @pytest.mark.parametrize(("law", "gauge"), [("stribeck", (1.5e5, 0.3e5)), ("lugre", (1.5e5, 0.3e5))])
 def test_force_balance_closes_sample_by_sample(law, gauge):
-    rig = RIG.with_friction(law, bristle_stiffness=1e6, bristle_damping=300.0) if law == "lugre" else RIG
+    rig = with_friction(RIG, law, bristle_stiffness=1e6, bristle_damping=300.0) if law == "lugre" else RIG
     trace = rig.drag(0.05, gauge)
     c = trace.columns
-    pressure = D.area_m2 * (trace.pressure_a_pa - trace.pressure_b_pa)
+    pressure = D.areas_m2[0] * (trace.pressure_a_pa - trace.pressure_b_pa)
     left = (
         c["sensor_force_n"] + pressure - c["friction_force_n"] - D.tables.cylinder.moving_mass * c["acceleration_m_s2"]
     )
@@ -68,13 +69,6 @@ def test_seed_decides_the_noise_and_nothing_else():
     np.testing.assert_array_equal(one.position_m, other.position_m)
     spread = np.std(one.force_n - trace.columns["sensor_force_n"])
     assert spread == pytest.approx(D.force_sensor.noise, rel=0.05)
-
-
-def test_encoder_clock_takes_even_steps():
-    recording = RIG.record(RIG.drag(0.1, clock=EncoderClock(1001)), 0)
-    steps = np.abs(np.diff(recording.position_m))
-    assert len(recording) == 1001
-    assert np.all(np.abs(steps - 0.58 / 1000) <= 1.01e-6)
 
 
 def test_every_value_of_the_default_rig_states_its_source():

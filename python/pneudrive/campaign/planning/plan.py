@@ -74,7 +74,7 @@ def cycle_count(protocol: Protocol) -> int:
 
 @lru_cache(maxsize=4096)
 def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
-    """Return time, s, and number of samples of a step from rest to rest; see `pneudrive.rig.motion.schedule`."""
+    """Return time, s, and number of samples of a step from rest to rest; see `pneudrive.rig.motion.step_times`."""
     if isinstance(step, Hold):
         time_s = step.duration_s
     else:
@@ -421,7 +421,7 @@ def _contents(plan: Plan) -> list[str]:
         f"pressure {_pressures(p.pressure.levels)}",
         f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
         f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
-        f"data     {plan.samples} samples, {size(plan.bytes)} "
+        f"data     {sum(planned.samples for planned in plan.planned)} samples, {size(size_of(plan.planned))} "
         f"({BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
     ]
 

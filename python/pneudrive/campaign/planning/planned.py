@@ -164,21 +164,6 @@ class Plan(Shown):
         """Total time, s, without homing and changes of pressure."""
         return sum(one.time_s for one in self.planned)
 
-    @property
-    def samples(self) -> int:
-        """Total number of samples."""
-        return sum(one.samples for one in self.planned)
-
-    @property
-    def strokes(self) -> int:
-        """Total number of moves."""
-        return sum(one.strokes for one in self.planned)
-
-    @property
-    def bytes(self) -> float:
-        """Size on disk, estimated by `BYTES_PER_SAMPLE`."""
-        return size_of(self.planned)
-
     def remaining_s(self, done: set[str]) -> float:
         """Return the time of the cycles whose keys are not given, s."""
         return sum(one.time_s for one in self.planned if one.cycle.key not in done)

@@ -228,6 +228,8 @@ def as_own_error(error: BaseException) -> PneudriveError:
 
 #: Samples in a row with a force near its limit after which a cycle is given up: a single one is a disturbance.
 IN_A_ROW = 3
+#: Share of the largest force below which an attempt begins.
+RESUME_SHARE = 0.9
 #: Messages for a fault and for a rig that does not answer.
 FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
@@ -243,14 +245,11 @@ class MeasuringBounds:
     temperature_k : (float, float)
     force_n : float
         Magnitude at which a cycle is abandoned, to protect sensor and rig.
-    resume_force_n : float
-        Magnitude below which the next attempt begins.
     """
 
     supply_pressure_pa: float
     temperature_k: Interval
     force_n: float
-    resume_force_n: float
 
     @classmethod
     def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
@@ -261,7 +260,7 @@ class MeasuringBounds:
         if asked.temperature_k is not None:
             low, high = max(low, asked.temperature_k[0]), min(high, asked.temperature_k[1])
         force = asked.force_share * min(envelope.force_n, protocol.limits.force_n or math.inf)
-        return cls(max(supply, envelope.supply_pressure_pa), (low, high), force, 0.9 * force)
+        return cls(max(supply, envelope.supply_pressure_pa), (low, high), force)
 
     def broken_by(self, state: RigState) -> str:
         """Return the condition that is not met, in words; empty if all are met. NaN does not meet a condition."""
@@ -275,7 +274,7 @@ class MeasuringBounds:
         low, high = self.temperature_k
         if math.isfinite(high - low) and not low <= state.temperature_k <= high:
             return f"the temperature is {_celsius(state.temperature_k)}, not {_celsius(low)} to {_celsius(high)}"
-        if not abs(state.force_n) < self.resume_force_n:
+        if not abs(state.force_n) < RESUME_SHARE * self.force_n:
             return f"the force is {state.force_n:.4g} N, near the limit of {self.force_n:.4g} N"
         return ""
 
@@ -344,33 +343,33 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     dict
         Flag of `FLAGS` -> count; flags with count 0 are absent.
     """
-    table = np.stack([getattr(samples, name) for name in CHANNELS])
-    timed = np.isfinite(table[0])
-    counts = {"non_finite": int((~np.isfinite(table[:-1]).all(axis=0)).sum())}
-    table, step = table[:, timed], samples.step[timed]
-    fresh, counts["duplicated"] = _first_of_each(table, step)
-    table, step = table[:, fresh], step[fresh]
-    intervals = np.diff(table[0])
+    counts = {"non_finite": int((~_measured(samples)).sum())}
+    samples = samples.rows(np.isfinite(samples.time_s))
+    again = _repetitions(samples)
+    counts["duplicated"], samples = int(again.sum()), samples.rows(~again)
+    intervals = np.diff(samples.time_s)
     counts["time_runs_back"] = int((intervals < 0.0).sum())
     counts["repeated_time"] = int((intervals == 0.0).sum())
-    counts["dropped"] = _dropped(table[0], step, cycle)
-    finite = np.isfinite(table[:-1]).all(axis=0)
-    table, step = table[:, finite], step[finite]
-    counts["saturated"], counts["stuck"] = _sensors(table, step, cycle, identity)
-    counts |= _steps(table, step, cycle)
+    counts["dropped"] = _dropped(samples.time_s, samples.step, cycle)
+    samples = samples.rows(_measured(samples))
+    counts["saturated"], counts["stuck"] = _sensors(samples, cycle, identity)
+    counts |= _steps(samples, cycle)
     return {name: counts[name] for name in FLAGS if counts.get(name)}
 
 
-def _first_of_each(table: Array, step: Ints) -> tuple[Bools, int]:
-    """Mark all samples except repetitions of an earlier sample in every channel."""
-    order = np.argsort(table[0], kind="stable")
-    ordered = table[:, order]
-    with np.errstate(invalid="ignore"):
-        same = (ordered[:, 1:] == ordered[:, :-1]) | (np.isnan(ordered[:, 1:]) & np.isnan(ordered[:, :-1]))
-    again = same.all(axis=0) & (step[order][1:] == step[order][:-1])
-    fresh = np.ones(step.size, dtype=bool)
-    fresh[order[1:][again]] = False
-    return fresh, int(again.sum())
+def _measured(samples: Samples) -> Bools:
+    """Mark the samples with numbers in all channels but the temperature, which not every rig measures."""
+    return np.all([np.isfinite(getattr(samples, name)) for name in CHANNELS[:-1]], axis=0)
+
+
+def _repetitions(samples: Samples) -> Bools:
+    """Mark the samples that repeat an earlier sample in every channel."""
+    order = np.argsort(samples.time_s, kind="stable")
+    ordered = np.stack([values[order] for values in vars(samples).values()])
+    same = (ordered[:, 1:] == ordered[:, :-1]) | (np.isnan(ordered[:, 1:]) & np.isnan(ordered[:, :-1]))
+    again = np.zeros(len(samples), dtype=bool)
+    again[order[1:]] = same.all(axis=0)
+    return again
 
 
 def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
@@ -415,16 +414,17 @@ def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
     return planned
 
 
-def _sensors(table: Array, step: Ints, cycle: Cycle, identity: Identity) -> tuple[int, int]:
+def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, int]:
     """Count saturated and stuck samples over all sensors."""
+    step, position = samples.step, samples.position_m
     saturated, stuck = np.zeros(step.size, dtype=bool), np.zeros(step.size, dtype=bool)
     if not step.size:
         return 0, 0
-    position = table[CHANNELS.index("position_m")]
     moves = [number for number, one in enumerate(cycle.steps) if isinstance(one, Move)]
     moving = np.isin(step, moves)
     travels = moving.any() and np.ptp(position[moving]) > 0.0
-    for name, values in zip(CHANNELS[1:-1], table[1:-1], strict=True):
+    for name in CHANNELS[1:-1]:
+        values = getattr(samples, name)
         runs = equal_runs(values)
         full = np.zeros(step.size, dtype=bool)
         if name in identity.limits:
@@ -443,20 +443,19 @@ def _sensors(table: Array, step: Ints, cycle: Cycle, identity: Identity) -> tupl
     return int(saturated.sum()), int(stuck.sum())
 
 
-def _steps(table: Array, step: Ints, cycle: Cycle) -> dict[str, int]:
+def _steps(samples: Samples, cycle: Cycle) -> dict[str, int]:
     """Compare the samples with the requested steps."""
     counts = {"steps_missing": 0, "too_few_samples": 0, "target_missed": 0}
     asked, at = cycle.sampling.samples_per_stroke, cycle.start_m
-    position = table[CHANNELS.index("position_m")]
     for number, one in enumerate(cycle.steps):
-        members = np.flatnonzero(step == number)
+        members = np.flatnonzero(samples.step == number)
         begin = at
         if isinstance(one, Move):
             at = one.to_m
             if members.size < max(LEAST_SHARE * asked, LEAST_SAMPLES):
                 counts["too_few_samples"] += max(asked - members.size, 1)
             way = abs(one.to_m - begin) if begin is not None else 0.0
-            if members.size and abs(position[members[-1]] - one.to_m) > MISSED_SHARE * way + MISSED_M:
+            if members.size and abs(samples.position_m[members[-1]] - one.to_m) > MISSED_SHARE * way + MISSED_M:
                 counts["target_missed"] += 1
         elif one.duration_s * cycle.sampling.hold_rate_hz < 1.0:
             continue

@@ -40,7 +40,8 @@ class Display:
     ----------
     title : str
         Name of the protocol.
-    progress : CampaignProgress
+    total : int
+        Number of cycles, finished ones included.
     key, samples : str, int
         The current cycle, and its samples so far.
     """
@@ -49,7 +50,30 @@ class Display:
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
-        self.title, self.progress = plan.protocol.name, CampaignProgress(plan, done)
+        self.title, self._done = plan.protocol.name, set(done)
+        self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
+        self.total = len(self._done | self._planned.keys())
+        self._began, self._passed = time.monotonic(), np.zeros(2)
+
+    @property
+    def count(self) -> int:
+        """Number of finished cycles."""
+        return len(self._done)
+
+    @property
+    def left(self) -> str:
+        """Remaining wall-clock time at the pace so far, in words.
+
+        For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
+        """
+        left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
+        took = time.monotonic() - self._began
+        if self._passed[0] <= 0.0:
+            return duration(float(left[0]))
+        in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
+        return duration(
+            float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
+        )
 
     def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""
@@ -61,7 +85,8 @@ class Display:
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self.progress.finished(cycle.key)
+        self._passed += self._planned.get(cycle.key, (0.0, 0.0))
+        self._done.add(cycle.key)
 
     def say(self, text: str) -> None:
         """Show a line."""
@@ -74,47 +99,6 @@ class Display:
 
     def ended(self) -> None:
         """Show that the campaign ends."""
-
-
-class CampaignProgress:
-    """Number of finished cycles, and remaining time at the pace so far.
-
-    For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
-
-    Parameters
-    ----------
-    plan : Plan
-    done : collection of str
-        Keys of the cycles that were finished before this run.
-    """
-
-    def __init__(self, plan: Plan, done: Collection[str]) -> None:
-        self._done = set(done)
-        self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
-        self.total = len(self._done | self._planned.keys())
-        self._began, self._passed = time.monotonic(), np.zeros(2)
-
-    @property
-    def count(self) -> int:
-        """Number of finished cycles."""
-        return len(self._done)
-
-    def finished(self, key: str) -> None:
-        """Count a cycle as done."""
-        self._passed += self._planned.get(key, (0.0, 0.0))
-        self._done.add(key)
-
-    @property
-    def left(self) -> str:
-        """Remaining wall-clock time, in words."""
-        left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
-        took = time.monotonic() - self._began
-        if self._passed[0] <= 0.0:
-            return duration(float(left[0]))
-        in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
-        return duration(
-            float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
-        )
 
 
 def guarded(journal: Journal, *displays: Display) -> Display:
@@ -157,18 +141,17 @@ class TerminalDisplay(Display):
         """Show that the campaign begins."""
         super().began(plan, done)
         self.go_on()
-        total, left = self.progress.total, self.progress.total - self.progress.count
         if not self._is_screen:
-            to_do = f"{left} of {total} cycles to do" if done else f"{total} cycles"
-            self.say(f"{self.title}: {to_do}, {self.progress.left} on the rig")
+            to_do = f"{self.total - self.count} of {self.total} cycles to do" if done else f"{self.total} cycles"
+            self.say(f"{self.title}: {to_do}, {self.left} on the rig")
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
         super().finished(cycle, flags)
-        flagged, progress = ", ".join(f"{flag} {count}" for flag, count in flags.items()), self.progress
+        flagged = ", ".join(f"{flag} {count}" for flag, count in flags.items())
         if not self._is_screen:
             end = f"  flags: {flagged}" if flagged else ""
-            self.say(f"{progress.count}/{progress.total} {cycle.key}  {progress.left} left{end}")
+            self.say(f"{self.count}/{self.total} {cycle.key}  {self.left} left{end}")
         elif flagged:
             self.say(f"{cycle.key}: {flagged}")
 
@@ -207,10 +190,9 @@ class TerminalDisplay(Display):
         from rich.table import Table
         from rich.text import Text
 
-        progress = self.progress
         table = Table.grid(padding=(0, 2))
-        table.add_row(Text(self.title), ProgressBar(total=progress.total, completed=progress.count, width=40))
-        table.add_row("cycles", f"{progress.count}/{progress.total}, {progress.left} left")
+        table.add_row(Text(self.title), ProgressBar(total=self.total, completed=self.count, width=40))
+        table.add_row("cycles", f"{self.count}/{self.total}, {self.left} left")
         table.add_row("now", Text(f"{self.key}, {self.samples} samples" if self.key else ""))
         for message in self._messages:
             table.add_row("", Text(message))
@@ -274,13 +256,13 @@ class LiveFiles(Display):
                 self._write()
 
     def _write(self) -> None:
-        data, progress = thinned(self._points, SHOWN).astype("<f4").tobytes(), self.progress
-        about = {"cycle": self.key, "planned": progress.total, "done": progress.count, "samples": self.samples}
+        data = thinned(self._points, SHOWN).astype("<f4").tobytes()
+        about = {"cycle": self.key, "planned": self.total, "done": self.count, "samples": self.samples}
         about |= {"columns": COLUMNS, "crc32": crc32(data)}
         if self.key and about != self._written:
             self._written = about
             write_whole(self._folder / LIVE_POINTS, data, flush=False)
-            write_whole(self._folder / LIVE, json.dumps(about | {"left": progress.left}).encode(), flush=False)
+            write_whole(self._folder / LIVE, json.dumps(about | {"left": self.left}).encode(), flush=False)
 
 
 def thinned(points: Points, most: int) -> Points:
@@ -308,16 +290,14 @@ class LiveCycle(NamedTuple):
     ----------
     cycle, left : str
         Key of the cycle; time left by the computer's clock, in words.
-    done, planned, samples : int
-        Finished and planned cycles; samples of this cycle so far.
+    samples : int
+        Samples of this cycle so far.
     points : dict of ndarray, shape (n,)
         Values by `COLUMNS`.
     """
 
     cycle: str
     left: str
-    done: int
-    planned: int
     samples: int
     points: dict[str, Points]
 
@@ -330,8 +310,7 @@ def read_live(folder: Path) -> LiveCycle | None:
         if about["crc32"] != crc32(data) or tuple(about["columns"]) != COLUMNS:
             return None
         rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS))
-        done, planned, samples = (int(about[key]) for key in ("done", "planned", "samples"))
         points: dict[str, Points] = {name: rows[:, place] for place, name in enumerate(COLUMNS)}
-        return LiveCycle(str(about["cycle"]), str(about["left"]), done, planned, samples, points)
+        return LiveCycle(str(about["cycle"]), str(about["left"]), int(about["samples"]), points)
     except (CampaignError, KeyError, TypeError, ValueError):
         return None

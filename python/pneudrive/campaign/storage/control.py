@@ -148,8 +148,6 @@ def flush_folder(path: Path) -> None:
 
 
 NAME = "campaign.lock"
-#: States of a process that holds the lock.
-STATES = ("starting", "running", "pausing", "paused", "waiting", "operator", "stopping")
 
 
 def now() -> str:
@@ -167,7 +165,7 @@ class Holder:
     since : str
         Start of the process, ISO 8601.
     state : str
-        One of `STATES`.
+        ``starting``, ``running``, ``pausing``, ``paused``, ``waiting``, ``operator`` or ``stopping``.
     text : str
         Reason for waiting, in words.
     cycle : str

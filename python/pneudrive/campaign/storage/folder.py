@@ -482,15 +482,17 @@ class Campaign(Shown):
         return unique, problems
 
     def cycles(self) -> Iterator[CycleFile]:
-        """Return the usable finished cycles in running order; `problems` lists the others."""
+        """Return the usable finished cycles in running order; `scan` lists the others."""
         yield from self.scan()[0]
 
-    def problems(self) -> list[Problem]:
-        """Check every file to its last sample, by checksum or by reading, and return the problems."""
-        return self.checked()[1]
-
     def checked(self) -> tuple[list[CycleFile], list[Problem]]:
-        """Return the cycles that are usable to their last sample, and the result of `problems`."""
+        """Check every file to its last sample, by checksum or by reading.
+
+        Returns
+        -------
+        list of CycleFile, list of Problem
+            As from `scan`.
+        """
         files, problems = self.scan()
         foreign = [file for file in files if not file.sealed]
         damaged = {

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.rig import Envelope, Identity, Motion
+    from pneudrive.rig import Envelope, Identity
     from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
+    from pneudrive.rig.motion import Motion
 
 
 #: Experiment -> (ready protocol, rig as `load_rig` takes it). The paper does not describe its rigs: the first one is
