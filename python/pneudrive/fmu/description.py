@@ -1,22 +1,22 @@
-"""modelDescription.xml of FMI 2.0 and 3.0."""
+"""modelDescription.xml of FMI 2.0 and 3.0, from a template."""
 
 from __future__ import annotations
 
 import re
 import zipfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 from pneudrive import __version__
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.files.content import check_file
+from pneudrive.files.content import check_file, rendered
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
+    from pneudrive.fmu.variables import FmuCode, FmuPlan
 
 
 # --- Units in the form of FMI: exponents of base units, and the display unit.
@@ -77,11 +77,13 @@ def exponents(unit: str) -> dict[str, int]:
 
 # --- modelDescription.xml of FMI 2.0 and 3.0.
 
+TEMPLATE = Path(__file__).with_name("modelDescription.xml.j2")
 #: Name of the library without its suffix, in every FMU.
 IDENTIFIER = "pneudrive"
 _STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
 #: Characters that XML cannot hold, in whatever way they are written.
 _FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ESCAPES = {'"': "&quot;", "\t": "&#09;", "\n": "&#10;", "\r": "&#13;"}
 _ABOUT = (
     "Pressures are absolute. Positions and velocities grow towards the end of chamber b. In model exchange a step of "
     "the command has to be an event of the input: a steep ramp in its place gives wrong results without a message."
@@ -101,57 +103,35 @@ def description(plan: FmuPlan, version: str) -> bytes:
     version : str
         ``"2.0"`` or ``"3.0"``.
     """
-    is_two = version == "2.0"
-    states = [variable for variable in plan.variables if variable.rate_of]
-    indicators = [variable for variable in plan.variables if variable.role["role"] == "event"]
-    structured = all(_STRUCTURED.fullmatch(variable.name) for variable in plan.variables)
-    root = ElementTree.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": version,
-            "modelName": plan.title,
-            "guid" if is_two else "instantiationToken": plan.token,
-            "description": _ABOUT if plan.period_s is None else _ABOUT_LAW.format(period=plan.period_s),
-            "generationTool": f"pneudrive {__version__}",
-            "variableNamingConvention": "structured" if structured else "flat",
-            **({"numberOfEventIndicators": str(len(indicators))} if is_two else {}),
-        },
+    places = {one.name: place for place, one in enumerate(plan.variables)}
+    outputs = [places[one.name] for one in plan.variables if one.causality == "output"]
+    rates = [places[one.name] for one in plan.variables if one.rate_of]
+    is_structured = all(map(_STRUCTURED.fullmatch, places))
+    text = rendered(
+        TEMPLATE,
+        {"quoted": _quoted, "real": lambda number: repr(float(number))},
+        plan=plan,
+        version=version,
+        is_two=version == "2.0",
+        library=IDENTIFIER,
+        tool=f"pneudrive {__version__}",
+        about=_ABOUT if plan.period_s is None else _ABOUT_LAW.format(period=plan.period_s),
+        naming="structured" if is_structured else "flat",
+        files=() if plan.code is None else compiled_files(plan.code, version),
+        units={one.unit: exponents(one.unit) for one in plan.variables},
+        displayed=DISPLAYED,
+        places=places,
+        outputs=outputs,
+        rates=rates,
+        unknown=sorted({*outputs, *rates, *(places[one.rate_of] for one in plan.variables if one.rate_of)}),
+        events=[places[one.name] for one in plan.variables if one.role["role"] == "event"],
     )
-    _interfaces(root, plan, is_two)
-    _units(root, plan)
-    categories = ElementTree.SubElement(root, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError", description="Errors with remedies")
-    experiment = {"startTime": "0", "stopTime": "1", "tolerance": repr(plan.rtol)}
-    if plan.period_s is not None:
-        experiment["stepSize"] = repr(plan.period_s)
-    ElementTree.SubElement(root, "DefaultExperiment", experiment)
-    variables = ElementTree.SubElement(root, "ModelVariables")
-    places = {one.name: i for i, one in enumerate(plan.variables)}
-    for one in plan.variables:
-        (_variable_two if is_two else _variable_three)(variables, one, places)
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs = [places[variable.name] for variable in plan.variables if variable.causality == "output"]
-    rates = [places[state.name] for state in states]
-    unknown = sorted({*outputs, *rates, *(places[state.rate_of] for state in states)})
-    if is_two:
-        for tag, each in (("Outputs", outputs), ("Derivatives", rates), ("InitialUnknowns", unknown)):
-            within = ElementTree.SubElement(structure, tag) if each else structure
-            for place in each:
-                ElementTree.SubElement(within, "Unknown", index=str(place + 1))
-    else:
-        events = [places[indicator.name] for indicator in indicators]
-        each_kind = (
-            ("Output", outputs),
-            ("ContinuousStateDerivative", rates),
-            ("InitialUnknown", unknown),
-            ("EventIndicator", events),
-        )
-        for tag, each in each_kind:
-            for place in each:
-                ElementTree.SubElement(structure, tag, valueReference=str(place))
-    ElementTree.indent(root)
-    text = _FOREIGN.sub("\ufffd", ElementTree.tostring(root, encoding="unicode"))
-    return f"<?xml version='1.0' encoding='utf-8'?>\n{text}".encode()
+    return _FOREIGN.sub("\ufffd", text).encode()
+
+
+def _quoted(text: str) -> str:
+    """Return a text as the value of an attribute."""
+    return f'"{escape(text, _ESCAPES)}"'
 
 
 def compiled_files(code: FmuCode, version: str) -> tuple[str, ...]:
@@ -168,72 +148,6 @@ def build_description(code: FmuCode) -> bytes:
         ElementTree.SubElement(files, "SourceFile", name=name)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-
-
-def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
-    steps = {"canHandleVariableCommunicationStepSize": "true"}
-    if plan.code is not None:
-        own = ElementTree.SubElement(root, "CoSimulation", {"modelIdentifier": plan.code.identifier} | steps)
-        if is_two:
-            files = ElementTree.SubElement(own, "SourceFiles")
-            for name in compiled_files(plan.code, "2.0"):
-                ElementTree.SubElement(files, "File", name=name)
-        return
-    state = "FMUstate" if is_two else "FMUState"
-    common = {"modelIdentifier": IDENTIFIER, f"canGetAndSet{state}": "true"}
-    if plan.law is not None:
-        ElementTree.SubElement(root, "CoSimulation", common | steps)
-        return
-    common |= {f"canSerialize{state}": "true"}
-    derivatives = not plan.is_actuator  # the force has no limits
-    if derivatives:
-        names = ("providesDirectionalDerivative",)
-        if not is_two:
-            names = ("providesDirectionalDerivatives", "providesAdjointDerivatives")
-        common |= dict.fromkeys(names, "true")
-    step = {} if is_two else {"needsCompletedIntegratorStep": "true"}
-    ElementTree.SubElement(root, "ModelExchange", common | step)
-    if not plan.is_actuator:
-        ElementTree.SubElement(root, "CoSimulation", common | steps)
-
-
-def _units(root: ElementTree.Element, plan: FmuPlan) -> None:
-    units = ElementTree.SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(variable.unit for variable in plan.variables):
-        own = ElementTree.SubElement(units, "Unit", name=unit)
-        ElementTree.SubElement(own, "BaseUnit", {base: str(power) for base, power in exponents(unit).items()})
-        if unit in DISPLAYED:
-            name, factor, offset = DISPLAYED[unit]
-            shown = {"name": name, "factor": repr(factor), **({"offset": repr(offset)} if offset else {})}
-            ElementTree.SubElement(own, "DisplayUnit", shown)
-
-
-def _kind(one: FmuVariable) -> dict[str, str]:
-    """Return causality, variability and, for a value calculated from other variables, the attribute ``initial``."""
-    if one.causality == "parameter":
-        return {"causality": "parameter", "variability": "fixed"}
-    variability = "discrete" if one.is_discrete else "continuous"
-    begins = {"initial": "calculated"} if one.causality in ("output", "local") else {}
-    return {"causality": one.causality, "variability": variability, **begins}
-
-
-def _shown(one: FmuVariable) -> dict[str, str]:
-    shown = {"displayUnit": DISPLAYED[one.unit][0]} if one.unit in DISPLAYED else {}
-    numbers = {"start": one.start, "nominal": one.nominal}
-    return {"unit": one.unit, **shown, **{name: repr(float(own)) for name, own in numbers.items() if own is not None}}
-
-
-def _variable_two(variables: ElementTree.Element, one: FmuVariable, places: dict[str, int]) -> None:
-    about = {"name": one.name, "valueReference": str(places[one.name]), "description": one.meaning}
-    own = ElementTree.SubElement(variables, "ScalarVariable", about | _kind(one))
-    rate = {"derivative": str(places[one.rate_of] + 1)} if one.rate_of else {}
-    ElementTree.SubElement(own, "Real", _shown(one) | rate)
-
-
-def _variable_three(variables: ElementTree.Element, one: FmuVariable, places: dict[str, int]) -> None:
-    about = {"name": one.name, "valueReference": str(places[one.name]), "description": one.meaning}
-    rate = {"derivative": str(places[one.rate_of])} if one.rate_of else {}
-    ElementTree.SubElement(variables, "Float64", about | _kind(one) | _shown(one) | rate)
 
 
 # --- Content of an FMU from its description: its version, inputs, outputs and parameters.
