@@ -11,8 +11,7 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from pneudrive import __version__
-from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError, DescriptionError, package_table
 from pneudrive.files.content import check_file, rendered
 
 if TYPE_CHECKING:
@@ -21,28 +20,11 @@ if TYPE_CHECKING:
 
 # --- Units in the form of FMI: exponents of base units, and the display unit.
 
+_UNITS = package_table(__file__, "units.toml")
 #: Unit -> exponents of base units.
-_KNOWN: dict[str, dict[str, int]] = {
-    **{unit: {unit: 1} for unit in ("m", "kg", "s", "K", "A", "rad")},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "Hz": {"s": -1},
-}
+_KNOWN: dict[str, dict[str, int]] = _UNITS["exponents"]
 #: SI unit -> name of the displayed unit, and factor and offset from the SI unit to it.
-DISPLAYED: dict[str, tuple[str, float, float]] = {
-    "Pa": ("bar", 1e-5, 0.0),
-    "m": ("mm", 1e3, 0.0),
-    "m/s": ("mm/s", 1e3, 0.0),
-    "kg/s": ("g/s", 1e3, 0.0),
-    "K": ("degC", 1.0, -ZERO_CELSIUS_K),
-    "rad": ("deg", 57.29577951308232, 0.0),
-    "m^3": ("cm3", 1e6, 0.0),
-    "m^3/(s Pa)": ("l/(s bar)", 1e8, 0.0),
-    "N/Pa": ("N/bar", 1e5, 0.0),
-}
+DISPLAYED: dict[str, tuple[str, float, float]] = _UNITS["displayed"]
 _ONE = re.compile(r"(?P<unit>[A-Za-z]+)(?:\^?(?P<power>-?\d+))?")
 
 

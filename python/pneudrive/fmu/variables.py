@@ -197,15 +197,8 @@ def plan_of(
     variables += results
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
-    notes = (*session_notes(described), *described.assumed())
+    notes = (*compiled(described.circuit.core_json()).warnings, *described.assumed())
     return FmuPlan(described.name, form, start, rtol, tuple(variables), actuator, notes)
-
-
-def session_notes(described: Drive | Circuit) -> list[str]:
-    """Return the warnings of the core about a description."""
-    from pneudrive.describe.system import compiled
-
-    return list(compiled(described.circuit.core_json()).warnings)
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
