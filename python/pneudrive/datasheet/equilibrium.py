@@ -149,13 +149,13 @@ def number_of(given: str | float, unit: str, what: str) -> float:
 
 def at_velocity(plant: HeldDrive, command: float, position: float, velocity: float) -> Equilibrium:
     """Return the steady state at an imposed velocity; see `equilibrium`."""
-    gas = _SteadySearch(plant, command, position).settle(velocity)
+    gas, _ = _SteadySearch(plant, command, position).settle(velocity)
     return state_at(plant, command, position, velocity, gas)
 
 
 def state_at(plant: HeldDrive, command: float, position: float, velocity: float, gas: Array) -> Equilibrium:
     """Return a state with pressures and temperatures of shape (nodes, 2) as an equilibrium."""
-    force = plant.rates(plant.session(command, position, velocity, gas)).force
+    force = plant.force(plant.session(command, position, velocity, gas).linearise([]))
     friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
     (p_a, t_a), (p_b, t_b) = plant.chamber(gas, "a"), plant.chamber(gas, "b")
     return Equilibrium(command, position, velocity, p_a, p_b, t_a, t_b, force, friction, friction - force)
@@ -174,10 +174,9 @@ def gas_under_load(plant: HeldDrive, command: float, position: float, load: floa
     """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity; see `under_load`."""
     search = _SteadySearch(plant, command, position, load, free=True)
     try:
-        gas = search.settle(search.toward * SLOWEST)
+        return search.settle(search.toward * SLOWEST)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
-        gas = search.settle(search.toward * START_M_S)
-    return gas, 0.0 if search.rests else search.velocity
+        return search.settle(search.toward * START_M_S)
 
 
 class _SteadySearch:
@@ -193,21 +192,18 @@ class _SteadySearch:
     ) -> None:
         self.plant, self.command, self.position, self.load, self.free = plant, command, position, load, free
         self.toward = math.copysign(1.0, command)
-        self.velocity, self.rests = 0.0, False
 
     def _rates(self, z: Array) -> Array:
         gas = self._gas(z)
-        found = self.plant.rates(self.plant.session(self.command, self.position, z[-1], gas))
+        gas_rates, force = self.plant.rates(self.plant.session(self.command, self.position, z[-1], gas))
         friction = self.plant.sliding(z[-1], self.plant.pressures(gas), self.position) if self.free else 0.0
-        return np.concatenate(
-            [found.pressure, found.temperature, [(found.force + self.load - friction) / self.plant.mass]]
-        )
+        return np.append(gas_rates, (force + self.load - friction) / self.plant.mass)
 
     def _gas(self, z: Array) -> Array:
         return np.exp(z[:-1].reshape(2, -1).T)
 
-    def settle(self, velocity: float) -> Array:
-        """Return pressures and temperatures of all nodes, shape (nodes, 2).
+    def settle(self, velocity: float) -> tuple[Array, float]:
+        """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity, 0 at rest.
 
         Raises
         ------
@@ -219,13 +215,12 @@ class _SteadySearch:
         z = np.r_[np.log(gas).T.ravel(), velocity]
         lasting, step, found = FIRST_S, np.inf, self._rates(z)
         for _ in range(MOST_STEPS):
-            self.rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
-            own = z.size if self.free and not self.rests else z.size - 1
+            rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
+            own = z.size if self.free and not rests else z.size - 1
             left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
             if left < (ROUNDED if is_long else SETTLED) and (is_long or np.max(np.abs(step)) < SETTLED):
-                self.velocity = float(z[-1])
                 self._check_held(z, found[:own])
-                return self._gas(z)
+                return self._gas(z), 0.0 if rests else float(z[-1])
             step, far = self._step(z, found, own, lasting)
             share, found = self._damped(z, step, found, own)
             lasting *= 1.0 if far else max(GROWTH * share, 1.0)

@@ -19,12 +19,12 @@ from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, litres_an
 from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.friction.friction_map import write_map
-from pneudrive.signals.drive_recording import read_volume_recordings
+from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
-from pneudrive.validate.validation import Validation, validate
-from pneudrive.views import Finding
+from pneudrive.validate.validation import RecordResult, Validation, validate
+from pneudrive.views import Finding, State
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Watch
-    from pneudrive.signals.drive_recording import VolumeRecording
-    from pneudrive.validate.balance import Signals
-    from pneudrive.validate.validation import RecordResult
-    from pneudrive.views import State
 
 
 # --- Air of a cycle from a tank that feeds the drive, disconnected from the mains: measured and simulated.
@@ -332,7 +328,7 @@ def response_of(record: RecordResult) -> MeasuredResponse | None:
     """
     from scipy.signal import coherence, csd, welch
 
-    signals: Signals = record.signals
+    signals = record.signals
     if np.count_nonzero(np.diff(signals.command)) < LEAST_CHANGES:
         return None
     rate, size = 1.0 / signals.step_s, 2 * signals.time_s.size // (SEGMENTS + 1)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,14 +17,13 @@ from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.valve_flow import EXHAUST, FLOW_KEYS, path_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.export import steady_force
-from pneudrive.simulation.session import Session
+from pneudrive.simulation.session import Linear, Session
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.simulation.session import Linear
 
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
@@ -175,22 +174,6 @@ _ENDS = ("tank", "reservoir")
 _LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
 
 
-class Rates(NamedTuple):
-    """Rates and force of the core at one state.
-
-    Attributes
-    ----------
-    pressure, temperature : ndarray
-        Relative rates of change at the gas nodes, 1/s.
-    force : float
-        Force on the piston without friction, in +x, N.
-    """
-
-    pressure: Array
-    temperature: Array
-    force: float
-
-
 class HeldDrive:
     """One piston with valves that follow a common signal; see `Actuation`.
 
@@ -239,14 +222,11 @@ class HeldDrive:
             A component has states that cannot be held, such as the flow of a distributed tube.
         """
         plant = self.with_held_valves
-        tables, known = plant.circuit.to_dict(), plant.circuit.components
-        without = {
-            name: {key: one for key, one in known[name].plain().items() if key not in _LAGS} for name in plant.valves
-        }
-        cushioned = known[self.piston].plain()
-        without[self.piston] = {key: one for key, one in cushioned.items() if not key.startswith(_CUSHIONS)}
-        if any(table.keys() != known[name].plain().keys() for name, table in without.items()):
-            plant = plant.varied(tables | {"components": tables["components"] | without})
+        own = {name: plant.table(name) for name in (*plant.valves, self.piston)}
+        lost = (*_LAGS, *(key for key in own[self.piston] if key.startswith(_CUSHIONS)))
+        if any(key in table for table in own.values() for key in lost):
+            bare = {name: {key: one for key, one in table.items() if key not in lost} for name, table in own.items()}
+            plant = plant.varied(bare)
         held = {f"{node}.mass_kg" for node in plant.nodes}
         loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
         if loose:
@@ -272,17 +252,21 @@ class HeldDrive:
     def settled(self, u: float, position: float) -> Session:
         """Return a session in which the valves were held for a long time, with the piston pinned by friction."""
         plant = self.with_held_valves
-        tables = plant.circuit.to_dict()
-        parts = dict(tables["components"])
-        parts[self.piston] = parts[self.piston] | {"friction": {"law": "coulomb", "coulomb": f"{PINNED_N!r} N"}}
+        pinned = self.table(self.piston) | {"friction": {"law": "coulomb", "coulomb": f"{PINNED_N!r} N"}}
         middle = 0.5 * (self.supply_pa + self.ambient[0])
         gas = np.array([(middle, self.ambient[1]) for _ in plant.nodes])
-        session = plant.varied(tables | {"components": parts}).session(u, position, 0.0, gas)
+        session = plant.varied({self.piston: pinned}).session(u, position, 0.0, gas)
         session.advance(LASTING_S)
         return session
 
-    def varied(self, tables: Plain) -> HeldDrive:
-        """Return the drive with changed tables of its circuit and the same commands."""
+    def table(self, name: str) -> Plain:
+        """Return the table of a component as described."""
+        return self.circuit.components[name].plain()
+
+    def varied(self, parts: Mapping[str, Plain]) -> HeldDrive:
+        """Return the drive with other tables of some components and the same commands."""
+        tables = self.circuit.to_dict()
+        tables["components"] |= parts
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
@@ -404,10 +388,8 @@ class HeldDrive:
     @cached_property
     def frictionless(self) -> HeldDrive:
         """The same drive with negligible friction."""
-        tables = self.circuit.to_dict()
-        for name in self.frictions:
-            tables["components"][name]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
-        return self.varied(tables)
+        law = {"friction": {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}}
+        return self.varied({name: self.table(name) | law for name in self.frictions})
 
     @cached_property
     def frictions(self) -> dict[str, Plain]:
@@ -452,9 +434,7 @@ class HeldDrive:
     @cached_property
     def heatless(self) -> HeldDrive:
         """The same drive with adiabatic cylinder walls."""
-        tables = self.circuit.to_dict()
-        tables["components"][self.piston]["heat_transfer"] = "0 W/(m2 K)"
-        return self.varied(tables)
+        return self.varied({self.piston: self.table(self.piston) | {"heat_transfer": "0 W/(m2 K)"}})
 
     def session(
         self,
@@ -496,14 +476,12 @@ class HeldDrive:
         self.set(session, command)
         return session
 
-    def rates(self, session: Session) -> Rates:
-        """Return rates of all pressures and temperatures, and the force on the piston, at a session's state."""
+    def rates(self, session: Session) -> tuple[Array, float]:
+        """Return the relative rates of all pressures and then temperatures, 1/s, and the force; see `force`."""
         linear = session.linearise([])
-        row = {name: k for k, name in enumerate(linear.outputs)}
-        outputs = [[row[f"{node}.{q}"] for node in self.nodes] for q in ("pressure_pa", "temperature_k")]
-        change = linear.C @ linear.rates
-        p, t = (change[rows] / linear.output[rows] for rows in outputs)
-        return Rates(p, t, self.force(linear))
+        names = (f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in self.nodes)
+        rows = list(map(linear.outputs.index, names))
+        return (linear.C @ linear.rates)[rows] / linear.output[rows], self.force(linear)
 
     def force(self, linear: Linear) -> float:
         """Return the force on the piston and the slides that it moves, without friction, in +x, N."""
@@ -526,7 +504,8 @@ class HeldDrive:
     def masses(self) -> dict[str, float]:
         """Mass that moves with each of `slides`, kg, from the core's derivative of acceleration by load."""
         pressure, temperature = self.ambient
-        gas, half = np.tile([pressure, temperature], (len(self.nodes), 1)), 1.0 if self.actuation.is_switched else 0.5
+        gas = np.tile([pressure, temperature], (len(self.nodes), 1))
+        half = 1.0 if self.actuation.is_switched else 0.5
         loads = [f"{name}.load_force_n" for name in self.slides]
         found = {}
         for velocity in (0.0, 1.0):  # sticking: the contact takes the load

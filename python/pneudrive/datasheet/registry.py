@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.characteristic import characteristics_in
+from pneudrive.datasheet.characteristic import Characteristic, characteristics_in
 from pneudrive.datasheet.equilibrium import number_of
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
-from pneudrive.progress import UNWATCHED, Progress, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.datasheet.characteristic import Characteristic
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.progress import Flag
 
 
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.

@@ -21,7 +21,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
-from pneudrive.views import Finding, Viewed
+from pneudrive.views import Finding, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.progress import Watch
-    from pneudrive.views import View
 
 
 # --- Units and names of results in readable form.

@@ -12,7 +12,7 @@ from pneudrive.datasheet.characteristic import ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity, gas_at
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.describe.files.catalogue import entries
+from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError
 from pneudrive.simulation.bench_circuit import steady_flow
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe import Drive
-    from pneudrive.describe.files.catalogue import Entry
 
 
 # --- Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve.
@@ -308,5 +307,6 @@ def _published(plant: HeldDrive) -> Found:
                 rows.append((title, value, one))
     if not rows:
         raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
-    printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
+    printed = np.array([row[1] for row in rows])
+    computed = np.array([row[2].of(drive) for row in rows])
     return [row[0] for row in rows], printed, computed, computed / printed - 1.0

@@ -263,7 +263,9 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
     k = int(reached[0])
     if k == 0:
         return float(t[0])
-    h, low, rise = t[k] - t[k - 1], x[k - 1], x[k] - x[k - 1]
+    h = t[k] - t[k - 1]
+    low = x[k - 1]
+    rise = x[k] - x[k - 1]
     if rate is None:
         return float(t[k - 1] + h * (level - low) / rise)
     a, b = h * rate[k - 1] - rise, rise - h * rate[k]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,18 +15,16 @@ from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
 from pneudrive.errors import PneudriveWarning
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import run
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
 
 
@@ -36,24 +34,13 @@ NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, 
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
 
 
-class Accounts(NamedTuple):
-    """Accounts of the last of several equal cycles, by name, and the mass drawn in this cycle."""
-
-    values: dict[str, float]
-    drawn_kg: float
-    half_s: float
-    energy_error: float
-    entropy_error: float
-
-
-def accounts_of(plant: HeldDrive, command: float, half_s: float) -> Accounts:
-    """Return the ledger of one cycle: the ledger of REPEATS + 1 cycles minus that of REPEATS."""
-    more, less = (
-        cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL) for count in (REPEATS + 1, REPEATS)
+def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:
+    """Return the accounts of one cycle by name: those of REPEATS + 1 cycles minus those of REPEATS."""
+    many, few = (
+        cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
+        for count in (REPEATS + 1, REPEATS)
     )
-    many, few = more.attrs["ledger"], less.attrs["ledger"]
-    values = {name: many["accounts"][name] - few["accounts"][name] for name in many["accounts"]}
-    return Accounts(values, drawn_mass(plant, command, half_s), half_s, many["energy_error"], many["entropy_error"])
+    return {name: value - few[name] for name, value in many.items()}
 
 
 @lru_cache(maxsize=64)  # characteristics of one drive share runs
@@ -78,7 +65,7 @@ def _supplied(
     vary: Mapping[str, Sequence[str]],
     reservoirs: Sequence[str],
     **options: Any,  # noqa: ANN401 - of `simulate_many`
-) -> list[Array]:
+) -> list[np.ndarray]:
     """Return the mass that each reservoir supplies in each run, kg: the integral of its flow over time."""
     from pneudrive.ensemble.many import simulate_many
 
@@ -89,18 +76,8 @@ def _supplied(
     return [found[f"air_{number}"].to_numpy() for number in range(len(reservoirs))]
 
 
-def specific_exergy(plant: HeldDrive, pressure: float, temperature: float) -> float:
-    """Return the flow exergy of the supplied gas against ambient, J/kg.
-
-    Enthalpy and entropy come from the core, for gas that flows from a reservoir into a small tank.
-    """
-    p_0, t_0 = plant.ambient
-    (h, s), (h_0, s_0) = (_entering(plant, p, t) for p, t in ((pressure, temperature), (p_0, t_0)))
-    return h - h_0 - t_0 * (s - s_0)
-
-
 def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[float, float]:
-    """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that leaves a reservoir."""
+    """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that flows from a reservoir into a small tank."""
     circuit = type(plant.circuit).model_validate(
         {
             **{key: plant.circuit.to_dict()[key] for key in ("gas", "ambient") if key in plant.circuit.to_dict()},
@@ -224,13 +201,13 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     found = accounts_of(plant, command, half_period)
     t_0 = plant.ambient[1]
     supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
-    drawn = found.drawn_kg * specific_exergy(plant, plant.supply_pa, supply_k)
-    lost = losses(found.values, t_0)
-    h_0, s_0 = _entering(plant, *plant.ambient)
-    mass, enthalpy, entropy = (_sum(found.values, ending) for ending in _BOUNDARY)
+    (h, s), (h_0, s_0) = (_entering(plant, *gas) for gas in ((plant.supply_pa, supply_k), plant.ambient))
+    drawn = drawn_mass(plant, command, half_period) * (h - h_0 - t_0 * (s - s_0))
+    lost = losses(found, t_0)
+    mass, enthalpy, entropy = (_sum(found, ending) for ending in _BOUNDARY)
     entered = enthalpy - t_0 * entropy - mass * (h_0 - t_0 * s_0)  # less what leaves
-    wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
-    work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
+    wall = _sum(found, "wall heat [J]") - t_0 * _sum(found, "wall heat over wall temperature [J/K]")
+    work = _sum(found, "external work [J]") + _sum(found, "ambient work [J]")
     rest = entered + wall + work - sum(lost.values())
     return list(lost), list(lost.values()), drawn, drawn - entered, -work, rest / drawn, half_period
 

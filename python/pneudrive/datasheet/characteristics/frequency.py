@@ -48,7 +48,8 @@ LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a
 
 def response(linear: Linear, output: str, frequencies: Array) -> Array:
     """Return the response of an output to the command, complex."""
-    c, d = linear.C[linear.outputs.index(output)], linear.D[linear.outputs.index(output), 0]
+    c = linear.C[linear.outputs.index(output)]
+    d = linear.D[linear.outputs.index(output), 0]
     unity, b = np.eye(len(linear.states)), linear.B[:, 0]
     return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
 

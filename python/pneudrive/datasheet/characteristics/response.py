@@ -339,7 +339,7 @@ def _cushion(
     best_needle : 1
         opening with the lowest peak pressure
     """
-    table = plant.circuit.components[plant.piston].plain()
+    table = plant.table(plant.piston)
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
     if not side:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
@@ -366,16 +366,14 @@ def _cushion(
 
 def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float] | None = None) -> HeldDrive:
     """Return the drive with another moving mass, or another opening of the needle."""
-    tables = plant.circuit.to_dict()
-    own = dict(plant.circuit.components[plant.piston].plain())
+    own = plant.table(plant.piston)
     if mass is not None:
         own["moving_mass"] = f"{mass!r} kg"
     if needle is not None:
         key = f"cushion_{needle[0]}_needle_conductance"
         si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
         own[key] = f"{needle[1] * si!r} m3/(s Pa)"
-    tables["components"][plant.piston] = own
-    return plant.varied(tables)
+    return plant.varied({plant.piston: own})
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
@@ -429,7 +427,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     outlet_pressure : Pa over time
         absolute pressure at the outlet
     """  # noqa: D401 - a title
-    table = plant.circuit.components[plant.valve].plain()
+    table = plant.table(plant.valve)
     if "time_on" not in table:
         raise CommandError.of("datasheet.no_times", valve=plant.valve, kind_of_valve=table["kind"])
     time, pressure = _run(plant, table, volume)

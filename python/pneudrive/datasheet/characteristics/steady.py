@@ -390,7 +390,8 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
         for m in MASSES
     ]
-    natural, masses = np.sqrt(bare / plant.mass) / (2.0 * math.pi), [k * plant.mass for k in MASSES]
+    natural = np.sqrt(bare / plant.mass) / (2.0 * math.pi)
+    masses = [k * plant.mass for k in MASSES]
     return positions, levels, masses, natural, *np.moveaxis(modes, 2, 0), by_mass
 
 
