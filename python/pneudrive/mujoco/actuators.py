@@ -375,12 +375,11 @@ class Actuators:
         ]
         self.reset(keep=data is not None)
 
-    def reset(self, keyframe: int | None = None, *, keep: bool = False) -> None:
-        """Start again: reset the model to `keyframe` or its default, and the drives to their initial state.
+    def reset(self, *, keep: bool = False) -> None:
+        """Start again: reset the model to its default, and the drives to their initial state.
 
         Parameters
         ----------
-        keyframe : int, optional
         keep : bool
             Whether to keep the present positions and velocities of the model.
 
@@ -390,10 +389,7 @@ class Actuators:
             A length is outside the stroke of its cylinder.
         """
         if not keep:
-            if keyframe is None:
-                mujoco.mj_resetData(self.model, self.data)
-            else:
-                mujoco.mj_resetDataKeyframe(self.model, self.data, keyframe)
+            mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_forward(self.model, self.data)
         x = self._response.lengths - self._zero
         mobility = self._response.mobility()
@@ -407,12 +403,15 @@ class Actuators:
         self.time = 0.0
         self._x = self._length = x
         self._cores = [axis.core for axis in self._axes]
-        h, v = float(self.model.opt.timestep), self.data.actuator_velocity[self._response.ids]
+        h = float(self.model.opt.timestep)
+        v = self.data.actuator_velocity[self._response.ids]
         forces = [core.try_velocity(own, h) for core, own in zip(self._cores, v.tolist(), strict=True)]
         self._past = (np.concatenate([v, forces]),) * 3
         self._slopes = self._slopes_at(v, h)
         self._steps = self._trials = 0
-        self._gaps, self._work, self._missed = (0.0, 0.0), np.zeros(len(x)), np.zeros(len(x))
+        self._gaps = (0.0, 0.0)
+        self._work = np.zeros(len(x))
+        self._missed = np.zeros(len(x))
 
     def set(self, name: str, value: float, input: str = "command") -> None:  # noqa: A002 - as Session has it
         """Set an input of a drive from now on.
@@ -461,7 +460,9 @@ class Actuators:
         SimulationError
             A drive cannot follow, or no motion closes the step.
         """
-        h, n, response = float(self.model.opt.timestep), len(self._axes), self._response
+        h = float(self.model.opt.timestep)
+        n = len(self._axes)
+        response = self._response
         until = self.time + h
         response.begin()
         gap = response.gap()

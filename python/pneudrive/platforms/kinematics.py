@@ -14,13 +14,10 @@ from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
-from pneudrive.simulation.trajectory import columns as columns_of
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation import trajectory
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
     from numpy.typing import ArrayLike
 
@@ -168,7 +165,8 @@ class Platform(Viewed):
         strokes = np.nan_to_num([leg.stroke_m for leg in self.legs], nan=np.inf)
         poses = poses[np.all((x >= 0.0) & (x <= strokes), axis=1)]
         points = self.traced(poses[self.singular_values(poses)[:, -1] >= least_singular_value])
-        z, turn = np.linspace(-1.0, 1.0, REACH_POINTS), np.arange(REACH_POINTS) * np.pi * (3.0 - np.sqrt(5.0))
+        z = np.linspace(-1.0, 1.0, REACH_POINTS)
+        turn = np.arange(REACH_POINTS) * np.pi * (3.0 - np.sqrt(5.0))
         around = np.sqrt(1.0 - z**2)
         directions = np.stack([around * np.cos(turn), around * np.sin(turn), z])
         return points[np.unique(np.argmax(points @ directions, axis=0))] if len(points) else points
@@ -245,15 +243,14 @@ class Platform(Viewed):
             raise CommandError(f"leg {self.legs[leg].name} does not reach {where}", remedy=remedy)
         return positions
 
-    def forward(self, positions: ArrayLike, near: Pose | None = None) -> Array:
+    def forward(self, positions: ArrayLike) -> Array:
         """Return the poses at which the legs have these positions, m.
+
+        The search begins at a pose above the frame, for a further row of an array at the pose of the previous row.
 
         Parameters
         ----------
         positions : array, shape (n,) or (m, n)
-        near : mapping or array, optional
-            Pose from which the search begins; by default a pose above the frame. Without `near`, the search for a row
-            of an array begins at the pose of the previous row.
 
         Raises
         ------
@@ -264,10 +261,7 @@ class Platform(Viewed):
         rows = np.atleast_2d(x)
         if rows.shape[-1] != len(self.legs):
             raise CommandError(f"{self.name} has {len(self.legs)} legs", rule="one position for each leg")
-        begin = None
-        if near is not None:
-            begin = coordinates(self.core, np.broadcast_to(self.pose(near), rows.shape))
-        q, residuals = self.core.locate(rows, None if begin is None else np.ascontiguousarray(begin))
+        q, residuals = self.core.locate(rows)
         poses = angles(self.core, q)
         if not np.all(residuals < CLOSED):
             row = int(np.argmax(~(residuals < CLOSED)))
@@ -381,7 +375,11 @@ class Platform(Viewed):
         CommandError
             The run has no column of this platform.
         """
-        return with_platform_outputs(self, run)
+        out = {}
+        for column, values in platform_outputs(self, trajectory.columns(run)).items():
+            name, unit, what = trajectory.meaning(column)
+            out[name] = ("time", values, {"units": unit, "long_name": what, "column": column})
+        return run.assign(out)
 
     def workspace(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> PoseLimits:
         """Return the limits of each coordinate from `home`, with the others fixed: strokes, reach, singular poses.
@@ -391,7 +389,8 @@ class Platform(Viewed):
         least_singular_value : float
             Poses with a smaller singular value count as singular.
         """
-        return PoseLimits.of(self, least_singular_value)
+        ends = [[_limit(self, k, sign, least_singular_value) for sign in (-1.0, 1.0)] for k in range(len(self.legs))]
+        return PoseLimits({key: (low, high) for key, (low, high) in zip(self.coordinates, ends, strict=True)})
 
     def text(self, pose: ArrayLike) -> str:
         """Return a pose in words."""
@@ -422,34 +421,9 @@ class PoseLimits:
     ----------
     limits : dict
         Lower and upper `Limit` of each coordinate.
-    least_singular_value : float
-        Smallest singular value of the poses at home and at the limits.
     """
 
     limits: dict[str, tuple[Limit, Limit]]
-    least_singular_value: float
-
-    @classmethod
-    def of(cls, platform: Platform, least: float) -> PoseLimits:
-        """Search the limits of a platform.
-
-        Parameters
-        ----------
-        platform : Platform
-        least : float
-            Smallest singular value of a pose that does not count as singular.
-        """
-        limits, smallest = {}, float(platform.singular_values(platform.home)[-1])
-        for k, key in enumerate(platform.coordinates):
-            ends = []
-            for sign in (-1.0, 1.0):
-                limit = _limit(platform, k, sign, least)
-                pose = platform.home.copy()
-                pose[k] = limit.value
-                smallest = min(smallest, float(platform.singular_values(pose)[-1]))
-                ends.append(limit)
-            limits[key] = (ends[0], ends[1])
-        return cls(limits, smallest)
 
 
 def _limit(platform: Platform, k: int, sign: float, least: float) -> Limit:
@@ -595,15 +569,6 @@ def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> dict[s
     return {f"{platform.name}.{name}": values[:, k].copy() for k, name in enumerate(names)}
 
 
-def with_platform_outputs(platform: Platform, run: xr.Dataset) -> xr.Dataset:
-    """Return a run with `platform_outputs`, see `Platform.outputs`."""
-    out = {}
-    for column, values in platform_outputs(platform, columns_of(run)).items():
-        name, unit, what = meaning(column)
-        out[name] = ("time", values, {"units": unit, "long_name": what, "column": column})
-    return run.assign(out)
-
-
 def _outputs(platform: Platform, pose: Array, rate: Array, acceleration: Array) -> Array:
     own = platform.dynamics(pose, rate, acceleration)
     x, moved, force = own.positions_m, own.accelerations_m_s2, own.forces_n
@@ -647,7 +612,8 @@ class MovingPlatform(NamedTuple):
         twist = np.einsum("mik,mk->mi", own["twist"], u)
         rate = np.einsum("mik,mk->mi", own["twist"], du)
         rate += np.einsum("mik,mk->mi", (ahead - behind) / (2.0 * STEP_S), u)
-        axes, turn = own["frame"][:, 1:], np.stack([twist[:, 3:], rate[:, 3:]])
+        axes = own["frame"][:, 1:]
+        turn = np.stack([twist[:, 3:], rate[:, 3:]])
         origin = np.stack([own["frame"][:, 0], rate[:, :3]])
         arms = places @ axes
         speeds = twist[:, None, :3] + np.cross(turn[0][:, None], arms)
